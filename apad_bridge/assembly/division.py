@@ -24,7 +24,9 @@ class Member:
 
 
 def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
-    """Returns the members in the scenario's order of aPads, each with its planned share."""
+    """Returns the members in the scenario's order of aPads, each with its planned share. A single one has all."""
+    if not scenario.apads:
+        return (Member(scenario.apad.name, scenario, tuple(starts)),)
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
     return divided(scenario, starts, allocate([apad.start_m for apad in _apads(scenario)], places_m))
 

@@ -38,15 +38,13 @@ def report(
             soft_wrap=True,
         )
     sys.stdout.flush()
-    reasons = end_reasons(summary)
+    # With several aPads, each one's reason.
+    reasons = [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
     if EndReason.FLEET_LOST in reasons:
         print(f"musselbed: {summary['ended_by']}; see {directory.path}", file=sys.stderr)
+    if EndReason.SCRIPT_FAILED in reasons:
+        print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
     return exit_of_all(reasons)
-
-
-def end_reasons(summary: dict[str, Any]) -> list[EndReason]:
-    """Why the mission ended; with several aPads, each one's reason."""
-    return [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
 
 
 def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:

@@ -7,14 +7,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from agents.hosting.interrupts import held_back
+from apad_bridge.commands.flight import failure_text, flown_by_whom, peers_may_fail
 from apad_bridge.commands.outcome import report
-from apad_bridge.commands.run import peers_may_fail
 from apad_bridge.records.journal import FORMAT_VERSION, format_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.children import not_suspended, supervisor_of
+from apad_bridge.runs import parent
+from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.exits import EXITS, UserError
-from apad_bridge.runs.parent import start_supervisor, watch_supervisor
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
@@ -67,12 +66,12 @@ def run(arguments: argparse.Namespace) -> int:
         _ask_whether_it_may_move()
     scenario = load(directory.scenario)
     duration_ms = round(scenario.duration_s * 1000)
-    flight = FlightProgress(scenario.name, duration_ms, quiet=arguments.json)
-    with peers_may_fail(), held_back(), not_suspended(), flight as progress:
-        code, summary = watch_supervisor(start_supervisor(path, options, resume=True), progress)
-        if summary is None:
-            raise PeerFailed(f"the supervisor ended with status {code}; see {path}/supervisor.log")
-    flown_by = "by hand" if options.manual else scenario.mission.collection
+    with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
+        flown = parent.resume(scenario.apad.name, path, options, progress)
+        if flown.failures:
+            raise PeerFailed(failure_text(flown.failures))
+    (summary,) = flown.summaries.values()
+    flown_by = flown_by_whom(options, scenario)
     return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
 
 

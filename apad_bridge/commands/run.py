@@ -5,38 +5,18 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands import several
-from apad_bridge.commands.console import console_beside
-from apad_bridge.commands.modem_checks import check_modems
-from apad_bridge.commands.outcome import print_plan, report
-from apad_bridge.doctor.finding import Status
-from apad_bridge.doctor.graph import Graph
-from apad_bridge.doctor.network import Unreachable
+from apad_bridge.commands.flight import fly
 from apad_bridge.planning import registry
-from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import read_journal
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.ros.system.route import somebodys_master
-from apad_bridge.ros_names.names import in_full
-from apad_bridge.runs import parent
-from apad_bridge.runs.dry_run import first_plan
-from apad_bridge.runs.exits import EXITS, Exit, UserError
-from apad_bridge.runs.flying import fly_in_process
-from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.scenario.cross_checks import warnings
+from apad_bridge.runs.exits import EXITS, UserError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
-from apad_bridge.vehicle.errors import PeerFailed
 
 SLOWEST, FASTEST = 0.01, 10_000.0
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
@@ -219,69 +199,4 @@ def namespace_of_shell() -> str:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
-    check_modems(options, scenario)
-    if options.apad is APadKind.SIM:
-        for happens, mend in warnings(scenario):
-            print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
-    if scenario.apads:
-        with peers_may_fail():
-            return several.run(options, scenario, starts, arguments.out, arguments.json)
-    check_master(options)
-    tell_docks_in_use(options, scenario)
-    if options.dry_run and options.apad is APadKind.SIM:
-        return print_plan(first_plan(scenario), arguments.json)
-    try:
-        directory = RunDirectory.create(scenario.name, datetime.now(UTC), arguments.out)
-    except RunDirectoryError as error:
-        raise UserError(str(error)) from error
-    directory.write_inputs(scenario, starts)
-    options.save(directory.path)
-    duration_ms = round(scenario.duration_s * 1000)
-    with ExitStack() as stack:
-        stack.enter_context(peers_may_fail())
-        progress = stack.enter_context(FlightProgress(scenario.name, duration_ms, quiet=arguments.json))
-        if getattr(arguments, "console", False):
-            progress.print_message(f"live page: {stack.enter_context(console_beside(directory.path))}")
-        if options.time is TimeSource.ASAP:
-            summary = fly_in_process(scenario, starts, directory, progress)
-        else:
-            summary = parent.fly(scenario, starts, options, directory, progress)
-    if options.dry_run:
-        return print_plan(read_journal(directory.journal).first(EventKind.PLAN), arguments.json)
-    flown_by = "by hand" if options.manual else scenario.mission.collection
-    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
-
-
-def check_master(options: RunOptions) -> None:
-    """Refuses a run on somebody's master that does not answer, before anything of the run is made."""
-    if options.apad is APadKind.ROS:
-        with peers_may_fail():
-            somebodys_master()
-
-
-def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
-    """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
-    if options.apad is not APadKind.ROS:
-        return
-    from apad_bridge.ros.doctor_apad_checks import check_docks
-
-    try:
-        found = Graph.read(somebodys_master())
-    except (Unreachable, PeerFailed):
-        return  # the run itself says so
-    for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
-        for finding in check_docks(found, in_full(options.namespace, name), scenario):
-            if finding.status is not Status.OK:
-                print(
-                    f"musselbed: warning: {finding.check}: {finding.found}: {finding.mend}", file=sys.stderr
-                )
-
-
-@contextmanager
-def peers_may_fail() -> Iterator[None]:
-    """Turns a peer's failure into one line on stderr and its exit code."""
-    try:
-        yield
-    except PeerFailed as error:
-        print(f"musselbed: {error}", file=sys.stderr)
-        raise SystemExit(Exit.PEER_FAILED) from error
+    return fly(options, scenario, starts, arguments.out, arguments.json, console=arguments.console)

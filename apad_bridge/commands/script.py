@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands import run as run_command
-from apad_bridge.commands.outcome import end_reasons, report
-from apad_bridge.mission.ending import EndReason
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs import parent
+from apad_bridge.commands.flight import Script, fly
 from apad_bridge.runs.exits import EXITS, UserError
-from apad_bridge.runs.flying import fly_in_process
-from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, TimeSource
-from apad_bridge.scripting.program import ScriptError, ScriptSource, as_program
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part
+from apad_bridge.scripting.program import ScriptError, as_program
 
 _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
 
@@ -64,30 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("--no-fleet is for the aMussels on somebody's master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
     scenario, starts = run_command.read_scenario(arguments)
-    if scenario.apads:
-        raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
-    run_command.check_master(options)
-    try:
-        directory = RunDirectory.create(f"{file.stem}-{scenario.name}", datetime.now(UTC), arguments.out)
-    except RunDirectoryError as error:
-        raise UserError(str(error)) from error
-    directory.write_inputs(scenario, starts)
-    (directory.path / "script.py").write_text(file.read_text(encoding="utf-8"), encoding="utf-8")
-    options.save(directory.path)
-    duration_ms = round(scenario.duration_s * 1000)
-    quiet = arguments.json
-    with run_command.peers_may_fail(), FlightProgress(file.name, duration_ms, quiet=quiet) as progress:
-        if options.time is TimeSource.ASAP:
-            command_source = ScriptSource(scenario, program, file.name, progress.print_message)
-            summary = fly_in_process(scenario, starts, directory, progress, (command_source,))
-            command_source.join()
-            command_source.print_error()
-        else:
-            summary = parent.fly(scenario, starts, options, directory, progress)
-    code = report(scenario.name, file.name, directory, summary, arguments.json, progress.messages)
-    if EndReason.SCRIPT_FAILED in end_reasons(summary):
-        print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
-    return code
+    return fly(options, scenario, starts, arguments.out, arguments.json, Script(file, program))
 
 
 def _scenario_of(file: Path) -> Path:

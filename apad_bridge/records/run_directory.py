@@ -64,6 +64,10 @@ class RunDirectory:
             raise RunDirectoryError(f"{path}: no run: there is no journal.jsonl in it{mend}")
         return cls(path)
 
+    def of_apad(self, name: str, apads: int) -> RunDirectory:
+        """The directory of one aPad's run: this one for the only aPad of a run, else one of its own below."""
+        return self if apads == 1 else RunDirectory(self.path / name)
+
     @property
     def scenario(self) -> Path:
         return self.path / "scenario.yaml"

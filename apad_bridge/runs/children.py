@@ -109,36 +109,41 @@ def read_children(
     children: Mapping[str, Child],
     interrupts: Interrupts,
     end_s: float,
-    look: Callable[[], None] = lambda: None,
+    look: Callable[[], bool] = lambda: False,
 ) -> Iterator[tuple[str, Message | None]]:
     """Yields each message with its child's name, and None at the end of that child's output, until all have ended.
 
-    An interrupt asks all of them to end in order; EndedTooSlowly when they do not within `end_s`. `look` is called at least
-    five times a second.
+    A child that is added to `children` meanwhile is read too. `look` is called at least five times a second, and is True
+    while more children may come. An interrupt asks all of them to end in order; EndedTooSlowly when they do not within
+    `end_s`.
     """
     deadline_s: float | None = None
-    unread = dict.fromkeys(children, b"")
+    unread: dict[Child, bytes] = {}
     with selectors.DefaultSelector() as selector:
-        for name, child in children.items():
-            selector.register(child.lines, selectors.EVENT_READ, name)
-        while selector.get_map():
+        while True:
+            for name, child in children.items():
+                if child not in unread:
+                    unread[child] = b""
+                    selector.register(child.lines, selectors.EVENT_READ, (name, child))
+            may_come = look()
+            if not (selector.get_map() or may_come):
+                return
             if interrupts.interrupted and deadline_s is None:
                 deadline_s = time.monotonic() + end_s
                 for child in children.values():
                     child.ask_to_end()
             if deadline_s is not None and time.monotonic() > deadline_s:
                 raise EndedTooSlowly
-            look()
             for key, _ in selector.select(_LOOK_S):
-                name = key.data
-                chunk = os.read(children[name].lines.fileno(), 65536)
-                *lines, unread[name] = (unread[name] + chunk).split(b"\n")
+                name, child = key.data
+                chunk = os.read(child.lines.fileno(), 65536)
+                *lines, unread[child] = (unread[child] + chunk).split(b"\n")
                 for line in lines:
                     yield name, from_line(line.decode(errors="replace"))
                 if not chunk:
                     selector.unregister(key.fileobj)
-                    if unread[name]:
-                        yield name, Said(unread[name].decode(errors="replace"))
+                    if unread[child]:
+                        yield name, Said(unread[child].decode(errors="replace"))
                     yield name, None
 
 

@@ -1,6 +1,6 @@
 """Flies one supervisor's mission, from the parts that the options name to the summary on disk.
 
-`fly_in_process` flies in virtual time, with the supervisor, the simulated aPad and the recorder in this process.
+`open_in_process` opens one in virtual time, with the supervisor, the simulated aPad and the recorder in this process.
 """
 
 from __future__ import annotations
@@ -80,22 +80,6 @@ class RunSpec:
 
 FROM_START = RunSpec()
 """The scenario's own mission, from its beginning to its end."""
-
-
-def fly_in_process(
-    scenario: Scenario,
-    starts: Sequence[Start],
-    directory: RunDirectory,
-    progress: ProgressDisplay,
-    command_sources: Sequence[CommandSource] = (),
-) -> dict[str, Any]:
-    """Flies to the end and returns the summary. PeerFailed when the fleet does not start."""
-    with interrupts.held_back(), ExitStack() as stack:
-        spec = RunSpec(command_sources=tuple(command_sources))
-        opened = open_in_process(stack, scenario, starts, directory, progress, spec)
-        with stopped_by_signals(opened.flight):
-            opened.flight.run()
-        return opened.finish()
 
 
 def open_in_process(

@@ -1,21 +1,26 @@
-"""The thin parent of a run over ROS: starts master, aPad node, nursery and supervisor, shows progress, ends all in order.
+"""The parent of a run over ROS: starts the master, and for each aPad its node, its nursery and its supervisor.
 
-The parent holds no state of the flight. If the supervisor dies, the fleet is suspended and whole, and another supervisor
-continues with it.
+It shows progress and ends all in order. The parent holds no state of a flight: if a supervisor dies, its fleet is suspended
+and whole, and another supervisor continues with it.
+
+A single aPad's supervisor publishes /clock on a master of our own, in step with its node. For several, a node publishes the
+/clock that simulated aPads and supervisors follow; each mission's time begins when its supervisor first receives it.
 """
 
 from __future__ import annotations
 
 import json
 import signal
+import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, assert_never
 
 from agents.hosting.interrupts import held_back
+from apad_bridge.assembly.division import Member
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
@@ -29,159 +34,304 @@ from apad_bridge.runs.children import (
     supervisor_of,
 )
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
-from apad_bridge.runs.parent_protocol import Broken, Failed, Gave, Kept, MemberReport, Said, Seen, Summary
-from apad_bridge.runs.progress import ProgressDisplay
+from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, Message, Said, Seen, Summary
+from apad_bridge.runs.progress import JointDisplay, ProgressDisplay
+from apad_bridge.runs.several.reassignment import Reassigner
+from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import Status
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions
-from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.another_apad import Sharing
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
 
 _END_S = 4.0
-"""A supervisor that was asked to end in order is killed after this time; everything ends within 5 s."""
+"""Supervisors that were asked to end in order are killed after this time; everything ends within 5 s."""
 _MASTER_S = 10.0
 WAIT_FOR_RESUME_S = 600.0
 """A fleet without a supervisor is kept for `musselbed resume` for this time."""
 
+Nodes = Mapping[str, "subprocess.Popen[bytes]"]
+"""The nodes of our simulated aPads, by the aPad's name."""
 
-def _ignore(report: MemberReport) -> None:
-    """A run of a single aPad has no parent of several."""
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One aPad's run: its directory, and how its supervisor flies it."""
+
+    name: str
+    path: Path
+    options: RunOptions
 
 
 def fly(
-    scenario: Scenario,
-    starts: Sequence[Start],
+    members: Sequence[Member],
+    sharing: Sharing,
     options: RunOptions,
-    directory: RunDirectory,
+    whole: RunDirectory,
     progress: ProgressDisplay,
-    relay: Callable[[MemberReport], None] = _ignore,
-) -> dict[str, Any]:
-    """Flies the run with processes of its own and returns its summary. PeerFailed when something that it needs fails.
+) -> Flown:
+    """Flies one aPad, or several side by side, with processes of their own.
 
-    For one of several aPads, `relay` takes the reports that its supervisor writes for the parent of all.
+    PeerFailed when the master, a fleet or a simulated aPad does not start.
     """
+    takes_over = len(members) > 1 and sharing.transfers and not options.without_mission
     with held_back(), not_suspended(), ExitStack() as stack:
-        options = _open_ros(stack, options, directory.path).at_port(free_port())
-        if options.owns_master:
+        options, nodes = _open_ros(stack, members, options, whole)
+        if nodes:
             progress.print_message(f"the run's own ROS master: ROS_MASTER_URI={options.master_uri}")
-        options.save(directory.path)
-        if options.part is not Part.MISSION:
-            stack.callback(end_fleet, directory.path, start_nursery(scenario, starts, directory.path))
-        resume = False
-        while True:
-            code, result = watch_supervisor(
-                start_supervisor(directory.path, options, resume=resume), progress, relay
+        runs = []
+        for member in members:
+            path = whole.of_apad(member.name, len(members)).path
+            opened = tuple(it for it in options.open_modems if it in member.scenario.fleet.ids)
+            own = replace(options, open_modems=opened, is_one_of_several=takes_over).at_port(free_port())
+            own.save(path)
+            if options.part is not Part.MISSION:
+                stack.callback(end_fleet, path, start_nursery(member.scenario, member.starts, path))
+            runs.append(Run(member.name, path, own))
+        reassigner = None
+        if takes_over:
+            reassigner = Reassigner(
+                {it.name: it.scenario.fleet.ids for it in members}, {it.name: it.path for it in runs}
             )
-            resume = True
-            if result is not None:
-                return result
-            if code >= 0:
-                raise PeerFailed(
-                    f"the supervisor ended with status {code}; see {directory.path}/supervisor.log"
-                )
-            if options.script:
-                raise PeerFailed(
-                    f"the supervisor died ({signal.Signals(-code).name}), and the script with it: a script cannot go on in "
-                    f"the middle; see {directory.path}"
-                )
-            if options.is_one_of_several and options.on_death is OnDeath.WAIT and not options.keeps:
-                progress.print_message(
-                    f"the supervisor died ({signal.Signals(-code).name}): another one keeps its aMussels, whom the other "
-                    "aPads go on to serve, and orders nothing"
-                )
-                relay(Broken(f"its supervisor died ({signal.Signals(-code).name})"))
-                options = replace(options, keeps=True)
-                continue
-            progress.print_message(
-                f"the supervisor died ({signal.Signals(-code).name}); the fleet is suspended and whole. "
-                f"To go on: musselbed resume {directory.path}"
-            )
-            if options.on_death is OnDeath.WAIT:
-                return _wait_for_resume(directory.path, progress)
+        return SupervisorWatch(runs, progress, nodes, reassigner).read_until_all_ended()
 
 
-def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Child:
+def resume(name: str, run_dir: Path, options: RunOptions, progress: ProgressDisplay) -> Flown:
+    """Starts another supervisor for a run whose supervisor died, and shows it until it ends. All else runs already."""
+    with held_back(), not_suspended():
+        return SupervisorWatch([Run(name, run_dir, options)], progress, resumes=True).read_until_all_ended()
+
+
+def start_supervisor(run: Run, *, resume: bool) -> Child:
     """Starts a supervisor. One that resumes saves its epoch and `keeps` itself, once it holds the run's lock."""
     return Child(
         "supervisor",
         "apad_bridge.runs.supervisor_process",
-        [str(run_dir), *(["--resume"] if resume else []), *(["--keeps"] if resume and options.keeps else [])],
-        run_dir / "supervisor.log",
-        environment_for(options.master_uri, options.namespace),
+        [
+            str(run.path),
+            *(["--resume"] if resume else []),
+            *(["--keeps"] if resume and run.options.keeps else []),
+        ],
+        run.path / "supervisor.log",
+        environment_for(run.options.master_uri, run.options.namespace),
     )
 
 
-def watch_supervisor(
-    child: Child, progress: ProgressDisplay, relay: Callable[[MemberReport], None] = _ignore
-) -> tuple[int, dict[str, Any] | None]:
-    """Shows the supervisor's output until it ends; returns its exit code, and the summary if it wrote one.
-
-    PeerFailed when the supervisor reports that something it needs failed. Ctrl-C, SIGTERM and SIGHUP here ask it to end in
-    order; KeyboardInterrupt when it then ends without a summary.
-    """
-    result: dict[str, Any] | None = None
-    failed: str | None = None
-    try:
-        with Interrupts() as interrupts:
-            for _, message in read_children({child.name: child}, interrupts, _END_S):
-                match message:
-                    case Status():
-                        progress.show_status(message)
-                    case Said(text):
-                        progress.print_message(text)
-                    case Summary(figures):
-                        result = figures
-                    case Failed(reason):
-                        failed = reason
-                    case Seen() | Gave() | Kept() | Broken():
-                        relay(message)
-                    case None:
-                        pass
-                    case _:
-                        assert_never(message)
-    except EndedTooSlowly:
-        child.end(1.0)
-        raise PeerFailed(
-            f"the supervisor did not end within {_END_S:g} s and was killed; "
-            f"its records end there: {child.log.parent}"
-        ) from None
-    code = child.wait(_END_S)
-    child.end(1.0)
-    if failed is not None:
-        raise PeerFailed(failed)
-    if interrupts.interrupted and result is None:
-        # It was just starting, or ending, and could not do so in order: do not start another one.
-        progress.print_message(f"the supervisor ended without a summary; see {child.log.parent}")
-        raise KeyboardInterrupt
-    return (-signal.SIGKILL if code is None else code), result
-
-
-def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOptions:
-    """Starts a master of our own, and the simulated aPad on it; `stack` ends them in reverse order."""
+def _open_ros(
+    stack: ExitStack,
+    members: Sequence[Member],
+    options: RunOptions,
+    whole: RunDirectory,
+) -> tuple[RunOptions, Nodes]:
+    """The options on somebody's master, or on one of our own with the simulated aPads; `stack` ends these."""
     if options.apad is APadKind.ROS:
-        return options.on_master(somebodys_master())
+        return options.on_master(somebodys_master()), {}
+    nodes = {}
     try:
-        master = start_master(run_dir / "ros", _MASTER_S)
+        master = start_master(whole.path / "ros", _MASTER_S)
         stack.callback(master.stop, 1.0)
-        node = start_apad_node(
-            run_dir / "scenario.yaml", master.uri, run_dir / "apad.log", namespace=options.namespace
-        )
+        for member in members:
+            directory = whole.of_apad(member.name, len(members))
+            nodes[member.name] = start_apad_node(
+                directory.scenario, master.uri, directory.path / "apad.log", namespace=options.namespace
+            )
+            stack.callback(stop_apad_node, nodes[member.name], 1.0)
     except (MasterFailed, APadNodeFailed) as error:
-        raise PeerFailed(f"{error}; see {run_dir}") from error
-    stack.callback(stop_apad_node, node, 1.0)
-    return options.on_own_master(master.uri)
+        raise PeerFailed(f"{error}; see {whole.path}") from error
+    if len(members) == 1:
+        return options.on_own_master(master.uri), nodes
+    clock = Child(
+        "clock",
+        "apad_bridge.ros.system.clock_node",
+        ["--speed", str(options.speed)],
+        whole.path / "clock.log",
+        environment_for(master.uri, options.namespace),
+    )
+    stack.callback(clock.end, 1.0)
+    followed = replace(options, apad=APadKind.ROS, time=TimeSource.ROS, speed=1.0)
+    return followed.on_master(master.uri), nodes
 
 
-def _wait_for_resume(run_dir: Path, progress: ProgressDisplay) -> dict[str, Any]:
-    """Waits for a resumed supervisor to finish this run; at most WAIT_FOR_RESUME_S without a living one."""
-    summary = run_dir / "summary.json"
-    until_s = time.monotonic() + WAIT_FOR_RESUME_S
-    with Interrupts() as interrupts:
-        while not interrupts.interrupted and time.monotonic() < until_s:
+class SupervisorWatch:
+    """Starts the supervisors, and reads their output until all runs have ended.
+
+    Ctrl-C, SIGTERM and SIGHUP here ask them to end in order. One that dies is followed by another, or waited for.
+    """
+
+    def __init__(
+        self,
+        runs: Sequence[Run],
+        progress: ProgressDisplay,
+        nodes: Nodes | None = None,
+        reassigner: Reassigner | None = None,
+        *,
+        resumes: bool = False,
+        start: Callable[..., Child] = start_supervisor,
+    ) -> None:
+        """With a `reassigner` the other aPads serve the aMussels of an aPad that fails.
+
+        With `resumes` a person asked for another supervisor of a run whose supervisor died: no third one follows it.
+        """
+        self._runs = {run.name: run for run in runs}
+        display = JointDisplay(list(self._runs), progress)
+        self._displays = {name: display.of(name) for name in self._runs}
+        self._nodes = nodes or {}
+        self._reassigner = reassigner
+        self._resumes = resumes
+        self._start = start
+        self._interrupts = Interrupts()
+        self._children: dict[str, Child] = {}
+        """The supervisors that fly."""
+        self._waiting: dict[str, float] = {}
+        """The runs whose supervisor died and that wait for `musselbed resume`, with the monotonic time of their end."""
+        self._broken: dict[str, str] = {}
+        """The aPads that failed while their run continues, with the reason."""
+        self._summaries: dict[str, dict[str, Any]] = {}
+        self._failures: dict[str, str] = {}
+
+    def read_until_all_ended(self) -> Flown:
+        """KeyboardInterrupt when it was asked to end before there was a summary or a failure."""
+        try:
+            with self._interrupts:
+                for run in self._runs.values():
+                    self._children[run.name] = self._start(run, resume=self._resumes)
+                for name, message in read_children(self._children, self._interrupts, _END_S, self._look):
+                    self._handle(name, message)
+        except EndedTooSlowly:
+            for name, child in self._children.items():
+                self._fail(
+                    name,
+                    f"the supervisor did not end within {_END_S:g} s and was killed; "
+                    f"its records end there: {child.log.parent}",
+                )
+        finally:
+            for child in self._children.values():
+                child.end(1.0)
+        self._tell_without_end()
+        summaries = {name: self._summaries[name] for name in self._runs if name in self._summaries}
+        handed_on = 0 if self._reassigner is None else len(self._reassigner.handed_on)
+        return Flown(summaries, self._broken | self._failures, handed_on)
+
+    def _handle(self, name: str, message: Message | None) -> None:
+        match message:
+            case Status():
+                self._displays[name].show_status(message)
+            case Said(text):
+                self._print(name, text)
+            case Summary(figures):
+                self._summaries[name] = figures
+            case Failed(reason):
+                self._fail(name, reason)
+            case Seen() | Gave() | Kept():
+                if self._reassigner is not None:
+                    self._reassigner.receive(name, message)
+            case None:
+                self._supervisor_ended(self._runs[name], self._children.pop(name))
+            case _:
+                assert_never(message)
+
+    def _supervisor_ended(self, run: Run, child: Child) -> None:
+        code = child.wait(_END_S)
+        child.end(1.0)
+        if run.name not in self._summaries | self._failures and not self._interrupts.interrupted:
+            if code is None or code < 0:
+                self._supervisor_died(run, signal.SIGKILL if code is None else signal.Signals(-code))
+            else:
+                self._fail(run.name, f"the supervisor ended with status {code}; see {child.log}")
+        if run.name not in self._children.keys() | self._waiting.keys():
+            self._run_ended(run.name)
+
+    def _supervisor_died(self, run: Run, killer: signal.Signals) -> None:
+        """Starts the next supervisor of the run, or waits for a person who does."""
+        died, options = f"the supervisor died ({killer.name})", run.options
+        if self._resumes:
+            self._fail(run.name, f"{died}; see {run.path}/supervisor.log")
+            return
+        if options.script:
+            self._fail(
+                run.name,
+                f"{died}, and the script with it: a script cannot go on in the middle; see {run.path}",
+            )
+            return
+        waits = options.on_death is OnDeath.WAIT
+        if waits and options.is_one_of_several and not options.keeps:
+            self._print(
+                run.name,
+                f"{died}: another one keeps its aMussels, whom the other aPads go on to serve, and orders nothing",
+            )
+            self._broken[run.name] = f"its supervisor died ({killer.name})"
+            run = replace(run, options=replace(options, keeps=True))
+            self._runs[run.name] = run
+            waits = False
+        else:
+            self._print(
+                run.name,
+                f"{died}; the fleet is suspended and whole. To go on: musselbed resume {run.path}",
+            )
+        if waits:
+            self._waiting[run.name] = time.monotonic() + WAIT_FOR_RESUME_S
+        else:
+            self._children[run.name] = self._start(run, resume=True)
+
+    def _run_ended(self, name: str) -> None:
+        if self._reassigner is not None and name not in self._summaries:
+            self._reassigner.member_ended(name)
+
+    def _look(self) -> bool:
+        """Looks after nodes and after runs that wait for `musselbed resume`; True while there is such a run."""
+        self._look_at_nodes()
+        for name in list(self._waiting):
+            run_dir = self._runs[name].path
+            summary = run_dir / "summary.json"
             if summary.exists():
-                found: dict[str, Any] = json.loads(summary.read_text())
-                return found
-            if supervisor_of(run_dir) is not None:
-                until_s = time.monotonic() + WAIT_FOR_RESUME_S
-            time.sleep(0.2)
-    raise PeerFailed(f"the supervisor died and nobody resumed the run; its records: {run_dir}")
+                self._summaries[name] = json.loads(summary.read_text())
+            elif self._interrupts.interrupted or time.monotonic() > self._waiting[name]:
+                self._fail(name, f"the supervisor died and nobody resumed the run; its records: {run_dir}")
+            elif supervisor_of(run_dir) is not None:
+                self._waiting[name] = time.monotonic() + WAIT_FOR_RESUME_S
+            if name in self._summaries | self._failures:
+                del self._waiting[name]
+                self._run_ended(name)
+        return bool(self._waiting)
+
+    def _look_at_nodes(self) -> None:
+        """Handles the death of a simulated aPad of ours, which is not restarted.
+
+        Its run ends; with a reassigner it continues, and keeps its aMussels for the other aPads.
+        """
+        for name, node in self._nodes.items():
+            ended = self._broken | self._failures | self._summaries
+            if name in ended or (status := node.poll()) is None:
+                continue
+            why = f"the simulated aPad's node ended with status {status}"
+            self._print(name, why)
+            if self._reassigner is None:
+                self._fail(name, why)
+                self._ask_to_end([name])
+                continue
+            self._broken[name] = why
+            self._reassigner.stand_down(name, why)
+            if self._broken.keys() >= self._nodes.keys():
+                self._ask_to_end(self._nodes)
+
+    def _ask_to_end(self, names: Iterable[str]) -> None:
+        for name in names:
+            if (child := self._children.get(name)) is not None:
+                child.ask_to_end()
+
+    def _tell_without_end(self) -> None:
+        """A run without a summary or a failure was just starting, or ending, when it was asked to end."""
+        without_end = [it for it in self._runs.values() if it.name not in self._summaries | self._failures]
+        why = "the supervisor ended without a summary; see"
+        if len(without_end) == len(self._runs):
+            for run in without_end:
+                self._print(run.name, f"{why} {run.path}")
+            raise KeyboardInterrupt
+        for run in without_end:
+            self._fail(run.name, f"{why} {run.path}")
+
+    def _fail(self, name: str, reason: str) -> None:
+        """Keeps the first reason, which is the cause of later ones."""
+        self._failures.setdefault(name, reason)
+
+    def _print(self, name: str, text: str) -> None:
+        self._displays[name].print_message(text)

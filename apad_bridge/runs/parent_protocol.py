@@ -1,7 +1,10 @@
-"""The messages that a run's processes write to their parent: one JSON line each on standard output, {"NAME": {fields}}.
+"""What the parent of a run and its supervisors say to each other.
 
-A supervisor writes to its run's parent; of several aPads, that parent writes to the parent of all. A line that is no
-message is text for people: a library's warning, or a torn line. The writer continues without a reader.
+A supervisor writes messages: one JSON line each on standard output, {"NAME": {fields}}. A line that is no message is text
+for people: a library's warning, or a torn line. The writer continues without a reader.
+
+The parent of several aPads writes orders, in a file of the supervisor's run directory. A file, because the next supervisor
+reads it too: a supervisor that died is resumed with its current share.
 """
 
 from __future__ import annotations
@@ -11,11 +14,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import TypeAdapter
 
 from apad_bridge.runs.status import Status
+from apad_bridge.scenario.loader import write_atomically
+
+ORDERS_FILE = "squad.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +80,7 @@ class Kept:
     agent_ids: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Broken:
-    """The aPad's supervisor died, and another keeps its aMussels for the others."""
-
-    reason: str
-
-
-MemberReport = Seen | Gave | Kept | Broken
+MemberReport = Seen | Gave | Kept
 """The reports that only the parent of several aPads needs."""
 Message = Status | Said | Summary | Failed | MemberReport
 
@@ -115,3 +115,38 @@ def say(text: str) -> None:
 @cache
 def _adapter(name: str) -> TypeAdapter[Any]:
     return TypeAdapter(_KINDS[name])
+
+
+@dataclass(frozen=True, slots=True)
+class TransferredBelief:
+    """The former server's belief of an aMussel at mission time `at_ms`: the result of `Estimator.kept`, or None."""
+
+    at_ms: int = 0
+    estimate: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """The parent's orders to one of several aPads' supervisors."""
+
+    serves: Mapping[int, TransferredBelief]
+    """The aMussels to serve from now on, of the supervisor's own fleet and of others."""
+    stands_down: str | None = None
+    """The reason to stand down; None to fly on."""
+
+    def save(self, run_dir: Path) -> None:
+        serves = [[agent_id, it.at_ms, it.estimate] for agent_id, it in sorted(self.serves.items())]
+        data = {"serves": serves, "stands_down": self.stands_down}
+        write_atomically(run_dir / ORDERS_FILE, json.dumps(data) + "\n")
+
+    @classmethod
+    def load(cls, run_dir: Path) -> Orders | None:
+        """None where there are no orders yet. ValueError, KeyError or TypeError when the file holds no orders."""
+        try:
+            data = json.loads((run_dir / ORDERS_FILE).read_text())
+        except FileNotFoundError:
+            return None
+        return cls(
+            {agent_id: TransferredBelief(at_ms, estimate) for agent_id, at_ms, estimate in data["serves"]},
+            data["stands_down"],
+        )

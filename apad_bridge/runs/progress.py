@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -36,6 +38,40 @@ class ParentDisplay:
     def show_status(self, status: Status) -> None:
         outlive_starter()
         write(status)
+
+
+class JointDisplay:
+    """Shows the flights of several aPads, or of one, as one. Of several, each line begins with its aPad's name."""
+
+    def __init__(self, names: Sequence[str], progress: ProgressDisplay) -> None:
+        self._names = names
+        self._progress = progress
+        self._statuses: dict[str, Status] = {}
+
+    def of(self, name: str) -> ProgressDisplay:
+        """This aPad's part of the display."""
+        return _JointPart(self, name)
+
+    def print_message(self, name: str, text: str) -> None:
+        self._progress.print_message(text if len(self._names) == 1 else f"{name}: {text}")
+
+    def show_status(self, name: str, status: Status) -> None:
+        self._statuses[name] = status
+        self._progress.show_status(Status.combined(list(self._statuses.values()), len(self._names)))
+
+
+@dataclass(frozen=True, slots=True)
+class _JointPart:
+    """One aPad's ProgressDisplay."""
+
+    joint: JointDisplay
+    name: str
+
+    def print_message(self, text: str) -> None:
+        self.joint.print_message(self.name, text)
+
+    def show_status(self, status: Status) -> None:
+        self.joint.show_status(self.name, status)
 
 
 _NOT_DONE = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from apad_bridge.supervisor.core import Supervisor
@@ -40,4 +41,22 @@ class Status:
             state.cost_m,
             None if supervisor.battery is None else supervisor.battery.fraction,
             behind_s,
+        )
+
+    @classmethod
+    def combined(cls, each: Sequence[Status], apads: int) -> Status:
+        """Sums the figures of several aPads; the time is that of the slowest flight, because the run ends with it."""
+        if apads == 1:
+            return each[0]
+        return cls(
+            min(it.now_ms for it in each),
+            f"{apads} aPads",
+            "",
+            sum(it.agents for it in each),
+            sum(it.active for it in each),
+            sum(it.docked for it in each),
+            sum(it.services for it in each),
+            sum(it.cost_m for it in each),
+            None,
+            max(it.behind_s for it in each),
         )

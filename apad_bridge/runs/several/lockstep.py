@@ -1,4 +1,4 @@
-"""Several aPads' flights in virtual time and in this process, tick by tick side by side.
+"""The flights of one aPad, or of several, in virtual time and in this process; several tick by tick side by side.
 
 A tick of mission time is flown by one flight after another; then the assignment of aMussels to aPads is looked at.
 
@@ -9,22 +9,21 @@ of its docks, back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 from agents.hosting import interrupts
 from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
-from apad_bridge.runs.progress import ProgressDisplay
+from apad_bridge.runs.progress import JointDisplay, ProgressDisplay
 from apad_bridge.runs.several.assignment import Assignment, Move, view_of
-from apad_bridge.runs.several.summary import combined_status
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.several.summary import Flown
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.supervisor import recorder_interface
 from apad_bridge.supervisor.context import FlightContext
@@ -136,40 +135,20 @@ class LockstepRunner:
             taker.recorder.event(now_ms, EventKind.TOOK_ON, id=move.agent_id, of=move.giver)
 
 
-class _MemberDisplay:
-    """One flight's ProgressDisplay: its lines begin with the aPad's name."""
-
-    def __init__(self, name: str, progress: ProgressDisplay, show_status: Callable[[Status], None]) -> None:
-        self._name = name
-        self._progress = progress
-        self.show_status = show_status
-
-    def print_message(self, text: str) -> None:
-        self._progress.print_message(f"{self._name}: {text}")
-
-
 def fly_in_step(
     members: Sequence[Member],
     sharing: Sharing,
-    directories: Mapping[str, RunDirectory],
+    whole: RunDirectory,
     progress: ProgressDisplay,
-) -> tuple[dict[str, dict[str, Any]], int]:
-    """Returns the summaries by aPad, and the number of aMussels that were handed on to another aPad.
+    command_sources: Sequence[CommandSource] = (),
+) -> Flown:
+    """Flies with each aPad's own mission, or a single one with these sources of commands in its place.
 
-    SIGINT, SIGTERM and SIGHUP end all flights in order.
+    SIGINT, SIGTERM and SIGHUP end all flights in order. PeerFailed when a fleet does not start.
     """
     served = {member.name: member.scenario.fleet.ids for member in members}
-    exchange = Exchange(served)
-    statuses: dict[str, Status] = {}
-
-    def status_listener(name: str) -> Callable[[Status], None]:
-        def take(status: Status) -> None:
-            statuses[name] = status
-            if name == members[-1].name:
-                progress.show_status(combined_status(list(statuses.values()), len(members)))
-
-        return take
-
+    exchange, display = Exchange(served), JointDisplay(list(served), progress)
+    is_alone = len(members) == 1
     with interrupts.held_back(), ExitStack() as stack:
         opened, flights = {}, {}
         for member in members:
@@ -178,12 +157,15 @@ def fly_in_step(
                 stack,
                 scenario,
                 member.starts,
-                directories[name],
-                _MemberDisplay(name, progress, status_listener(name)),
-                join=partial(exchange.join, name, sharing),
+                whole.of_apad(name, len(members)),
+                display.of(name),
+                flying.RunSpec(command_sources=tuple(command_sources)),
+                join=(lambda context: context) if is_alone else partial(exchange.join, name, sharing),
             )
             flights[name] = MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
-        runner = LockstepRunner(flights, exchange, Assignment(served) if sharing.transfers else None)
+        assignment = Assignment(served) if sharing.transfers and not is_alone else None
+        runner = LockstepRunner(flights, exchange, assignment)
         with flying.stopped_by_signals(*(it.flight for it in flights.values())):
             runner.run()
-        return {name: it.finish() for name, it in opened.items()}, runner.handed_on_count
+        summaries = {name: it.finish() for name, it in opened.items()}
+        return Flown(summaries, handed_on=runner.handed_on_count)

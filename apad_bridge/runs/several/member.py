@@ -1,4 +1,4 @@
-"""The link of one of several aPads' supervisors to the parent of all, over ROS: applies its orders, reports to it.
+"""The link of one of several aPads' supervisors to their parent, over ROS: applies its orders, reports to it.
 
 The orders name the aMussels to serve; the reports are messages of `parent_protocol`.
 """
@@ -13,10 +13,18 @@ from typing import Any
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.runs.parent_protocol import Gave, HandedOver, Kept, MemberReport, Seen
+from apad_bridge.runs.parent_protocol import (
+    ORDERS_FILE,
+    Gave,
+    HandedOver,
+    Kept,
+    MemberReport,
+    Orders,
+    Seen,
+    TransferredBelief,
+)
 from apad_bridge.runs.several.assignment import APadView, view_of
 from apad_bridge.runs.several.lockstep import ASSIGNMENT_PERIOD_MS
-from apad_bridge.runs.several.protocol import ORDERS_FILE, Orders, TransferredBelief
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.supervisor.context import FlightContext, Watcher
@@ -128,7 +136,7 @@ def join_others(
     run_dir: Path,
     report: Callable[[MemberReport], None],
 ) -> FlightContext:
-    """The same context, with the link to the parent of all for one of several aPads that take over from each other."""
+    """The same context, with the link to the parent for one of several aPads that take over from each other."""
     if not options.is_one_of_several:
         return context
     apad, profile_of = scenario.apad, scenario.mission.docking.profile_of

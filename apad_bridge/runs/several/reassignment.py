@@ -11,9 +11,14 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import assert_never
 
-from apad_bridge.runs.parent_protocol import Gave, Kept, Seen
+from apad_bridge.runs.parent_protocol import (
+    Gave,
+    Kept,
+    Orders,
+    Seen,
+    TransferredBelief,
+)
 from apad_bridge.runs.several.assignment import APadView, Assignment, Move
-from apad_bridge.runs.several.protocol import Orders, TransferredBelief
 
 
 class Reassigner:

@@ -1,28 +1,21 @@
-"""Combines several aPads' flights: the live status of all, and the figures of summary.json over all aMussels."""
+"""Combines several aPads' flights: the figures of summary.json over all aMussels."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from apad_bridge.runs.status import Status
 
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What came of the flights of one aPad or of several: the summaries and the failures, by aPad."""
 
-def combined_status(each: Sequence[Status], apads: int) -> Status:
-    """Sums the figures; the time is that of the slowest flight, because the run ends with it."""
-    return Status(
-        min(it.now_ms for it in each),
-        f"{apads} aPads",
-        "",
-        sum(it.agents for it in each),
-        sum(it.active for it in each),
-        sum(it.docked for it in each),
-        sum(it.services for it in each),
-        sum(it.cost_m for it in each),
-        None,
-        max(it.behind_s for it in each),
-    )
+    summaries: Mapping[str, dict[str, Any]]
+    failures: Mapping[str, str] = field(default_factory=dict)
+    handed_on: int = 0
+    """The number of aMussels that another aPad served than at the start."""
 
 
 Summary = Mapping[str, Any]

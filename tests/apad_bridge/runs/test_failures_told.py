@@ -7,14 +7,15 @@ from typing import Any
 
 import pytest
 
+from apad_bridge.assembly.division import members
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
-from apad_bridge.runs.flying import fly_in_process
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress, failure_line
+from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -26,7 +27,8 @@ def flown(scenario: Scenario, path: Path) -> tuple[RunDirectory, dict[str, Any],
     scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
     directory = RunDirectory.create(scenario.name, datetime.now(UTC), path / "run")
     with FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet=True) as progress:
-        summary = fly_in_process(scenario, starts_of(scenario), directory, progress)
+        flown = fly_in_step(members(scenario, starts_of(scenario)), scenario.sharing, directory, progress)
+    (summary,) = flown.summaries.values()
     return directory, summary, progress.messages
 
 

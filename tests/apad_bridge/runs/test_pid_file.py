@@ -12,7 +12,6 @@ from apad_bridge.assembly.division import Member
 from apad_bridge.commands.main import main
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.children import supervising, supervisor_of
-from apad_bridge.runs.flying import fly_in_process
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.loader import load
@@ -100,19 +99,11 @@ class Watching:
 def test_a_flight_in_virtual_time_is_its_run_s_one_supervisor(tmp_path: Path) -> None:
     scenario = replace(load(POOL_FILE), duration_s=5.0)
     scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
-    progress = Watching(tmp_path)
-    fly_in_process(scenario, starts_of(scenario), RunDirectory(tmp_path), progress)
-    assert progress.supervisors == {os.getpid()}
-    assert supervisor_of(tmp_path) is None
-
-
-def test_flights_in_step_are_their_runs_supervisors_too(tmp_path: Path) -> None:
-    scenario = replace(load(POOL_FILE), duration_s=5.0)
-    scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
     member = Member(scenario.apad.name, scenario, starts_of(scenario))
     progress = Watching(tmp_path)
-    fly_in_step([member], scenario.sharing, {member.name: RunDirectory(tmp_path)}, progress)
+    fly_in_step([member], scenario.sharing, RunDirectory(tmp_path), progress)
     assert progress.supervisors == {os.getpid()}
+    assert supervisor_of(tmp_path) is None
 
 
 def test_ctrl_z_suspends_no_parent() -> None:
@@ -132,9 +123,15 @@ def test_a_run_that_is_refused_leaves_no_directory(
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{unused.getsockname()[1]}")
-        for command in (["run", str(POOL_FILE)], ["script", str(LISTING), "--scenario", str(POOL_FILE)]):
+        for command in (
+            ["run", str(POOL_FILE), "--apad", "ros"],
+            ["run", str(POOL_FILE.with_name("bay-120.yaml")), "--apad", "ros"],
+            ["mission", str(POOL_FILE)],
+            ["fleet", str(POOL_FILE)],
+            ["script", str(LISTING), "--scenario", str(POOL_FILE), "--apad", "ros"],
+        ):
             with pytest.raises(SystemExit) as ended:
-                main([*command, "--apad", "ros", "--out", str(tmp_path / "run")])
+                main([*command, "--out", str(tmp_path / "run")])
             assert ended.value.code == 3
             assert capsys.readouterr().err.startswith("musselbed: no ROS master answers")
     assert list(tmp_path.iterdir()) == []

@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.runs.parent_protocol import Gave, HandedOver, Kept, Seen
-from apad_bridge.runs.several.protocol import Orders, TransferredBelief
+from apad_bridge.runs.parent_protocol import (
+    Gave,
+    HandedOver,
+    Kept,
+    Orders,
+    Seen,
+    TransferredBelief,
+)
 from apad_bridge.runs.several.reassignment import Reassigner
 
 HOMES = {"a": (1, 2, 3), "b": (4, 5, 6), "c": (7, 8)}

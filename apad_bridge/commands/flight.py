@@ -1,0 +1,247 @@
+"""Flies what a command asked for: checks it, makes the run's directory, flies, and prints the outcome."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.assembly.division import Member, members
+from apad_bridge.commands.console import console_beside
+from apad_bridge.commands.modem_checks import check_modems
+from apad_bridge.commands.outcome import print_plan, report
+from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirectoryError
+from apad_bridge.ros.system.route import somebodys_master
+from apad_bridge.ros_names.names import in_full
+from apad_bridge.runs import parent
+from apad_bridge.runs.dry_run import first_plan
+from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.several.lockstep import fly_in_step
+from apad_bridge.runs.several.summary import Flown, combined_summary
+from apad_bridge.scenario.cross_checks import warnings
+from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start, read_starts, save_starts
+from apad_bridge.scripting.program import Program, ScriptSource
+from apad_bridge.vehicle.errors import PeerFailed
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """A script that flies in place of the paper's mission."""
+
+    file: Path
+    program: Program
+
+
+def fly(
+    options: RunOptions,
+    scenario: Scenario,
+    starts: Sequence[Start],
+    out: Path | None,
+    as_json: bool,
+    script: Script | None = None,
+    *,
+    console: bool = False,
+) -> int:
+    """Flies one aPad or several, with a live page in a browser or without, and returns the exit code. UserError, or a line and its exit code, before anything starts.
+
+    A run of several aPads has a directory for each, below its own.
+    """
+    _check(options, scenario)
+    if console and scenario.apads:
+        raise UserError(
+            "--console shows one aPad, and the scenario names several: start `musselbed console RUN/NAME` beside the run"
+        )
+    all_members = members(scenario, starts)
+    if options.dry_run and options.apad is APadKind.SIM:
+        return _print_plans(all_members, as_json)
+    stem = scenario.name if script is None else f"{script.file.stem}-{scenario.name}"
+    try:
+        whole = RunDirectory.create(stem, datetime.now(UTC), out)
+    except RunDirectoryError as error:
+        raise UserError(str(error)) from error
+    _write_inputs(whole, options, scenario, starts, all_members, script)
+    if scenario.apads and not as_json:
+        print(_allocation_text(all_members), flush=True)
+    title = scenario.name if script is None else script.file.name
+    with peers_may_fail():
+        with ExitStack() as stack:
+            progress = stack.enter_context(
+                FlightProgress(title, round(scenario.duration_s * 1000), quiet=as_json)
+            )
+            if console:
+                progress.print_message(f"live page: {stack.enter_context(console_beside(whole.path))}")
+            flown = _fly(options, scenario, all_members, whole, progress, script)
+        if not flown.summaries:
+            raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
+        if options.dry_run:
+            return print_plan(read_journal(whole.journal).first(EventKind.PLAN), as_json)
+        summary = _whole_summary(whole, scenario, all_members, flown)
+        flown_by = flown_by_whom(options, scenario)
+        code = report(scenario.name, flown_by, whole, summary, as_json, progress.messages)
+        if flown.failures:
+            raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
+        return code
+
+
+def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:
+    """What gives the orders: the name of a script or of a strategy, or a person."""
+    if options.script:
+        return Path(options.script).name
+    return "by hand" if options.manual else scenario.mission.collection
+
+
+@contextmanager
+def peers_may_fail() -> Iterator[None]:
+    """Turns a peer's failure into one line on stderr and its exit code."""
+    try:
+        yield
+    except PeerFailed as error:
+        print(f"musselbed: {error}", file=sys.stderr)
+        raise SystemExit(Exit.PEER_FAILED) from error
+
+
+def failure_text(failures: Mapping[str, str], *, is_alone: bool = True) -> str:
+    """One line; it names the aPads of several."""
+    return "; ".join(why if is_alone else f"{name}: {why}" for name, why in failures.items())
+
+
+def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
+    """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
+    if options.apad is not APadKind.ROS:
+        return
+    from apad_bridge.ros.doctor_apad_checks import check_docks
+
+    try:
+        found = Graph.read(somebodys_master())
+    except (Unreachable, PeerFailed):
+        return  # the run itself says so
+    for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
+        for finding in check_docks(found, in_full(options.namespace, name), scenario):
+            if finding.status is not Status.OK:
+                print(
+                    f"musselbed: warning: {finding.check}: {finding.found}: {finding.mend}", file=sys.stderr
+                )
+
+
+def _check(options: RunOptions, scenario: Scenario) -> None:
+    """UserError for a mistake; a line and its exit code for a master that does not answer; warnings on stderr."""
+    check_modems(options, scenario)
+    if scenario.apads:
+        _refuse_for_several(options)
+    if options.apad is APadKind.SIM:
+        for happens, mend in warnings(scenario):
+            print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
+        return
+    with peers_may_fail():
+        somebodys_master()
+    tell_docks_in_use(options, scenario)
+
+
+def _refuse_for_several(options: RunOptions) -> None:
+    if options.script:
+        raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
+    if options.part is not Part.WHOLE:
+        raise UserError(
+            f"{options.part.value}: the scenario names several aPads: `musselbed run` flies them; "
+            "or leave `apads` out, and give each its fleet.share"
+        )
+    if options.modem:
+        raise UserError("--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario")
+    if options.dry_run and options.apad is APadKind.ROS:
+        raise UserError("--dry-run of several aPads plans without ROS: leave out --apad ros")
+
+
+def _write_inputs(
+    whole: RunDirectory,
+    options: RunOptions,
+    scenario: Scenario,
+    starts: Sequence[Start],
+    all_members: Sequence[Member],
+    script: Script | None,
+) -> None:
+    whole.write_inputs(scenario, starts)
+    if script is not None:
+        text = script.file.read_text(encoding="utf-8")
+        (whole.path / "script.py").write_text(text, encoding="utf-8")
+    for member in all_members:
+        directory = whole.of_apad(member.name, len(all_members))
+        if directory != whole:
+            directory.path.mkdir(mode=PRIVATE)
+            directory.write_inputs(member.scenario, member.starts)
+        options.save(directory.path)
+
+
+def _fly(
+    options: RunOptions,
+    scenario: Scenario,
+    all_members: Sequence[Member],
+    whole: RunDirectory,
+    progress: FlightProgress,
+    script: Script | None,
+) -> Flown:
+    if options.time is not TimeSource.ASAP:
+        return parent.fly(all_members, scenario.sharing, options, whole, progress)
+    if script is None:
+        return fly_in_step(all_members, scenario.sharing, whole, progress)
+    source = ScriptSource(scenario, script.program, script.file.name, progress.print_message)
+    flown = fly_in_step(all_members, scenario.sharing, whole, progress, (source,))
+    source.join()
+    source.print_error()
+    return flown
+
+
+def _whole_summary(
+    whole: RunDirectory, scenario: Scenario, all_members: Sequence[Member], flown: Flown
+) -> dict[str, Any]:
+    """The summary of the whole run; of several aPads it and their ends are written here."""
+    if not scenario.apads:
+        (summary,) = flown.summaries.values()
+        return summary
+    combined = combined_summary(scenario.name, flown.summaries, flown.handed_on)
+    whole.write_json(whole.summary, combined)
+    save_starts(whole.ends, _ends(all_members, whole), scenario.area.origin)
+    return combined
+
+
+def _ends(all_members: Sequence[Member], whole: RunDirectory) -> list[Start]:
+    """The ends of all runs, so that another run can begin there; an aMussel without an end is at its start."""
+    ends: list[Start] = []
+    for member in all_members:
+        path = whole.of_apad(member.name, len(all_members)).path
+        ends += read_starts(path, member.scenario.area, member.scenario.fleet.ids)
+    return sorted(ends, key=lambda end: end.agent_id)
+
+
+def _print_plans(all_members: Sequence[Member], as_json: bool) -> int:
+    plans = {member.name: first_plan(member.scenario) for member in all_members}
+    if len(all_members) == 1:
+        return print_plan(plans[all_members[0].name], as_json)
+    if as_json:
+        served = {it.name: list(it.scenario.fleet.ids) for it in all_members}
+        print(json.dumps({name: {"serves": served[name], "plan": plan} for name, plan in plans.items()}))
+        return Exit.DONE
+    print(_allocation_text(all_members))
+    for name, plan in plans.items():
+        print(f"{name}: ", end="")
+        print_plan(plan, as_json=False)
+    return Exit.DONE
+
+
+def _allocation_text(all_members: Sequence[Member]) -> str:
+    return "\n".join(
+        f"{member.name} serves aMussels {', '.join(map(str, member.scenario.fleet.ids))}"
+        for member in all_members
+    )

@@ -1,0 +1,265 @@
+"""The parent of one aPad or of several handles the lines that their supervisors write, their deaths and their ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from apad_bridge.runs.children import Child
+from apad_bridge.runs.parent import Run, SupervisorWatch
+from apad_bridge.runs.parent_protocol import Failed, Message, Said, Summary, to_line
+from apad_bridge.runs.several.reassignment import Reassigner
+from apad_bridge.runs.several.summary import Flown
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+
+OPTIONS = RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
+
+
+class Supervisor:
+    """It writes its lines to a real pipe and ends with `code`; with a `last` line it ends when it is asked to."""
+
+    def __init__(self, *message: Message | str, last: Message | None = None, code: int = 0) -> None:
+        reader, self._writer = os.pipe()
+        self.lines = os.fdopen(reader)
+        self.log = Path("somewhere/supervisor.log")
+        self._last = last
+        self._code = code
+        self.asked = 0
+        for it in message:
+            self._say(it)
+        if last is None:
+            os.close(self._writer)
+
+    def ask_to_end(self) -> None:
+        self.asked += 1
+        if self._last is not None:
+            self._say(self._last)
+            os.close(self._writer)
+
+    def wait(self, timeout_s: float) -> int:
+        return self._code
+
+    def end(self, timeout_s: float) -> None:
+        self.lines.close()
+
+    def _say(self, message: Message | str) -> None:
+        text = message if isinstance(message, str) else to_line(message)
+        os.write(self._writer, f"{text}\n".encode())
+
+
+class ProgressLog:
+    def __init__(self) -> None:
+        self.messages: list[str] = []
+        self.statuses: list[Status] = []
+
+    def print_message(self, text: str) -> None:
+        self.messages.append(text)
+
+    def show_status(self, status: Status) -> None:
+        self.statuses.append(status)
+
+
+class Starts:
+    """Starts the given supervisors, of each run in their order, and keeps how they were started."""
+
+    def __init__(self, supervisors: Mapping[str, list[Supervisor]]) -> None:
+        self.left = {name: list(them) for name, them in supervisors.items()}
+        self.made: list[tuple[str, bool, bool]] = []
+        """(name, resume, keeps)"""
+
+    def __call__(self, run: Run, *, resume: bool) -> Any:
+        self.made.append((run.name, resume, run.options.keeps))
+        return self.left[run.name].pop(0)
+
+
+def status(now_ms: int, served: int, way_m: float) -> Status:
+    return Status(now_ms, "dock", "dock", 4, 3, 1, served, way_m, 0.9, 0.0)
+
+
+def read_all(
+    supervisors: Mapping[str, Supervisor], progress: ProgressLog, nodes: dict[str, Any] | None = None
+) -> Flown:
+    runs = [Run(name, Path("somewhere"), OPTIONS) for name in supervisors]
+    starts = Starts({name: [it] for name, it in supervisors.items()})
+    return SupervisorWatch(runs, progress, nodes, start=starts).read_until_all_ended()
+
+
+def test_one_aPads_status_and_words_are_shown_as_they_are() -> None:
+    progress = ProgressLog()
+    flown = read_all({"a": Supervisor(status(9000, 2, 10.0), Said("hello"), Summary({"x": 1}))}, progress)
+    assert flown == Flown({"a": {"x": 1}})
+    assert progress.statuses == [status(9000, 2, 10.0)] and progress.messages == ["hello"]
+
+
+def test_statuses_are_added_and_words_stand_with_their_aPad() -> None:
+    progress = ProgressLog()
+    supervisors = {
+        "a": Supervisor(status(9000, 2, 10.0), Said("hello"), Summary({"services": 2})),
+        "b": Supervisor(status(7000, 1, 5.0), Summary({"services": 1})),
+    }
+    assert read_all(supervisors, progress) == Flown({"a": {"services": 2}, "b": {"services": 1}})
+    last = progress.statuses[-1]
+    assert (last.now_ms, last.phase, last.agents, last.services, last.cost_m) == (7000, "2 aPads", 8, 3, 15.0)
+    assert progress.messages == ["a: hello"]
+
+
+def test_one_that_fails_leaves_the_others_their_summaries() -> None:
+    supervisors = {
+        "a": Supervisor(Summary({})),
+        "b": Supervisor(Failed("no fleet"), code=3),
+        "c": Supervisor(code=1),
+    }
+    flown = read_all(supervisors, ProgressLog())
+    assert flown.summaries == {"a": {}}
+    assert flown.failures == {
+        "b": "no fleet",
+        "c": "the supervisor ended with status 1; see somewhere/supervisor.log",
+    }
+
+
+@pytest.mark.parametrize("others", [[], ["a"]])
+def test_a_simulated_aPad_that_died_ends_its_own_run_only(others: list[str]) -> None:
+    """Run `a` has written its summary and needs no end. Run `b` would fly on without its vehicle."""
+    supervisors = {name: Supervisor(Summary({})) for name in others}
+    supervisors["b"] = Supervisor(last=Summary({"services": 1}))
+    nodes = {name: SimpleNamespace(poll=lambda: None) for name in others}
+    nodes["b"] = SimpleNamespace(poll=lambda: -9)
+    flown = read_all(supervisors, ProgressLog(), nodes)
+    assert flown.summaries == {**{name: {} for name in others}, "b": {"services": 1}}
+    assert flown.failures == {"b": "the simulated aPad's node ended with status -9"}
+    assert supervisors["b"].asked == 1 and all(supervisors[name].asked == 0 for name in others)
+
+
+def test_a_line_that_is_no_message_is_shown_as_text() -> None:
+    lines = ["a warning", "{", '{"status": {"now_ms": "x"}}', '{"summary": 5}', "[]", "5", '{"gave": [[1]]}']
+    progress = ProgressLog()
+    assert read_all({"a": Supervisor(*lines, Summary({}))}, progress) == Flown({"a": {}})
+    assert progress.messages == lines
+
+
+def died(on_death: OnDeath, run_dir: Path, progress: ProgressLog, **more: Any) -> tuple[Flown, Starts]:
+    """Flies one aPad whose first supervisor is killed; the second writes a summary."""
+    run = Run("a", run_dir, RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, on_death, **more))
+    starts = Starts({"a": [Supervisor(code=-signal.SIGKILL), Supervisor(Summary({"services": 3}))]})
+    reassigner = Reassigner({"a": [1]}, {"a": run_dir}) if run.options.is_one_of_several else None
+    flown = SupervisorWatch([run], progress, reassigner=reassigner, start=starts).read_until_all_ended()
+    for unused in starts.left["a"]:
+        unused.end(0.0)
+    return flown, starts
+
+
+def test_another_supervisor_resumes_at_once_where_the_run_says_so(tmp_path: Path) -> None:
+    progress = ProgressLog()
+    flown, starts = died(OnDeath.RESUME, tmp_path, progress)
+    assert flown == Flown({"a": {"services": 3}})
+    assert starts.made == [("a", False, False), ("a", True, False)]
+    assert progress.messages == [
+        f"the supervisor died (SIGKILL); the fleet is suspended and whole. To go on: musselbed resume {tmp_path}"
+    ]
+
+
+def test_one_of_several_is_followed_by_one_that_keeps_its_fleet(tmp_path: Path) -> None:
+    flown, starts = died(OnDeath.WAIT, tmp_path, ProgressLog(), is_one_of_several=True)
+    assert flown == Flown({"a": {"services": 3}}, {"a": "its supervisor died (SIGKILL)"})
+    assert starts.made == [("a", False, False), ("a", True, True)]
+
+
+def test_a_script_is_not_followed(tmp_path: Path) -> None:
+    flown, starts = died(OnDeath.WAIT, tmp_path, ProgressLog(), script="/s.py")
+    assert flown.summaries == {} and "a script cannot go on in the middle" in flown.failures["a"]
+    assert len(starts.made) == 1
+
+
+def test_else_the_run_waits_for_a_person_while_the_others_fly_on(tmp_path: Path) -> None:
+    """The supervisor that a person starts is no child of this parent: its summary.json tells of its end."""
+
+    class Resumed(ProgressLog):
+        def print_message(self, text: str) -> None:
+            super().print_message(text)
+            if "musselbed resume" in text:
+                (tmp_path / "summary.json").write_text(json.dumps({"services": 5}))
+
+    runs = [Run(name, tmp_path / name if name == "b" else tmp_path, OPTIONS) for name in ("a", "b")]
+    starts = Starts({"a": [Supervisor(code=-signal.SIGKILL)], "b": [Supervisor(Summary({"services": 1}))]})
+    flown = SupervisorWatch(runs, Resumed(), start=starts).read_until_all_ended()
+    assert flown == Flown({"a": {"services": 5}, "b": {"services": 1}})
+
+
+def test_a_resumed_supervisor_that_dies_ends_the_command(tmp_path: Path) -> None:
+    starts = Starts({"a": [Supervisor(code=-signal.SIGKILL)]})
+    watch = SupervisorWatch([Run("a", tmp_path, OPTIONS)], ProgressLog(), resumes=True, start=starts)
+    assert watch.read_until_all_ended().failures == {
+        "a": f"the supervisor died (SIGKILL); see {tmp_path}/supervisor.log"
+    }
+    assert starts.made == [("a", True, False)]
+
+
+@contextmanager
+def child(folder: Path, program: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Child]:
+    """A real process."""
+    (folder / "spoken.py").write_text(program)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), *sys.path]))
+    process = Child("supervisor", "spoken", [], folder / "log", {})
+    try:
+        yield process
+    finally:
+        process.end(5.0)
+
+
+def test_a_supervisor_is_read_to_its_last_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = ["a warning", to_line(status(1, 0, 1.0)), to_line(Summary({"services": 1})), '{"torn']
+    text = "\n".join(lines).encode()
+    progress = ProgressLog()
+    with child(tmp_path, f"import os; os.write(1, {text!r})", monkeypatch) as process:
+        flown = SupervisorWatch(
+            [Run("a", tmp_path, OPTIONS)], progress, start=lambda run, resume: process
+        ).read_until_all_ended()
+    assert flown == Flown({"a": {"services": 1}})
+    assert progress.messages == ["a warning", '{"torn'] and progress.statuses == [status(1, 0, 1.0)]
+
+
+def test_one_that_does_not_end_in_time_is_killed_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Interrupting(ProgressLog):
+        def print_message(self, text: str) -> None:
+            super().print_message(text)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("apad_bridge.runs.parent._END_S", 0.2)
+    deaf = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()"
+    with child(tmp_path, deaf, monkeypatch) as process:
+        flown = SupervisorWatch(
+            [Run("a", tmp_path, OPTIONS)], Interrupting(), start=lambda run, resume: process
+        ).read_until_all_ended()
+        assert process.wait(0.0) == -signal.SIGKILL
+    assert flown.failures == {
+        "a": f"the supervisor did not end within 0.2 s and was killed; its records end there: {tmp_path}"
+    }
+
+
+def test_one_that_was_only_starting_ends_the_command_in_silence(tmp_path: Path) -> None:
+    """Asked to end while its supervisor starts: that one is ended by the signal, and no other follows it."""
+
+    class Starting(Supervisor):
+        def ask_to_end(self) -> None:
+            os.close(self._writer)
+
+    def start(run: Run, *, resume: bool) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        return Starting(last=Said(""), code=-signal.SIGTERM)
+
+    progress = ProgressLog()
+    with pytest.raises(KeyboardInterrupt):
+        SupervisorWatch([Run("a", tmp_path, OPTIONS)], progress, start=start).read_until_all_ended()
+    assert progress.messages == [f"the supervisor ended without a summary; see {tmp_path}"]
