@@ -26,23 +26,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from fleets import PAPER, with_whole_boards
 from rich.console import Console
 from rich.table import Table
 
 from agents.coordinator import Coordinator, Heard
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet import resting_on_bottom
 from agents.hosting.process_host import ProcessHost
-from agents.mussel.body import BodyConfig, Sinking
-from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
-from firmware_model.config import BoardConfig, FullFirmware, LastResort, Timeslots
+from firmware_model.config import FullFirmware, LastResort, Timeslots
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash_log import FlashLog
-from firmware_model.table_one import FIELD, MODEL, WORST_CASE, power
+from firmware_model.table_one import FIELD, power
 
 MUSSELBED_FLEETS = (
     ("worst case", 24, 1),
@@ -54,7 +53,7 @@ MUSSELBED_FLEETS = (
 )
 """(board, agents, seconds of mission time granted at once)"""
 ROSPY_NODES = (24, 100)
-THETA = 30
+THETA = PAPER.theta
 MISSION_S = 20 * 3600 // THETA
 SERVICE_S = (0, 10, 100, 200)
 """Permission, contact, release and the command to sink, in seconds from an aMussel's turn."""
@@ -62,25 +61,11 @@ MERGING = Path("/sys/kernel/mm/ksm/run")
 MERGING_TIMEOUT_S = 120.0
 NODE = Path(__file__).parent / "nodes" / "bare_rospy.py"
 NODE_TIMEOUT_S = 120.0
-FLEET = FleetConfig(
-    theta=THETA,
-    seed=1,
-    codec="musselbed-1",
-    board=BoardConfig(
-        agent_id=0,
-        charge=WORST_CASE,
-        pin_debounce_ms=50,
-        boot_ms=2000,
-        float_timeout_ms=43_200_000,
-        release_wait_ms=120_000,
-    ),
-    body=BodyConfig(Sinking(3_000_000, 60_000, 60_000), drifts_always=True, drift_amplitude_um=5000),
-    reports=ReportConfig(1000 * THETA, heard_always=True),
-)
+FLEET = replace(PAPER, board=replace(PAPER.board, float_timeout_ms=43_200_000))
 WAKES = replace(FIELD, slots=Timeslots(frame_ms=300_000, slot_ms=300))
 """Every hour: sample, process, await the timeslot and transmit; with a timeslot for each of a thousand."""
 WHOLE = FullFirmware(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
-_WHOLE_FLEET = replace(FLEET, board=replace(FLEET.board, charge=MODEL, whole=WHOLE))
+_WHOLE_FLEET = with_whole_boards(FLEET, WHOLE)
 FULL_LOG = "whole board, full log"
 FLEETS = {"worst case": FLEET, "whole board": _WHOLE_FLEET, FULL_LOG: _WHOLE_FLEET}
 LOGGED = 2500

@@ -199,4 +199,6 @@ def namespace_of_shell() -> str:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
-    return fly(options, scenario, starts, arguments.out, arguments.json, console=arguments.console)
+    return fly(
+        options, scenario, starts, arguments.out, arguments.json, console=getattr(arguments, "console", False)
+    )

@@ -54,6 +54,16 @@ class FlightMission(Protocol):
         """An event for the journal."""
         ...
 
+    def take_over(self) -> str: ...
+
+    def give_back(self) -> str: ...
+
+    def stop(self) -> str:
+        """The aPad holds its position until `go_on`; a commanded mechanism is not stopped half-way."""
+        ...
+
+    def go_on(self) -> str: ...
+
 
 class _Call:
     def __init__(self, act: Callable[[FlightMission, ManualMission | None], Any]) -> None:
@@ -84,16 +94,13 @@ class CallQueue:
                 raise Refused("the mission flies the aPad: call take_over first")
             return act(manual)
 
-        return self.call_any(by_hand, timeout_s)
+        return self._call(by_hand, timeout_s)
 
     def call_mission(self, act: Callable[[FlightMission], T], timeout_s: float = ANSWER_S) -> T:
         """Like `call`, but also while a plan flies the aPad."""
-        return self.call_any(lambda flown, _: act(flown), timeout_s)
+        return self._call(lambda flown, _: act(flown), timeout_s)
 
-    def call_any(
-        self, act: Callable[[FlightMission, ManualMission | None], T], timeout_s: float = ANSWER_S
-    ) -> T:
-        """Like `call_mission`; `act` receives also the mission that follows calls, None while a plan flies the aPad."""
+    def _call(self, act: Callable[[FlightMission, ManualMission | None], T], timeout_s: float) -> T:
         call = _Call(act)
         with self._lock:
             if self._closed is not None:

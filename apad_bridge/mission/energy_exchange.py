@@ -146,6 +146,9 @@ class EnergyExchange(OrderBook):
             self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
         return self.take_orders()
 
+    def take_over(self) -> str:
+        return "this flight takes no calls: nobody can take it over"
+
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
         if self.state.phase is not Phase.ENDED:

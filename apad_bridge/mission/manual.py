@@ -123,6 +123,12 @@ class ManualMission(OrderBook):
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         return []
 
+    def take_over(self) -> str:
+        return "no mission plans in this flight: orders are taken without it"
+
+    def give_back(self) -> str:
+        raise Refused("in this flight there is no mission to give the aPad back to")
+
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
         self.finish(end)
@@ -243,6 +249,17 @@ class ManualMission(OrderBook):
         if self.goto is Status.RUNNING and self._target is not None:
             self._start_go_to(self._target)
         return True
+
+    def stop(self) -> str:
+        """Like `pause`, which it calls; a message when it was paused already."""
+        if self.paused:
+            return "the aPad holds its position already"
+        self.pause()
+        return ""
+
+    def go_on(self) -> str:
+        """Like `resume`; a message when nothing was paused."""
+        return "" if self.resume() else "nothing was stopped"
 
     def go_on_with(self, mechanism: DockMussel | UndockMussel | None) -> None:
         """Awaits the end of a mechanism that the mission before this one has ordered; None for none."""

@@ -36,6 +36,10 @@ class Mission(Protocol):
         """
         ...
 
+    def take_over(self) -> str:
+        """Somebody else commands the aPad from now on, and nobody plans. The text is empty, or why nothing changed."""
+        ...
+
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once; a second call changes nothing."""
         ...

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from apad_bridge.mission.call_queue import CallQueue, FlightMission
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, Order
@@ -112,6 +112,21 @@ class Takeover:
         )
         return ""
 
+    def stop(self) -> str:
+        """Takes the aPad over, or pauses a person's order that is under way. It returns a message when nothing changes."""
+        manual = self.by_hand
+        if manual is None:
+            return self.take_over()
+        if manual.is_busy:
+            return manual.stop()
+        return "the aPad holds its position already"
+
+    def go_on(self) -> str:
+        """Goes on with a person's order that was stopped, or else gives the aPad back."""
+        if self.by_hand is not None and self.by_hand.resume():
+            return "a person goes on flying the aPad: continue again to give it back"
+        return self.give_back()
+
     def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
@@ -123,56 +138,3 @@ class Takeover:
         self._orders.append(Note("override", {"taken": taken}))
         # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self._now_ms)
-
-
-def take_over(mission: FlightMission) -> str:
-    """A person takes the aPad over. A flight by hand or by a script needs nothing, and the answer states so."""
-    if isinstance(mission, Takeover):
-        return mission.take_over()
-    return "no mission plans in this flight: orders are taken without it"
-
-
-def give_back(mission: FlightMission) -> str:
-    if not isinstance(mission, Takeover):
-        raise Refused("in this flight there is no mission to give the aPad back to")
-    return mission.give_back()
-
-
-def stop(mission: FlightMission, by_hand: ManualMission | None, by: str) -> str:
-    """The aPad holds its position until `go_on`; a commanded mechanism is not stopped half-way.
-
-    A mission that plans is taken over. A flight by hand or by a script is paused. `by` names the person.
-    """
-    mission.note("operator", order="stop", by=by)
-    if by_hand is None:
-        return take_over(mission)
-    if by_hand.paused or (isinstance(mission, Takeover) and not by_hand.is_busy):
-        return "the aPad holds its position already"
-    by_hand.pause()
-    return ""
-
-
-def go_on(mission: FlightMission, by_hand: ManualMission | None, by: str) -> str:
-    """Goes on where `stop` stopped. A mission that a person took over otherwise is given back."""
-    mission.note("operator", order="continue", by=by)
-    is_planner_waiting = isinstance(mission, Takeover)
-    if by_hand is not None and by_hand.resume():
-        return (
-            "a person goes on flying the aPad: continue again to give it back" if is_planner_waiting else ""
-        )
-    if by_hand is not None and not is_planner_waiting:
-        return "nothing was stopped"
-    return give_back(mission)
-
-
-def abort(mission: FlightMission, by: str) -> str:
-    """Ends the mission: the aPad holds its position, and nothing plans any more."""
-    mission.note("operator", order="abort", by=by)
-    mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {by}"))
-    return ""
-
-
-def remark(mission: FlightMission, text: str, by: str) -> str:
-    """Writes a person's remark into the journal, with the time of the mission."""
-    mission.note("remark", text=text, by=by)
-    return ""

@@ -22,9 +22,8 @@ from typing import Annotated, assert_never
 from pydantic import Field, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
-from apad_bridge.mission import takeover
 from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
-from apad_bridge.mission.manual import ManualMission
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.values import Refused
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -69,21 +68,24 @@ _REQUEST, _ANSWER = TypeAdapter(Request), TypeAdapter(Answer)
 def carry_out(request: Request, calls: CallQueue) -> Answer:
     """Has the supervisor carry the request out at its next tick. It answers within `ANSWER_S`."""
 
-    def act(mission: FlightMission, by_hand: ManualMission | None) -> str:
+    def act(mission: FlightMission) -> str:
+        if request.act is Act.REMARK:
+            mission.note("remark", text=request.text, by=request.by)
+            return ""
+        mission.note("operator", order=request.act.value, by=request.by)
         match request.act:
             case Act.STOP:
-                return takeover.stop(mission, by_hand, request.by)
+                return mission.stop()
             case Act.CONTINUE:
-                return takeover.go_on(mission, by_hand, request.by)
+                return mission.go_on()
             case Act.ABORT:
-                return takeover.abort(mission, request.by)
-            case Act.REMARK:
-                return takeover.remark(mission, request.text, request.by)
+                mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
+                return ""
             case _:
                 assert_never(request.act)
 
     try:
-        return Answer(True, calls.call_any(act))
+        return Answer(True, calls.call_mission(act))
     except Refused as refused:
         return Answer(False, str(refused))
 

@@ -27,7 +27,6 @@ from apad_bridge.mission.events import (
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
-from apad_bridge.mission.takeover import Takeover
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -192,7 +191,7 @@ class Supervisor:
             case StandDownRequested(_, reason):
                 return self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
             case CommandedByOthers():
-                if isinstance(self.mission, Takeover) and not self.has_ended:
+                if not self.has_ended:
                     self.mission.take_over()
             case PoseReported():
                 self.pose = fact

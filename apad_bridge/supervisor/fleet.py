@@ -78,7 +78,6 @@ class NoLinks:
 
 
 NO_LINKS = NoLinks()
-_NO_WATER_FOR_PING = "a ping without water to send it through"
 
 
 class Water(Protocol):
@@ -147,27 +146,34 @@ class InSea:
         return WifiArrived(send.data) if self._sea.wifi_reaches(send.agent_id, now_ms) else None
 
 
-class WithoutWater:
-    """Every packet arrives at once and whole, as in the paper's experiments."""
+class NoModems:
+    """No water that carries sound: there is no modem here, and a ping is lost."""
 
-    sound_speed_m_s = math.inf
-
-    def __init__(self, coordinator: Coordinator, host: Host) -> None:
+    def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
-        self.advance = coordinator.advance
-        self.take_truths = host.take_truths
-
-    def send(self, send: Send, now_ms: int) -> Stimulus:
-        return SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
 
     def ping(self, agent_id: int, not_before_ms: int) -> None:
-        self.dropped[_NO_WATER_FOR_PING] += 1
+        self.dropped["a ping without water to send it through"] += 1
 
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         pass
 
     def write(self, agent_id: int, data: bytes) -> None:
         pass
+
+
+class WithoutWater(NoModems):
+    """Every packet arrives at once and whole, as in the paper's experiments."""
+
+    sound_speed_m_s = math.inf
+
+    def __init__(self, coordinator: Coordinator, host: Host) -> None:
+        super().__init__()
+        self.advance = coordinator.advance
+        self.take_truths = host.take_truths
+
+    def send(self, send: Send, now_ms: int) -> Stimulus:
+        return SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
 
     def set_topology(self, topology: Topology) -> None:
         pass
@@ -238,15 +244,12 @@ class Fleet:
         return MissionEnd(EndReason.FLEET_LOST, f"{EndReason.FLEET_LOST}: {why}")
 
 
-class NoFleet:
+class NoFleet(NoModems):
     """The fleet of a mission alone: its aMussels are in other processes, and nothing reaches them from here."""
 
     ids: Sequence[int] = ()
 
     lost: MissionEnd | None = None
-
-    def __init__(self) -> None:
-        self.dropped: Counter[str] = Counter()
 
     def advance(self, now_ms: int) -> Sequence[SeaResult]:
         return ()
@@ -256,15 +259,6 @@ class NoFleet:
 
     def send(self, send: Send, now_ms: int) -> None:
         return None
-
-    def ping(self, agent_id: int, not_before_ms: int) -> None:
-        self.dropped[_NO_WATER_FOR_PING] += 1
-
-    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
-        pass
-
-    def write(self, agent_id: int, data: bytes) -> None:
-        pass
 
     def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
         return None

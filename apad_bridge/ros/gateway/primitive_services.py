@@ -18,7 +18,6 @@ import rospy
 from apad_bridge.mission.call_queue import CallQueue, FlightMission, Snapshot
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.takeover import give_back, take_over
 from apad_bridge.mission.values import Refused
 from apad_bridge.ros.gateway.primitive_actions import PrimitiveActions, docking_act
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -85,8 +84,12 @@ class PrimitiveServices:
                 Trigger,
                 self._mission_trigger(_end),
             ),
-            rospy.Service(below("take_over"), Trigger, self._mission_trigger(take_over)),
-            rospy.Service(below("give_back"), Trigger, self._mission_trigger(give_back)),
+            rospy.Service(
+                below("take_over"), Trigger, self._mission_trigger(lambda mission: mission.take_over())
+            ),
+            rospy.Service(
+                below("give_back"), Trigger, self._mission_trigger(lambda mission: mission.give_back())
+            ),
         ]
         self._actions = PrimitiveActions(command_source, apad)
         command_source.listen(self._show)

@@ -11,7 +11,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.state import MissionState, Phase
-from apad_bridge.mission.takeover import Takeover, give_back, take_over
+from apad_bridge.mission.takeover import Takeover
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
@@ -30,7 +30,7 @@ def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Sc
     )
     with pytest.raises(Refused, match="the mission flies the aPad: call take_over first"):
         flying.call(lambda hand: hand.go_to(14.0, 10.5))
-    flying.call_mission(take_over)
+    flying.call_mission(lambda mission: mission.take_over())
     docked, plans = flying.flight.supervisor.mission.state.docked, len(flying.events("plan"))
     assert flying.phase is Phase.COMMANDED
     flying.call(lambda hand: hand.go_to(14.0, 10.5))
@@ -41,7 +41,7 @@ def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Sc
     assert pose is not None and abs(pose.north_m - 14) + abs(pose.east_m - 10.5) < 1
     assert flying.flight.supervisor.mission.state.docked == docked
     assert len(flying.events("plan")) == plans
-    flying.call_mission(give_back)
+    flying.call_mission(lambda mission: mission.give_back())
     flying.until(lambda: flying.flight.supervisor.mission.state.services >= 2)
     assert [it["taken"] for it in flying.events("override")] == [True, False]
     # It charged the held aMussels and brought them home first, then collected the next.
@@ -53,18 +53,18 @@ def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Sc
 def test_it_is_not_given_back_in_the_middle_of_a_docking(pool: Scenario) -> None:
     flying = Flying(pool)
     flying.seconds(5)
-    flying.call_mission(take_over)
-    flying.call_mission(take_over)
+    flying.call_mission(lambda mission: mission.take_over())
+    flying.call_mission(lambda mission: mission.take_over())
     there = flying.flight.supervisor.beliefs.get(3)
     assert there is not None
     flying.call(lambda hand: hand.go_to(there.north_m, there.east_m))
     flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
     flying.call(lambda hand: hand.dock(0, 3))
     with pytest.raises(Refused, match="a docking is under way"):
-        flying.call_mission(give_back)
+        flying.call_mission(lambda mission: mission.give_back())
     flying.until(lambda: flying.calls.wait(0).docking is Status.DONE)
-    flying.call_mission(give_back)
-    flying.call_mission(give_back)
+    flying.call_mission(lambda mission: mission.give_back())
+    flying.call_mission(lambda mission: mission.give_back())
     assert flying.phase is Phase.CHARGE
     assert flying.flight.supervisor.mission.docks == (3, None, None, None)
 
@@ -129,7 +129,7 @@ def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> N
     flying.call_mission(lambda flown: flown.finish(MissionEnd(EndReason.CALL, "seen enough")))
     assert str(flying.flight.supervisor.mission.state.ended_by) == "seen enough"
     with pytest.raises(Refused, match="the mission is over: seen enough"):
-        flying.calls.call_mission(take_over)
+        flying.calls.call_mission(lambda mission: mission.take_over())
 
 
 def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -> None:
@@ -146,9 +146,9 @@ def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -
 def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
     hand = open_flight(pool, (CallQueue(),))[0].supervisor.mission
     assert isinstance(hand, ManualMission)
-    assert take_over(hand) == "no mission plans in this flight: orders are taken without it"
+    assert hand.take_over() == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to give the aPad back to"):
-        give_back(hand)
+        hand.give_back()
 
 
 def test_a_mission_stands_aside_while_another_party_commands_the_apad(pool: Scenario) -> None:
@@ -160,7 +160,7 @@ def test_a_mission_stands_aside_while_another_party_commands_the_apad(pool: Scen
     plans = len(flying.events("plan"))
     flying.seconds(300)
     assert len(flying.events("plan")) == plans, "it planned, though another party commands the aPad"
-    flying.call_mission(give_back)
+    flying.call_mission(lambda mission: mission.give_back())
     flying.until(lambda: len(flying.events("plan")) > plans)
 
 

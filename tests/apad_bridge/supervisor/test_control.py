@@ -143,7 +143,7 @@ def test_a_supervisor_that_does_not_tick_is_told_of_and_the_order_withdrawn(
 ) -> None:
     flying = Flying(pool)
     monkeypatch.setattr(
-        control, "carry_out", lambda request, calls: Answer(True, calls.call_any(lambda *_: "", 0.05))
+        control, "carry_out", lambda request, calls: Answer(True, calls.call_mission(lambda _: "", 0.05))
     )
     threads = threading.active_count()
     with control_offered(run_dir, flying.calls), pytest.raises(PeerFailed, match="does not answer"):
