@@ -10,7 +10,7 @@ from typing import Any
 
 from agents.modem.frames import Generation
 from agents.mussel.agent import AgentConfig
-from agents.mussel.body import BodyConfig, Sinking, WaterConfig
+from agents.mussel.body import BodyConfig, WaterConfig
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig
 from agents.water.chance import fates
@@ -32,6 +32,7 @@ from firmware_model.power.ageing import AS_NEW, rescaled
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads
 from firmware_model.sampling.flash import PAGES
+from firmware_model.sinking import Sinking
 
 _KEY = Struct("<QQ").pack
 _MOST_DEVIATIONS = 3.0

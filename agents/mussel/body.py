@@ -9,6 +9,7 @@ from struct import Struct
 from agents.water.fields import Fields
 from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
+from firmware_model.sinking import Sinking
 
 _KEY = Struct("<QQQ").pack
 _WORDS = Struct("<QQ").unpack
@@ -26,22 +27,6 @@ def drift_step_um(seed: int, agent_id: int, n: int, amplitude_um: int) -> tuple[
     width = 2 * amplitude_um + 1
     north, east = _WORDS(blake2b(_KEY(seed, agent_id, n), digest_size=16).digest())
     return (north * width >> 64) - amplitude_um, (east * width >> 64) - amplitude_um
-
-
-@dataclass(frozen=True, slots=True)
-class Sinking:
-    """The constant rates at which bodies rise and sink: the whole way from the bottom, or to it, in agent milliseconds."""
-
-    bottom_um: int
-    surfacing_ms: int
-    sinking_ms: int
-
-    def depth_um(self, from_um: int, buoyancy: Buoyancy, hover_um: int, elapsed_ms: int) -> int:
-        """The depth of a body that began to move at `from_um`: up, down, or to its hovering depth."""
-        goal_um = {Buoyancy.FLOAT: 0, Buoyancy.HOVER: hover_um}.get(buoyancy, self.bottom_um)
-        if goal_um < from_um:
-            return max(goal_um, from_um - self.bottom_um * elapsed_ms // self.surfacing_ms)
-        return min(goal_um, from_um + self.bottom_um * elapsed_ms // self.sinking_ms)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import hypot, sqrt
 
-from agents.mussel.body import Sinking
 from agents.mussel.physical import Physical
 from firmware_model.actions import Buoyancy
+from firmware_model.sinking import Sinking
 
 
 @dataclass(frozen=True, slots=True)

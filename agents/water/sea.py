@@ -17,7 +17,6 @@ from agents.hosting.host import Host
 from agents.modem.facts import FrameArrived
 from agents.modem.firmware import Firmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
-from agents.mussel.body import Sinking
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
 from agents.water import medium
@@ -41,6 +40,7 @@ from agents.water.sound import Sound
 from agents.water.topology import Topology
 from agents.water.wifi import Wifi
 from firmware_model.power.rails import RAILS
+from firmware_model.sinking import Sinking
 
 _FIRMWARE = {Generation.V2: Firmware.V2, Generation.V3: Firmware.V3}
 

@@ -65,8 +65,6 @@ class TwinConfig:
     parameters: TwinParameters
     schedules: dict[int, Schedule]
     """The boards' schedules by id."""
-    due_every_ms: int
-    """The period of reports in mission time."""
 
 
 def twin_config(
@@ -79,7 +77,6 @@ def twin_config(
     return TwinConfig(
         twin_parameters(scenario, model, board, body, reports),
         schedules(board.whole, scenario.fleet.all_ids, scenario.fleet.ids),
-        reports.period_ms // scenario.theta,
     )
 
 
@@ -135,12 +132,8 @@ def twin_parameters(
         drain_deviation=math.hypot(model.drain_deviation, _CAPACITY_DEVIATION),
         ageing_per_day=_AGEING_PER_DAY,
         clock=ClockParameters(1000.0, 20.0, 1000.0 * theta),
-        surfacing_ms=body.sinking.surfacing_ms,
-        sinking_ms=body.sinking.sinking_ms,
-        float_timeout_ms=board.float_timeout_ms,
-        motor_run_ms=0 if firmware is None else firmware.power.motor_run_ms,
-        release_wait_ms=board.release_wait_ms,
-        listening_ms=0 if firmware is None or firmware.cycle is None else firmware.cycle.listen_ms,
+        board=board,
+        sinking=body.sinking,
         calls=None if scenario.water is None else Calls(reports.period_ms, _MISSED),
     )
 

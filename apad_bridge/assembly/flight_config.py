@@ -12,7 +12,7 @@ from agents.water.sea import SeaConfig
 from apad_bridge.assembly.acoustics import AcousticsConfig, acoustics_config
 from apad_bridge.assembly.estimator import TwinConfig, twin_config
 from apad_bridge.assembly.water import generation_of, leeway_um_s, sea_config
-from apad_bridge.scenario.firmware_config import board_config, clock_drift_ppb, sinking_of
+from apad_bridge.scenario.firmware_config import board_config, sinking_of
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from firmware_model.config import BoardConfig, Timeslots
 
@@ -24,8 +24,6 @@ class FlightConfig:
     scenario: Scenario
     board: BoardConfig
     """The board of every aMussel."""
-    clock_drift_ppb: int
-    """The largest drift of the boards' clocks in parts of 10^9."""
     body: BodyConfig
     reports: ReportConfig
     sea: SeaConfig | None
@@ -67,7 +65,6 @@ def flight_config(scenario: Scenario) -> FlightConfig:
     return FlightConfig(
         scenario,
         board,
-        clock_drift_ppb(scenario.board),
         body,
         reports,
         None if water is None else sea_config(water, scenario.seed, body.sinking, modems),

@@ -28,7 +28,7 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
-from apad_bridge.scenario.firmware_config import spread_of
+from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.core import LearnedState, Supervisor
@@ -58,7 +58,7 @@ def fleet_config(config: FlightConfig) -> FleetConfig:
         waters=CALM if scenario.water is None else waters_config(scenario.water.fields),
         first_id=scenario.fleet.first_id,
         agent_ids=scenario.fleet.agent_ids,
-        clock_drift_ppb=config.clock_drift_ppb,
+        clock_drift_ppb=clock_drift_ppb(scenario.board),
         spread=spread_of(scenario),
     )
 
@@ -120,9 +120,8 @@ def fleet_beliefs(config: FlightConfig) -> FleetBeliefs:
         return HoldLast(config.ids, theta)
     from apad_bridge.beliefs.twin import Twin
 
-    return FleetBeliefs(
-        Twin(twin.parameters, twin.schedules), config.ids, due_every_ms=twin.due_every_ms, theta=theta
-    )
+    due_every_ms = config.reports.period_ms // theta
+    return FleetBeliefs(Twin(twin.parameters, twin.schedules), config.ids, due_every_ms, theta)
 
 
 def ranging_service(config: FlightConfig) -> RangingService | NoRanging:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from agents.modem.frames import Generation
-from agents.mussel.body import Sinking
 from agents.water import sound, wifi
 from agents.water.patches import CALM, Patch, Waters
 from agents.water.sea import SeaConfig
@@ -14,6 +13,7 @@ from apad_bridge.scenario.currents import current_text
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Current, Fields, ModemGeneration, Sound, Water
+from firmware_model.sinking import Sinking
 
 
 def current_config(scenario: Scenario) -> CurrentConfig:

@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
+from firmware_model.config import BoardConfig
+from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
 _MS_PER_MIN = 60_000
@@ -177,17 +179,22 @@ class TwinParameters:
     ageing_per_day: float
     """Deviation by which the relative drain wanders in a day."""
     clock: ClockParameters
-    surfacing_ms: int
-    sinking_ms: int
-    float_timeout_ms: int
-    """After floating unserved for so long, an aMussel sinks again."""
-    motor_run_ms: int = 0
-    release_wait_ms: int = 0
-    """An aMussel that was released sinks after so long at the latest."""
-    listening_ms: int = 0
-    """A board stays awake for so long after it has come to rest on the bottom."""
+    board: BoardConfig
+    """The nominal board: how long it floats, waits, listens and runs its motors."""
+    sinking: Sinking
     calls: Calls | None = None
     """Packets from the surface; None if it is unknown when a surfaced aMussel should be received."""
+
+    @property
+    def motor_run_ms(self) -> int:
+        """One run of the motors; 0 for the paper's worst case, whose motors are in its one load."""
+        return 0 if self.board.whole is None else self.board.whole.power.motor_run_ms
+
+    @property
+    def listening_ms(self) -> int:
+        """A board stays awake for so long after it has come to rest on the bottom; 0 for one that never sleeps."""
+        whole = self.board.whole
+        return 0 if whole is None or whole.cycle is None else whole.cycle.listen_ms
 
 
 @dataclass(frozen=True, slots=True)

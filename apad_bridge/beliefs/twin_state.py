@@ -222,8 +222,8 @@ def _afloat(twin_state: TwinState, parameters: TwinParameters, schedule: Schedul
         assert twin_state.unobeyed is not None
         stayed = replace(twin_state, load=twin_state.unobeyed[0], situation=None, unobeyed=None, pending=None)
         return advanced(stayed, parameters, schedule, to_ms)
-    per_min, surfaced_ms = parameters.drain.per_min, twin_state.since_ms + parameters.surfacing_ms
-    sinks_ms = surfaced_ms + parameters.float_timeout_ms
+    per_min, surfaced_ms = parameters.drain.per_min, twin_state.since_ms + parameters.sinking.surfacing_ms
+    sinks_ms = surfaced_ms + parameters.board.float_timeout_ms
     at_ms, spent, situation = twin_state.at_ms, twin_state.load, twin_state.situation
     if situation is Mode.SURFACING:
         end_ms = min(to_ms, max(at_ms, surfaced_ms))
@@ -252,7 +252,9 @@ def obey_probability(twin_state: TwinState, parameters: TwinParameters, at_ms: i
     if twin_state.unobeyed is None:
         return 1.0
     calls = parameters.calls
-    up_ms = min(at_ms - twin_state.unobeyed[1] - parameters.surfacing_ms, parameters.float_timeout_ms)
+    up_ms = min(
+        at_ms - twin_state.unobeyed[1] - parameters.sinking.surfacing_ms, parameters.board.float_timeout_ms
+    )
     if calls is None or up_ms < 0:
         return _OBEY_PRIOR
     unheard = _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
@@ -262,7 +264,7 @@ def obey_probability(twin_state: TwinState, parameters: TwinParameters, at_ms: i
 def sinking(spent: Spent, parameters: TwinParameters) -> Spent:
     """`spent`, and one way down, awake."""
     drain = parameters.drain
-    awake = drain.per_min[Mode.IDLE] * parameters.sinking_ms / MS_PER_MIN
+    awake = drain.per_min[Mode.IDLE] * parameters.sinking.sinking_ms / MS_PER_MIN
     mean = spent[1] + drain.motor_run + awake + drain.listening
     return Spent(spent[0], mean, spent[2] + drain.motor_deviation**2)
 
@@ -271,9 +273,9 @@ def released(twin_state: TwinState, parameters: TwinParameters, schedule: Schedu
     """Released at `at_ms`, and soon to sink: it waits at the surface until it is clear, or until the wait is over."""
     _, mean, variance = sinking(NOTHING, parameters)
     wait, at_ms = parameters.drain.release_wait, twin_state.at_ms
-    until_ms = at_ms + parameters.release_wait_ms + parameters.motor_run_ms
+    until_ms = at_ms + parameters.board.release_wait_ms + parameters.motor_run_ms
     mean += wait / 2 - missed_wakes(
-        schedule, at_ms, at_ms + parameters.release_wait_ms // 2 + _settling_ms(parameters)
+        schedule, at_ms, at_ms + parameters.board.release_wait_ms // 2 + _settling_ms(parameters)
     )
     pending = Pending(at_ms, until_ms, mean, variance + wait**2 / 12, Mode.FLOATING)
     return replace(submerged(twin_state, parameters, schedule, NOTHING), pending=pending)
@@ -294,7 +296,7 @@ def settled(twin_state: TwinState, parameters: TwinParameters, schedule: Schedul
 
 def _settling_ms(parameters: TwinParameters) -> int:
     """From the release of the ballast until the board sleeps."""
-    return parameters.sinking_ms + parameters.listening_ms
+    return parameters.sinking.sinking_ms + parameters.listening_ms
 
 
 def listening(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule) -> TwinState:

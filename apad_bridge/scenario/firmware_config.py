@@ -8,7 +8,6 @@ from functools import cache
 
 from agents.fleet import Spread
 from agents.modem.frames import Generation, duration_ms
-from agents.mussel.body import Sinking
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.full_firmware_options import (
     BoardPower,
@@ -33,6 +32,7 @@ from firmware_model.power.charge import (
     grains_per_ms,
 )
 from firmware_model.power.rails import Loads, Rail, bits, rails_of
+from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
 _MS_PER_HOUR = 3_600_000

@@ -23,8 +23,11 @@ from apad_bridge.beliefs.twin_parameters import (
     Water,
 )
 from benchmarks.belief_study.truth import Doing, Event, Life
+from firmware_model.config import BoardConfig
 from firmware_model.packets import StatusPacket
+from firmware_model.sinking import Sinking
 from firmware_model.states import State
+from firmware_model.table_one import WORST_CASE
 
 MINUTE = 60_000
 _STATES = {
@@ -64,9 +67,8 @@ NOMINAL = TwinParameters(
     drain_deviation=0.06,
     ageing_per_day=0.002,
     clock=ClockParameters(1000.0, 20.0, 1000.0),
-    surfacing_ms=4 * MINUTE,
-    sinking_ms=4 * MINUTE,
-    float_timeout_ms=12 * 60 * MINUTE,
+    board=BoardConfig(0, WORST_CASE, 50, 2000, float_timeout_ms=12 * 60 * MINUTE, release_wait_ms=0),
+    sinking=Sinking(3_000_000, 4 * MINUTE, 4 * MINUTE),
 )
 """A filter's knowledge of the study's aMussels: the nominal kind, not the individual."""
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from agents.fleet import FleetConfig
-from agents.mussel.body import BodyConfig, Sinking
+from agents.mussel.body import BodyConfig
 from agents.mussel.reporter import ReportConfig
 from firmware_model.config import BoardConfig, FullFirmware
+from firmware_model.sinking import Sinking
 from firmware_model.table_one import MODEL, WORST_CASE
 
 PAPER = FleetConfig(

@@ -14,7 +14,7 @@ from pathlib import Path
 from agents.coordinator import Coordinator, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
-from agents.mussel.body import BodyConfig, Sinking
+from agents.mussel.body import BodyConfig
 from agents.mussel.outputs import WifiSent
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, WifiArrived
@@ -23,6 +23,7 @@ from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.config import BoardConfig, FullFirmware, LastResort
 from firmware_model.packets import CommandPacket, Kind, LogRecords
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.sinking import Sinking
 from firmware_model.table_one import HOURLY, MODEL, power
 
 IDS = (1, 2, 3)

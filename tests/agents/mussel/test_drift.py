@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.mussel.body import Body, BodyConfig, Sinking, WaterConfig, drift_step_um
+from agents.mussel.body import Body, BodyConfig, WaterConfig, drift_step_um
 from agents.water.fields import Fields
 from agents.water.patches import CALM
 from agents.water.stream import STILL
 from firmware_model.actions import Buoyancy
+from firmware_model.sinking import Sinking
 
 words = st.integers(0, 2**64 - 1)
 

@@ -34,8 +34,8 @@ def test_the_way_up_is_equally_long_for_bodies_water_twins_and_records() -> None
     assert config.sea is not None and config.twin is not None
     assert fleet.maker().config(3).water.body.sinking.surfacing_ms == 61_007
     assert config.sea.sinking == fleet.body.sinking == Water(scenario)._sinking
-    assert config.twin.parameters.surfacing_ms == 61_007
-    assert config.twin.parameters.float_timeout_ms == fleet.board.float_timeout_ms == 33_250
+    assert config.twin.parameters.sinking == fleet.body.sinking
+    assert config.twin.parameters.board == fleet.board and fleet.board.float_timeout_ms == 33_250
 
 
 @pytest.mark.parametrize(("modems", "answer_ms"), [("v3", 393), ("v2", 1830)])

@@ -33,8 +33,11 @@ from apad_bridge.beliefs.twin_parameters import (
     Water,
 )
 from apad_bridge.beliefs.twin_state import TwinState
+from firmware_model.config import BoardConfig
 from firmware_model.packets import StatusPacket
+from firmware_model.sinking import Sinking
 from firmware_model.states import State
+from firmware_model.table_one import HOURLY, WORST_CASE, board, power
 
 HOUR = 3_600_000
 ASLEEP, IDLE, HIGH = 0.00007, 0.001, 0.003
@@ -48,11 +51,16 @@ KNOWLEDGE = TwinParameters(
     drain_deviation=0.06,
     ageing_per_day=0.002,
     clock=ClockParameters(1000.0, 20.0, 1000.0),
-    surfacing_ms=60_000,
-    sinking_ms=60_000,
-    float_timeout_ms=12 * HOUR,
+    board=BoardConfig(0, WORST_CASE, 50, 2000, float_timeout_ms=12 * HOUR, release_wait_ms=0),
+    sinking=Sinking(3_000_000, 60_000, 60_000),
 )
 ALWAYS_ASLEEP = {1: Schedule((0,), (Mode.ASLEEP,))}
+
+
+def listening(motor_run_ms: int = 0, release_wait_ms: int = 0) -> BoardConfig:
+    """A board that sleeps, and that listens for a minute once it rests on the bottom."""
+    sleeping = board(replace(HOURLY, listen_ms=60_000), replace(power(), motor_run_ms=motor_run_ms))
+    return replace(sleeping, float_timeout_ms=12 * HOUR, release_wait_ms=release_wait_ms)
 
 
 def heard(
@@ -291,7 +299,7 @@ def test_a_sleeper_that_is_awake_for_a_moment_is_not_taken_for_awake_until_the_h
     cycle = Cycle.of([(60_000, 0.002), (HOUR, ASLEEP)], HOUR)
     schedules = {1: Schedule((0,), (Mode.ASLEEP,), cycle)}
     drain = replace(KNOWLEDGE.drain, listening=IDLE - ASLEEP)
-    twin = Twin(replace(KNOWLEDGE, drain=drain, listening_ms=60_000), schedules)
+    twin = Twin(replace(KNOWLEDGE, drain=drain, board=listening()), schedules)
     at_ms = 5 * HOUR + 120_000
     belief = listens(twin, at_ms, state)
     expected = Mode.IDLE if state is State.ACTIVE else Mode.ASLEEP
@@ -309,7 +317,7 @@ def test_a_released_one_may_wait_before_its_motors_run() -> None:
     """For two minutes it waits for the word to sink: it floats with or without what a run of the motors takes."""
     drain = replace(KNOWLEDGE.drain, release_wait=0.004, listening=0.001)
     twin = Twin(
-        replace(KNOWLEDGE, drain=drain, release_wait_ms=120_000, motor_run_ms=60_000, listening_ms=60_000),
+        replace(KNOWLEDGE, drain=drain, board=listening(motor_run_ms=60_000, release_wait_ms=120_000)),
         ALWAYS_ASLEEP,
     )
     docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
@@ -331,8 +339,7 @@ def test_one_that_is_released_at_the_full_hour_misses_that_wake() -> None:
     twin = Twin(
         replace(
             KNOWLEDGE,
-            release_wait_ms=120_000,
-            listening_ms=60_000,
+            board=listening(release_wait_ms=120_000),
             habits=replace(KNOWLEDGE.habits, unscheduled=0.0),
         ),
         {1: Schedule((0,), (Mode.ASLEEP,), cycle)},
