@@ -1,7 +1,8 @@
 """journal.jsonl: the authoritative record of a run. One JSON object a line, `{"t": mission ms, "kind": ..., ...}`.
 
-It holds events, not samples. Lines are in the order in which events became known, which is not strictly the order of `t`:
-an aMussel's events between two ticks are known at the second tick.
+It holds events, not samples. `t` never falls from one line to the next. Lines wait for the end of their tick and are then
+sorted: an aMussel's events between two ticks are known at the second tick, one aMussel after the other. (Journals of
+versions up to 0.1 were not sorted.)
 """
 
 from __future__ import annotations
@@ -56,13 +57,18 @@ class JournalContents:
 
 
 class Journal:
-    """Appends to the journal. Lines reach the file at `flush`, at the end of every tick, all in one write."""
+    """Appends to the journal. Lines reach the file at `flush`, at the end of every tick, sorted and all in one write."""
 
-    def __init__(self, path: Path) -> None:
-        """Opens the file at its end and creates it if needed; cuts off a torn last line."""
+    def __init__(self, path: Path, flushed_ms: int = 0) -> None:
+        """Opens the file at its end and creates it if needed; cuts off a torn last line.
+
+        `flushed_ms` is the newest mission time in the file.
+        """
         self._file = LineFile(path)
         self.last_ms = -1
         """The newest mission time of an appended line; -1 for none."""
+        self.flushed_ms = flushed_ms
+        """The newest mission time in the file; 0 for none."""
 
     @property
     def torn_bytes(self) -> int:
@@ -70,14 +76,22 @@ class Journal:
         return self._file.torn_bytes
 
     def append(self, at_ms: int, kind: str, data: Line) -> None:
-        """Appends a line. ValueError for a line that is not of the table of kinds, and for a value that JSON lacks (NaN);
-        TypeError for data that is not plain."""
+        """Appends a line of mission time `at_ms`.
+
+        ValueError for a line that is not of the table of kinds, for a time before a line that is in the file, and for a
+        value that JSON lacks (NaN); TypeError for data that is not plain.
+        """
         refuse_wrong(kind, data)
-        self._file.append({"t": at_ms, "kind": kind, **data})
+        if at_ms < self.flushed_ms:
+            raise ValueError(
+                f"time went back: a line {kind!r} of {at_ms} ms after one of {self.flushed_ms} ms"
+            )
+        self._file.append({"t": at_ms, "kind": kind, **data}, at_ms)
         self.last_ms = max(self.last_ms, at_ms)
 
     def flush(self) -> None:
         self._file.flush()
+        self.flushed_ms = max(self.flushed_ms, self.last_ms)
 
     def close(self) -> None:
         """Flushes; a second call does nothing."""

@@ -19,18 +19,22 @@ class LineFile:
     def __init__(self, path: Path) -> None:
         """Opens the file at its end and creates it if needed; cuts off a torn last line."""
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-        self._waiting: list[str] = []
+        self._waiting: list[tuple[int, str]] = []
         self.torn_bytes = _cut_torn_line(self._descriptor)
 
-    def append(self, line: Line) -> None:
+    def append(self, line: Line, at_ms: int = 0) -> None:
         """Appends a line. ValueError for a value that JSON lacks (NaN); TypeError for data that is not plain."""
-        self._waiting.append(_encode(line))
+        self._waiting.append((at_ms, _encode(line)))
 
     def flush(self) -> None:
-        """OSError when the file cannot take the lines: none of them is then in it."""
+        """Writes the waiting lines by their `at_ms`; of the same time, as they were appended.
+
+        OSError when the file cannot take the lines: none of them is then in it.
+        """
         if not self._waiting:
             return
-        data = memoryview(("\n".join(self._waiting) + "\n").encode())
+        self._waiting.sort(key=lambda entry: entry[0])
+        data = memoryview("".join(f"{text}\n" for _, text in self._waiting).encode())
         self._waiting.clear()
         written = 0
         try:

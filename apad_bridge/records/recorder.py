@@ -85,7 +85,10 @@ class Recorder:
     bag and a journal without an end. RecordsFailed, once, when the disk takes no more.
     """
 
-    def __init__(self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]) -> None:
+    def __init__(
+        self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int], resumed_ms: int = 0
+    ) -> None:
+        """`resumed_ms` is the newest mission time of the records that it continues; 0 for a new run."""
         self.dropped: Counter[str] = Counter()
         self.dropped_before: Counter[str] = Counter()
         """The counts of this run's former supervisors, as far as they are known."""
@@ -108,7 +111,7 @@ class Recorder:
         self._sampled_ms: int | None = None
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
         self._checkpoint: Checkpoint | None = None
-        self._journal = Journal(directory.journal)
+        self._journal = Journal(directory.journal, resumed_ms)
         self._bag = BagWriter(directory.next_bag, scenario.theta)
         self._samples = SampleFile(directory.samples, scenario.theta)
 
@@ -123,7 +126,7 @@ class Recorder:
         contents = read_journal(directory.journal)
         bags = directory.bags
         repair = repair_bag(bags[-1]) if bags else None
-        recorder = cls(directory, scenario, agent_ids)
+        recorder = cls(directory, scenario, agent_ids, contents.last_ms)
         try:
             recorder._replay(contents)
         except ValueError as error:
@@ -162,7 +165,11 @@ class Recorder:
             self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
 
     def truths(self, truths: Sequence[Truth]) -> None:
-        """Takes truths, for each aMussel in order of time; a truth out of order is dropped and counted."""
+        """Takes truths, for each aMussel in order of time; a truth out of order is dropped and counted.
+
+        A truth that becomes known after the tick that it belongs to, that of an aMussel that died in its sleep, has the
+        time of the newest tick in the journal, and its own in `agent_ms`.
+        """
         for truth in truths:
             agent_id = truth.agent_id
             if agent_id not in self._agent_ids:
@@ -179,7 +186,8 @@ class Recorder:
             elif not has_moved(truth, journaled):
                 continue
             self._journaled[agent_id] = truth
-            self._journal.append(-(-truth.at_ms // self._scenario.theta), EventKind.TRUTH, truth_data(truth))
+            at_ms = max(-(-truth.at_ms // self._scenario.theta), self._journal.flushed_ms)
+            self._journal.append(at_ms, EventKind.TRUTH, truth_data(truth))
 
     @_on_disk
     def begin_checkpoint(self, learned: LearnedState, now_ms: int) -> None:
@@ -232,11 +240,6 @@ class Recorder:
         return [
             self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(self._newest.items())
         ]
-
-    @_on_disk
-    def flush(self) -> None:
-        """Writes the lines since the last tick to disk, before an act that cannot be undone."""
-        self._journal.flush()
 
     def finish(self, at_ms: int, ending: Ending) -> Line:
         """Ends the run at mission time `at_ms`: writes ends.csv and summary.json, closes all files, returns the summary."""

@@ -91,7 +91,8 @@ def repeat_placements(
     for agent_id, line in placed.items():
         if line["agent_ms"] >= granted_ms.get(agent_id, line["agent_ms"] + 1):
             agent_ms = coordinator.receive(agent_id, from_wire(line["wire"]), now_ms)
-            recorder.event(now_ms, EventKind.STIMULUS, id=agent_id, agent_ms=agent_ms, wire=line["wire"])
+            at_ms = max(now_ms, journal.last_ms)
+            recorder.event(at_ms, EventKind.STIMULUS, id=agent_id, agent_ms=agent_ms, wire=line["wire"])
 
 
 def _is_placing(line: Line) -> bool:

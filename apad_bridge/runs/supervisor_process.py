@@ -107,7 +107,8 @@ def _open_run(run_dir: Path, *, resume: bool, keeps: bool) -> _Run:
     if resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         start_state = replace(start_state, resume_point=resume_point)
-        start_state.recorder.event(start_state.start_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
+        at_ms = max(start_state.start_ms, start_state.journal.last_ms)
+        start_state.recorder.event(at_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
     return _Run(run_dir, config, options, start_state)
 
 

@@ -30,17 +30,44 @@ def path(tmp_path):
     return tmp_path / "journal.jsonl"
 
 
-def test_lines_come_back_in_order(path):
+def test_lines_of_one_flush_come_back_by_time_and_else_as_they_were_appended(path):
     journal = Journal(path)
     journal.append(1000, "leg", {"metres": 3.25})
     journal.append(500, "plan", SAID)
+    journal.append(1000, "leg", {"metres": 1.5})
     journal.close()
     contents = read_journal(path)
     assert contents.lines == [
-        {"t": 1000, "kind": "leg", "metres": 3.25},
         {"t": 500, "kind": "plan", **SAID},
+        {"t": 1000, "kind": "leg", "metres": 3.25},
+        {"t": 1000, "kind": "leg", "metres": 1.5},
     ]
     assert (contents.dropped, contents.last_ms) == (0, 1000)
+
+
+@given(flushes=st.lists(st.lists(st.integers(0, 5000), max_size=6), max_size=6))
+def test_time_never_falls_in_a_journal(tmp_path_factory, flushes):
+    path = tmp_path_factory.mktemp("law") / "journal.jsonl"
+    journal, kept, newest_ms = Journal(path), [], 0
+    for times in flushes:
+        for at_ms in times:
+            if at_ms < newest_ms:
+                with pytest.raises(
+                    ValueError, match=f"time went back: .* {at_ms} ms after one of {newest_ms} ms"
+                ):
+                    journal.append(at_ms, "tick", {})
+            else:
+                journal.append(at_ms, "leg", {"metres": len(kept)})
+                kept.append(at_ms)
+        journal.flush()
+        newest_ms = max(kept, default=0)
+    journal.close()
+    lines = read_journal(path).lines
+    assert [line["t"] for line in lines] == sorted(kept)
+    again = Journal(path, newest_ms)
+    with pytest.raises(ValueError, match="time went back"):
+        again.append(newest_ms - 1, "tick", {})
+    again.close()
 
 
 def test_what_is_flushed_is_on_disk_before_the_close(path):

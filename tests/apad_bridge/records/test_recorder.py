@@ -185,7 +185,7 @@ def recorder(tmp_path, scenario):
 
 
 def lines_of(recorder, kind):
-    recorder.flush()
+    recorder._journal.flush()
     return [line for line in read_journal(recorder._directory.journal).lines if line["kind"] == kind]
 
 
@@ -202,6 +202,17 @@ def test_truth_is_journaled_when_it_changed_or_moved(recorder):
         (4001, 120_001, 0),
         (6000, 180_000, 9_000_000),
     ]
+
+
+def test_a_truth_that_becomes_known_late_has_the_time_at_which_it_did(recorder):
+    recorder.truths([hand_made(60_000)])
+    recorder.tick(5000, [], None, None, "none", FREE)
+    # Of an aMussel that died in its sleep: its death is at the end of the last window that it answered.
+    recorder.truths(
+        [hand_made(90_000, charge=0), hand_made(150_001, agent_id=4), hand_made(150_000, charge=5)]
+    )
+    truths = [(line["t"], line["id"], line["agent_ms"]) for line in lines_of(recorder, "truth")]
+    assert truths == [(2000, 3, 60_000), (5000, 3, 90_000), (5000, 3, 150_000), (5001, 4, 150_001)]
 
 
 def test_a_truth_that_cannot_be_is_dropped_and_counted(recorder):
