@@ -1,6 +1,7 @@
 """Writes run.bag, a ROS 1 bag with the samples of a run, without ROS; and repairs a bag that was never closed.
 
-Stamps are mission time; the messages carry both clocks. A bag is written in chunks, each compressed by LZ4, which ROS's
+The bag's own times are mission time. The headers' stamps are those that the same messages have on the graph: on somebody
+else's master that master's time, and else mission time too. So the bag keeps both, and maps one to the other. A bag is written in chunks, each compressed by LZ4, which ROS's
 tools can read, and flushed to the file: a kill loses only the chunk that was being filled.
 """
 
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -113,9 +114,10 @@ class _ChunkedWriter(Writer):
 class BagWriter:
     """Writes a new bag; `path` must not exist. `close` makes the bag valid; after a kill `repair_bag` does."""
 
-    def __init__(self, path: Path, theta: int) -> None:
+    def __init__(self, path: Path, theta: int, stamp_ms: Callable[[int], int] = int) -> None:
+        """`stamp_ms` returns the stamp of a message about a mission time; by default the same."""
         self.path = path
-        self._messages = Messages(theta)
+        self._messages = Messages(theta, stamp_ms)
         self._writer = _new_writer(path)
         store = typestore()
         self._connections = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
@@ -39,10 +40,11 @@ def typestore() -> Typestore:
 
 
 class Messages:
-    """Serializes samples as ROS 1 messages, stamped in mission time."""
+    """Serializes samples as ROS 1 messages. `stamp_ms` returns the header's stamp for a mission time."""
 
-    def __init__(self, theta: int) -> None:
+    def __init__(self, theta: int, stamp_ms: Callable[[int], int] = int) -> None:
         self._theta = theta
+        self._stamp_ms = stamp_ms
         self._store = typestore()
         types = self._store.types
         self._time: Any = types["builtin_interfaces/msg/Time"]
@@ -110,7 +112,8 @@ class Messages:
         )
 
     def _head(self, now_ms: int) -> object:
-        return self._header(0, self._time(now_ms // 1000, now_ms % 1000 * 1_000_000), "ned")
+        stamp_ms = self._stamp_ms(now_ms)
+        return self._header(0, self._time(stamp_ms // 1000, stamp_ms % 1000 * 1_000_000), "ned")
 
     def _serialize(self, message: object, name: str) -> bytes:
         return cast(bytes, self._store.serialize_ros1(message, name))

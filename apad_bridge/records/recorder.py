@@ -86,9 +86,17 @@ class Recorder:
     """
 
     def __init__(
-        self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int], resumed_ms: int = 0
+        self,
+        directory: RunDirectory,
+        scenario: Scenario,
+        agent_ids: Iterable[int],
+        stamp_ms: Callable[[int], int] = int,
+        resumed_ms: int = 0,
     ) -> None:
-        """`resumed_ms` is the newest mission time of the records that it continues; 0 for a new run."""
+        """`stamp_ms` returns the stamp of a bag's message about a mission time; by default the same.
+
+        `resumed_ms` is the newest mission time of the records that it continues; 0 for a new run.
+        """
         self.dropped: Counter[str] = Counter()
         self.dropped_before: Counter[str] = Counter()
         """The counts of this run's former supervisors, as far as they are known."""
@@ -112,12 +120,16 @@ class Recorder:
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
         self._checkpoint: Checkpoint | None = None
         self._journal = Journal(directory.journal, resumed_ms)
-        self._bag = BagWriter(directory.next_bag, scenario.theta)
+        self._bag = BagWriter(directory.next_bag, scenario.theta, stamp_ms)
         self._samples = SampleFile(directory.samples, scenario.theta)
 
     @classmethod
     def resume(
-        cls, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]
+        cls,
+        directory: RunDirectory,
+        scenario: Scenario,
+        agent_ids: Iterable[int],
+        stamp_ms: Callable[[int], int] = int,
     ) -> tuple[Recorder, Resumed]:
         """Continues the records of a run whose supervisor died: repairs its bag, begins another, and rebuilds the uptimes.
 
@@ -126,7 +138,7 @@ class Recorder:
         contents = read_journal(directory.journal)
         bags = directory.bags
         repair = repair_bag(bags[-1]) if bags else None
-        recorder = cls(directory, scenario, agent_ids, contents.last_ms)
+        recorder = cls(directory, scenario, agent_ids, stamp_ms, contents.last_ms)
         try:
             recorder._replay(contents)
         except ValueError as error:

@@ -130,16 +130,25 @@ class StartState:
         return 0 if self.resume_point is None else self.resume_point.now_ms
 
 
-def begin_run(directory: RunDirectory, config: FlightConfig, options: RunOptions) -> StartState:
-    """Starts a new run and its journal."""
+def begin_run(
+    directory: RunDirectory,
+    config: FlightConfig,
+    options: RunOptions,
+    stamp_ms: Callable[[int], int] = int,
+) -> StartState:
+    """Starts a new run and its journal; `stamp_ms` is the recorder's."""
     scenario, ids = config.scenario, config.ids
-    recorder = Recorder(directory, scenario, ids)
+    recorder = Recorder(directory, scenario, ids, stamp_ms)
     journal_start(recorder, scenario, starts_of(scenario))
     return StartState(recorder, Presences(ids, scenario.area.depth_m), _nothing_learned(config, options))
 
 
 def resume_run(
-    directory: RunDirectory, config: FlightConfig, options: RunOptions, report: Callable[[str], None]
+    directory: RunDirectory,
+    config: FlightConfig,
+    options: RunOptions,
+    report: Callable[[str], None],
+    stamp_ms: Callable[[int], int] = int,
 ) -> StartState:
     """Resumes a run whose supervisor died; `report` takes lines for a person on the state that is restored or lost.
 
@@ -149,7 +158,7 @@ def resume_run(
     scenario, ids = config.scenario, config.ids
     if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
         report("reading the records of a long run: this takes some seconds")
-    recorder, resumed = Recorder.resume(directory, scenario, ids)
+    recorder, resumed = Recorder.resume(directory, scenario, ids, stamp_ms)
     start = find_resume_point(resumed.journal, options.epoch, without_supervisor_ms)
     presences = Presences(ids, scenario.area.depth_m, presence_changes(resumed.journal))
     learned = _nothing_learned(config, options)

@@ -24,6 +24,7 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
+from apad_bridge.ros.system.ros_time import await_master, stamp_ms
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.children import supervising
@@ -98,11 +99,13 @@ def _open_run(run_dir: Path, *, resume: bool, keeps: bool) -> _Run:
     """Opens the records of a new run, or of one whose supervisor died."""
     directory = RunDirectory(run_dir)
     config, options = flight_config(load(directory.scenario)), RunOptions.load(run_dir)
+    if not options.owns_master:
+        await_master()
     if not resume:
-        return _Run(run_dir, config, options, resuming.begin_run(directory, config, options))
+        return _Run(run_dir, config, options, resuming.begin_run(directory, config, options, stamp_ms))
     options = replace(options.next_epoch(), keeps=options.keeps or keeps)
     options.save(run_dir)
-    start_state = resuming.resume_run(directory, config, options, say)
+    start_state = resuming.resume_run(directory, config, options, say, stamp_ms)
     resume_point = start_state.resume_point
     if resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())

@@ -9,10 +9,13 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
+from rosbags.rosbag1 import Reader
 
+from apad_bridge.records.bag_messages import typestore
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
@@ -94,9 +97,13 @@ def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str]
 def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(
     scenario: Path, graph: dict[str, str], tmp_path: Path
 ) -> None:
+    data = yaml.safe_load(scenario.read_text())
+    data["duration_s"] = 300  # the master's time goes on while nobody supervises: 12 s a second
+    scenario.write_text(yaml.safe_dump(data))
     out = tmp_path / "run"
     run = start("run", scenario, out, graph, "--apad", "ros")
     wait_until_heard(out, '"kind":"dock"')
+    wait_until_heard(out, '{"t":30000,')  # so that the first chunks of its bag are whole
     os.kill(int((out / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
     resume = [*MUSSELBED, "resume", str(out), "--json"]
     refused = subprocess.run(
@@ -118,6 +125,13 @@ def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(
     assert run.returncode == 0, mistakes
     released = [line for line in read_journal(out / "journal.jsonl").lines if line["kind"] == "released"]
     assert json.loads(said)["services"] == sum(line["full"] for line in released) > 0
+    # Mission time is the bags' own, and the headers have the master's /clock, which began before the run.
+    before, after = recorded(out / "run.bag"), recorded(out / "run-1.bag")
+    assert before and after
+    for rows in (before, after):
+        assert all(stamp_ms > mission_ms for _, mission_ms, stamp_ms in rows)
+        assert [row[2] for row in rows] == sorted(row[2] for row in rows)
+    assert before[-1][1] < after[0][1] and before[-1][2] < after[0][2]
 
 
 def with_first_id(scenario: Path, first_id: int) -> Path:
@@ -137,6 +151,19 @@ def echoed_s(time: str, environment: dict[str, str]) -> float:
     )
     stamp = next(yaml.safe_load_all(done.stdout))
     return float(stamp["secs"] + stamp["nsecs"] / 1e9)
+
+
+def recorded(bag: Path) -> list[tuple[str, int, int]]:
+    """(topic, mission ms, ms of the header's stamp) of each message but those of the time before a master was there."""
+    rows = []
+    with Reader(bag) as reader:
+        for connection, stamp_ns, data in reader.messages():
+            message: Any = typestore().deserialize_ros1(data, connection.msgtype)
+            header = message.header.stamp
+            mission_ms = stamp_ns // 1_000_000
+            assert getattr(message, "mission_time_ms", mission_ms) == mission_ms
+            rows.append((connection.topic, mission_ms, header.sec * 1000 + header.nanosec // 1_000_000))
+    return [row for row in rows if row[2]]
 
 
 def wait_until_heard(run: Path, what: str = '"kind":"belief"') -> None:
@@ -169,9 +196,12 @@ def test_two_fleets_on_one_master_need_disjoint_ids(
         before_s, stamp_s, after_s = (echoed_s(it, graph) for it in (clock, f"{topic}/header/stamp", clock))
         # A position repeats the report of the last tick: less than two ticks before `before_s`.
         assert before_s - 2.0 <= stamp_s <= after_s, f"the stamp of {topic} is that of the master"
+    heard_ms = round(1000 * stamp_s)
     disjoint = start("fleet", with_first_id(scenario, 5), tmp_path / "disjoint", graph)
     wait_until_heard(tmp_path / "disjoint")
     for fleet in (disjoint, first):
         fleet.send_signal(signal.SIGINT)
         fleet.communicate(timeout=PATIENCE_S)
         assert fleet.returncode == 130
+    rows = recorded(tmp_path / "first" / "run.bag")
+    assert [topic for topic, _, stamp_ms in rows if stamp_ms == heard_ms].count("/musselbed/beliefs") == 1

@@ -16,12 +16,15 @@ from rosbags.rosbag1.reader import ReaderError
 
 from apad_bridge.records.bag import CHUNK_MS, BagWriter, repair_bag
 from apad_bridge.records.bag_messages import typestore
+from apad_bridge.records.bag_samples import instants
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 
 TRUTH = TruthSample(7, 5, 0.25, 1.0, 1.5, -2.5, 3.0, True, 60_000)
 BELIEF = BeliefSample(7, 2, 0.5, 0.75, 1.25, -2.0, 4.5)
 APAD = APadSample(10.0, 11.0, pi, 15.5, 0.875, "dock", (7, -1, -1, 9))
+HEARD = [[0, "received", 51.5, 3_900_893, 200.0, 300.0], [4, "collided", 12.0, 3_900_793, 100.0, 150.0]]
+PACKET = {"from": 3, "what": "broadcast", "lasted_ms": 693, "data": "0102ff", "heard": HEARD}
 
 
 def read(path):
@@ -67,11 +70,31 @@ def test_a_sample_comes_back_with_both_clocks(tmp_path):
     assert (event.kind, event.data) == ("dock", '{"dock":0}')
 
 
+def test_on_somebody_elses_master_a_bag_keeps_mission_time_and_the_masters(tmp_path):
+    bag = BagWriter(tmp_path / "run.bag", theta=30, stamp_ms=lambda at_ms: 1_800_000_000_250 + at_ms)
+    for now_ms in range(0, 25_000, 1000):
+        bag.sample(now_ms, [TRUTH], [BELIEF], APAD)
+        bag.event(now_ms, "dock", "{}")
+    for row in sound_rows(PACKET):
+        bag.sound(24_000, row)
+    torn = tmp_path / "torn.bag"
+    torn.write_bytes(bag.path.read_bytes())
+    bag.close()
+    messages = read(bag.path)
+    assert len({topic for topic, _, _ in messages}) == 5
+    for _, stamp_ms, message in messages:
+        mission_ms = 0 if stamp_ms < 1 else stamp_ms  # ROS reads a stamp of 0 as no time
+        assert getattr(message, "mission_time_ms", mission_ms) == mission_ms
+        header = message.header.stamp
+        assert (header.sec, header.nanosec) == (1_800_000_000 + mission_ms // 1000, 250_000_000)
+    # Readers go by mission time: the whole chunks of a torn bag end at second 20, and samples are asked for by period.
+    assert repair_bag(torn).last_ms == 20_000
+    assert [it.at_ms for it in instants([bag.path], 10_000)] == [0, 10_000, 20_000]
+
+
 def test_a_packet_is_told_for_each_listener(tmp_path):
-    heard = [[0, "received", 51.5, 3_900_893, 200.0, 300.0], [4, "collided", 12.0, 3_900_793, 100.0, 150.0]]
-    packet = {"from": 3, "what": "broadcast", "lasted_ms": 693, "data": "0102ff", "heard": heard}
     bag = BagWriter(tmp_path / "run.bag", theta=1)
-    for row in sound_rows(packet) + sound_rows({**packet, "what": "unicast", "heard": heard[:1]}):
+    for row in sound_rows(PACKET) + sound_rows({**PACKET, "what": "unicast", "heard": HEARD[:1]}):
         bag.sound(3_901_000, row)
     bag.close()
     first, second, third = [message for _, _, message in read(bag.path)]
