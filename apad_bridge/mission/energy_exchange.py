@@ -18,7 +18,7 @@ from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.plans import plan_note, plan_or_reason
-from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
+from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
@@ -38,6 +38,8 @@ STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
 LEGS_PER_STEP = 3
 """A step is given up when its aMussel floats out of reach after so many go-tos."""
+DOCKINGS_PER_STEP = 3
+"""A step is given up after so many failed dockings, because an aMussel spends most of its charge at the surface."""
 
 
 class SinkReminders:
@@ -47,19 +49,21 @@ class SinkReminders:
         self._repeat_ms = repeat_ms
         self._reminded_ms: dict[int, int] = {}
 
-    def take_due(self, beliefs: Iterable[Belief], expected: Container[int], now_ms: int) -> list[int]:
+    def take_due(
+        self, beliefs: Iterable[Belief], expected: Container[int], called_up: Container[int], now_ms: int
+    ) -> list[int]:
         """Ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
 
         An aMussel that was told at its release and is still at the surface did not get the message, because a
         board asleep in its dock has its Wi-Fi off.
 
-        An empty aMussel is not told: it came up to survive, or would be as empty below, and can be fetched there.
+        An empty aMussel is told only if it was `called_up`. Any other came up to survive, and can be fetched there.
         """
         due_ids = [
             belief.agent_id
             for belief in beliefs
             if belief.state in UP_AND_UNDOCKED
-            and belief.primary > 0
+            and (belief.primary > 0 or belief.agent_id in called_up)
             and belief.agent_id not in expected
             and belief.heard_ms == now_ms
             and now_ms - self._reminded_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms
@@ -102,6 +106,10 @@ class EnergyExchange(OrderBook):
         self._breakdown = Breakdown(STUCK_AFTER)
         self._legs = 0
         """Number of go-tos to the aMussel of the step under way."""
+        self._dockings = 0
+        """Number of failed dockings of the step under way."""
+        self._called_up: set[int] = set()
+        """The aMussels that this mission permitted to surface and that have not been docked since."""
         self._must_begin = True
         """The primitive of the state must be ordered: at the start, and after a resume."""
         self._began_ms: int | None = None
@@ -111,13 +119,16 @@ class EnergyExchange(OrderBook):
         leg = self.state.leg
         self.note_outcome(outcome)
         if isinstance(outcome, DockChanged):
+            self._called_up.discard(outcome.agent_id)
             return self.take_orders()
         self.docking_routine.receive(outcome)
         if leg is not None and outcome.primitive_id == leg.primitive_id:
             self._breakdown.go_to_ended(outcome)
         if outcome.primitive_id == self.state.primitive_id:
             if isinstance(outcome, PrimitiveFailed):
-                if self.state.plan.steps:
+                if self.state.phase is Phase.DOCK:
+                    self._dock_again(outcome.reason, now_ms)
+                elif self.state.plan.steps:
                     self._give_up(outcome.reason, now_ms)
             elif self._behaviour.success is not None:
                 self._behaviour.success(self, now_ms)
@@ -216,8 +227,9 @@ class EnergyExchange(OrderBook):
         if belief is None:
             self._give_up("it was never heard", now_ms)
             return
-        self._legs = 1
+        self._legs, self._dockings = 1, 0
         self._go_to(belief.north_m, belief.east_m)
+        self._called_up.add(belief.agent_id)
         self.docking_routine.call_up(belief.agent_id, now_ms)
         self._enter(Phase.GO_COLLECT, now_ms)
 
@@ -245,6 +257,14 @@ class EnergyExchange(OrderBook):
         self._legs += 1
         self._go_to(belief.north_m, belief.east_m)
         self._enter(Phase.GO_COLLECT, now_ms)
+
+    def _dock_again(self, reason: str, now_ms: int) -> None:
+        """Tries a failed docking again at once, for the aPad is beside the aMussel."""
+        self._dockings += 1
+        if self._dockings < DOCKINGS_PER_STEP and self._floats(self._step.agent_id):
+            self._await_surfacing(now_ms)
+        else:
+            self._give_up(reason, now_ms)
 
     def _start_charging(self, now_ms: int) -> None:
         self._hold_and_charge(now_ms)
@@ -313,7 +333,10 @@ class EnergyExchange(OrderBook):
             # Of go-tos that fail in a row only the first may be the aMussel's fault.
             self._count_failed_try(step.agent_id, reason)
         self.note("given_up", agent=step.agent_id, what=step.kind.value, reason=reason)
-        self._pool.exclude(step.agent_id, now_ms)
+        is_beside_it = self.state.phase in (Phase.AWAIT_SURFACING, Phase.DOCK)
+        if not (is_beside_it and self._floats(step.agent_id)):
+            # One that floats is a candidate again at once; a go-to that failed would only fail again.
+            self._pool.exclude(step.agent_id, now_ms)
         self._finish_step(now_ms)
 
     def _finish_step(self, now_ms: int) -> None:
@@ -349,6 +372,10 @@ class EnergyExchange(OrderBook):
         assert self.pose is not None  # nothing is done before it is known
         return self.pose
 
+    def _floats(self, agent_id: int) -> bool:
+        belief = self._beliefs.get(agent_id)
+        return belief is not None and floats(belief)
+
     def _is_held(self, agent_id: int) -> bool:
         return agent_id in dict(self.state.docked).values()
 
@@ -369,7 +396,8 @@ class EnergyExchange(OrderBook):
 
     def _remind_to_sink(self, now_ms: int) -> None:
         expected = {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
-        for agent_id in self._sink_reminders.take_due(self._beliefs.all(), expected, now_ms):
+        due_ids = self._sink_reminders.take_due(self._beliefs.all(), expected, self._called_up, now_ms)
+        for agent_id in due_ids:
             self.order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:

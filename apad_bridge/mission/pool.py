@@ -38,7 +38,7 @@ def can_be_fetched(belief: Belief) -> bool:
 
 
 class ChargingPool:
-    """The paper's charging selection pool. An aMussel whose step was given up stays excluded for a while."""
+    """The paper's charging selection pool, without the aMussels that are excluded for a while."""
 
     def __init__(self, config: Mission, beliefs: BeliefSource) -> None:
         self._config = config
@@ -60,7 +60,8 @@ class ChargingPool:
         """The number of candidates to collect now; 0 means to wait for more.
 
         The batch is never larger than the number of aMussels that can still come up and are not `left_alone`.
-        The mission does not wait at all while an aMussel that surfaced to survive floats with its primary battery empty.
+        The mission does not wait at all while a candidate floats, which surfaced to survive or was not docked when the
+        aPad came for it: at the surface it spends most.
         """
         left = sum(
             belief.state not in BEYOND_HELP and belief.agent_id not in left_alone
@@ -69,7 +70,7 @@ class ChargingPool:
         batch = min(self._config.batch, max(1, left))
         if len(candidates) >= batch:
             return batch
-        urgent = any(it.state is State.FLOATING and it.primary <= 0 for it in candidates)
+        urgent = any(it.state is State.FLOATING for it in candidates)
         return len(candidates) if urgent else 0
 
     def is_low(self, belief: Belief) -> bool:

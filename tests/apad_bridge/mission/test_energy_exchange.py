@@ -7,7 +7,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason, MissionEnd
-from apad_bridge.mission.energy_exchange import LEGS_PER_STEP, EnergyExchange
+from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
@@ -326,6 +326,77 @@ def test_one_that_floats_away_again_and_again_is_given_up() -> None:
         bench.tick()
     assert go_tos == LEGS_PER_STEP
     assert bench.notes("given_up")[0]["reason"] == "it still floats out of reach after 3 go-tos"
+
+
+def float_beside_the_apad(bench: Bench, charge: float = 0.5) -> None:
+    """From the go-to just ordered: aMussel 1 floats, and its docking is ordered."""
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.succeed()
+    bench.told.say(1, bench.now_ms, State.FLOATING, charge)
+    bench.tick()
+    assert isinstance(bench.primitive(), DockMussel)
+
+
+def test_a_docking_that_missed_is_tried_again_at_once() -> None:
+    bench = Bench()
+    bench.tick()
+    float_beside_the_apad(bench)
+    for _ in range(DOCKINGS_PER_STEP - 1):
+        bench.fail("missed")
+        assert bench.notes("given_up") == []
+        bench.tick()
+        assert isinstance(bench.primitive(), DockMussel)
+    bench.succeed()
+    assert dict(bench.mission.state.docked) == {0: 1}
+    assert bench.mission.state.failed_tries == ()
+
+
+def miss_all(bench: Bench) -> None:
+    """From the docking just ordered: every try misses, and the aMussel is given up."""
+    for _ in range(DOCKINGS_PER_STEP):
+        bench.fail("missed")
+        if not bench.notes("given_up"):
+            bench.tick()
+    assert bench.notes("given_up")[0]["agent"] == 1
+
+
+def test_one_that_is_left_afloat_is_fetched_next_without_a_batch() -> None:
+    bench = Bench(agents=1)
+    bench.told.say(2, 0, State.ACTIVE, 0.9)  # not in need, but it makes a batch of 2
+    bench.tick()
+    assert not any(isinstance(order, GoToPoint) for order in bench.orders)
+    bench.told.say(2, 0, State.ACTIVE, 0.7)
+    bench.tick()
+    float_beside_the_apad(bench)
+    miss_all(bench)
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.collect(2)
+    assert bench.mission.state.phase is Phase.CHARGE
+    bring_home(bench, (2,), charge=1.0)
+    bench.tick()
+    assert any(isinstance(order, GoToPoint) for order in bench.orders)
+    assert bench.mission.state.plan.steps[0].agent_id == 1
+
+
+def test_an_empty_one_that_was_missed_is_told_to_sink_while_others_are_collected() -> None:
+    """At the surface its backup battery lasts for some hours, and on the bottom for days."""
+    bench = Bench()
+    bench.tick()
+    float_beside_the_apad(bench, charge=0.0)
+    miss_all(bench)
+    assert bench.mission.state.plan.steps[0].agent_id == 2
+    assert TellClear(1) in bench.tick()
+
+
+def test_an_aPad_that_cannot_reach_one_that_floats_does_not_try_at_every_tick() -> None:
+    bench = Bench(agents=1)
+    bench.told.say(1, 0, State.FLOATING, 0.5)
+    bench.tick()
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.fail("refused")
+    assert bench.notes("given_up")[0]["reason"] == "refused"
+    for _ in range(int(MISSION.silence_timeout_s) - 1):
+        assert not any(isinstance(order, GoToPoint) for order in bench.tick())
 
 
 def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:

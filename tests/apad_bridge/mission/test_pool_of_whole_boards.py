@@ -55,9 +55,10 @@ def test_the_lost_are_not_waited_for() -> None:
     assert ChargingPool(MISSION, told(*lost)).batch_of([]) == 0
 
 
-def test_one_that_came_up_for_its_life_is_fetched_without_a_batch() -> None:
+@pytest.mark.parametrize("charge", [0.0, 0.3])
+def test_one_that_floats_is_fetched_without_a_batch(charge: float) -> None:
     beliefs = told(*[State.SLEEPING] * 5)
-    beliefs[1] = replace(beliefs[1], state=State.FLOATING, primary=0.0, secondary=0.2)
+    beliefs[1] = replace(beliefs[1], state=State.FLOATING, primary=charge, secondary=0.2)
     for agent_id in (3, 4, 5):
         beliefs[agent_id] = replace(beliefs[agent_id], primary=0.9)
     pool = ChargingPool(MISSION, beliefs)
@@ -70,8 +71,10 @@ def test_it_is_not_told_to_sink_and_others_are() -> None:
     beliefs = told(State.FLOATING, State.RELEASED, State.FLOATING, State.REPORTING, State.SLEEPING)
     beliefs[3] = replace(beliefs[3], primary=0.0)
     reminders = SinkReminders(repeat_ms=10_000)
-    assert reminders.take_due(beliefs.all(), set(), 0) == [1, 2]
-    assert reminders.take_due(beliefs.all(), set(), 0) == []
+    assert reminders.take_due(beliefs.all(), set(), set(), 0) == [1, 2]
+    assert reminders.take_due(beliefs.all(), set(), set(), 0) == []
+    # One that was called up would last longer below.
+    assert reminders.take_due(beliefs.all(), set(), {3}, 0) == [3]
 
 
 @pytest.mark.parametrize(("state", "is_home"), [(State.SLEEPING, True), (State.REPORTING, False)])
