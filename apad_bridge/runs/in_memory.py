@@ -73,6 +73,7 @@ def open_flight(
     command_sources: Sequence[CommandSource] = (),
     takeover: CallQueue | None = None,
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
+    recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
 
@@ -91,7 +92,7 @@ def open_flight(
         takeover=takeover,
         stands_down=context.stands_down,
     )
-    recorder = MemoryRecorder(scenario)
+    recorder = recorder_of(scenario)
     return Flight(supervisor, context, recorder), recorder
 
 

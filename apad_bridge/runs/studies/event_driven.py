@@ -1,0 +1,345 @@
+"""The event-driven model of a mission: the mission itself, with the ticks between its events skipped.
+
+The model flies the same supervisor, mission, strategies and docking port, the same boards and bodies, and the same draws
+as a flight in virtual time. Three parts are computed instead of stepped:
+
+- a status packet: the belief at a tick is made from the aMussel's newest truth, rounded as the packet rounds it;
+- the random drift: a sum of the body's own steps, which all missions with the same seed share;
+- the aPad's cruise: steps at constant speed and heading are one step.
+
+A tick is skipped if nothing can happen at it: `_next_tick_ms` is never later than the first tick at which the mission would
+act. A tick too many changes nothing, because a flight may be cut anywhere. `model_gap` names what the model leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from agents.hosting.in_process import InProcessHost
+from agents.mussel.body import drift_step_um
+from agents.mussel.outputs import Truth
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.mission.allocation import Allocation
+from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.state import Phase
+from apad_bridge.planning import registry
+from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.runs.studies.cruising_apad import CruisingAPad
+from apad_bridge.runs.studies.figures import FigureMeter, Figures
+from apad_bridge.scenario.firmware_config import charge_models
+from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from firmware_model.packets.wire import CHARGE_STEPS
+from firmware_model.power.charge import FULL, Battery, ChargeModel
+from firmware_model.state_groups import BEYOND_HELP, DOCKED, UP_AND_UNDOCKED
+from firmware_model.states import State
+
+_NEVER_MS = 1 << 60
+_SURFACING_OR_UP = (State.SURFACING, State.FLOATING)
+
+
+def model_gap(scenario: Scenario) -> str | None:
+    """The first thing in the scenario that the event-driven model leaves out; None if it covers the scenario."""
+    fleet, docking = scenario.fleet, scenario.mission.docking
+    gaps = {
+        "board.whole: its timers fire too often to be skipped": scenario.board.whole is not None,
+        "hearing.mode: only `paper` is heard at every tick": scenario.hearing.mode is not HearingMode.PAPER,
+        "hearing.report_period_s: only 1": scenario.hearing.report_period_s * 1000 != TICK_MS,
+        "hearing.codec: only the built-in one": scenario.hearing.codec != "musselbed-1",
+        "water": scenario.water is not None,
+        "apads: several aPads": bool(scenario.apads),
+        "beliefs.twin": scenario.beliefs.twin is not None,
+        "fleet.drift.current_file: a current": fleet.drift.current_file is not None,
+        "mission.docking.camera_ids and visual_ids, which the vehicle docks": bool(
+            docking.camera_ids or docking.visual_ids
+        ),
+        "mission.docking.profile: only `virtual`": docking.profile.value != "virtual",
+    }
+    return next((gap for gap, is_there in gaps.items() if is_there), None)
+
+
+def fly_event_driven(scenario: Scenario) -> Figures:
+    """Flies a mission that `model_gap` finds covered; returns its figures."""
+    full_config = flight_config(scenario)
+    # The reports and the random drift are computed here, so the agents act at events alone.
+    config = replace(
+        full_config,
+        reports=replace(full_config.reports, period_ms=_NEVER_MS),
+        body=replace(full_config.body, drift_amplitude_um=0),
+    )
+    starts = starts_of(scenario)
+    initial_states = parts.initial_states(scenario, starts)
+    host = InProcessHost(parts.fleet_config(config), initial_states)
+    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
+    vehicle = CruisingAPad(scenario.apad, parts.misses(scenario))
+    beliefs = TruthfulReports(scenario)
+    learned = LearnedState(
+        beliefs, parts.initial_learned_state(config).ranging, Allocation(beliefs, config.ids)
+    )
+    supervisor = parts.supervisor(config, learned=learned)
+    recorder = EventRecorder(beliefs, FigureMeter(scenario))
+    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
+    flight = Flight(supervisor, context, recorder)
+    ticks = Ticks(scenario, flight, beliefs, vehicle, recorder)
+    while True:
+        flight.tick(flight.now_ms)
+        if supervisor.has_ended:
+            break
+        flight.now_ms = ticks.next_tick_ms(flight.now_ms, fleet.coordinator.next_due_ms)
+    return recorder.meter.figures(flight.now_ms, supervisor.mission.state, vehicle.used_wh)
+
+
+class TruthfulReports(HoldLast):
+    """The beliefs of a supervisor that hears each aMussel at each tick, made from the newest truths.
+
+    In the paper's mode of hearing each packet arrives within its tick, so the belief at a tick is the truth at that time,
+    rounded as the packet rounds it.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario.fleet.ids, scenario.theta)
+        self._theta = scenario.theta
+        self.charge_of = charge_models(scenario)
+        drift = scenario.fleet.drift
+        amplitude_um = round(drift.amplitude_m * 1e6) if drift.mode is DriftMode.PAPER else 0
+        self._drift = {
+            agent_id: drift_sums(scenario.seed, agent_id, amplitude_um) for agent_id in scenario.fleet.ids
+        }
+        self.truths: dict[int, Truth] = {}
+        self._drifts_from: dict[int, int] = dict.fromkeys(scenario.fleet.ids, 0)
+        """The drift step before the first one that each aMussel took in the water."""
+        self._all: list[Belief] | None = None
+
+    def take(self, truth: Truth) -> None:
+        before = self.truths.get(truth.agent_id)
+        if before is not None and before.physical.docked and not truth.physical.docked:
+            self._drifts_from[truth.agent_id] = truth.at_ms // (self._theta * TICK_MS)
+        self.truths[truth.agent_id] = truth
+
+    def advance(self, now_ms: int) -> None:
+        if now_ms > self._now_ms:
+            self._all = None
+        super().advance(now_ms)
+
+    def get(self, agent_id: int) -> Belief | None:
+        self.all()
+        return self._at_now.get(agent_id)
+
+    def all(self) -> list[Belief]:
+        if self._all is None:
+            self._at_now = {
+                agent_id: self._report(truth)
+                for agent_id, truth in sorted(self.truths.items())
+                if truth.state is not State.BOOTING
+            }
+            self._all = list(self._at_now.values())
+        return self._all
+
+    def _report(self, truth: Truth) -> Belief:
+        physical, now_ms = truth.physical, self._now_ms
+        charge = self.charge_of(truth.agent_id)
+        agent_ms = self._theta * now_ms
+        north_um, east_um = physical.north_um, physical.east_um
+        if not physical.docked:
+            drift = self._drift[truth.agent_id]
+            north_from, east_from = drift(self._drifts_from[truth.agent_id])
+            north_to, east_to = drift(now_ms // TICK_MS)
+            north_um += north_to - north_from
+            east_um += east_to - east_from
+        return Belief(
+            truth.agent_id,
+            now_ms,
+            truth.state,
+            _as_sent(charge.charge_at(physical.primary, agent_ms)),
+            _as_sent(charge.charge_at(physical.secondary, agent_ms)),
+            round(north_um / 1e6 * 100) / 100,
+            round(east_um / 1e6 * 100) / 100,
+        )
+
+
+def _as_sent(charge: int) -> float:
+    return round(charge / FULL * CHARGE_STEPS) / CHARGE_STEPS
+
+
+@lru_cache(maxsize=4096)
+def drift_sums(seed: int, agent_id: int, amplitude_um: int) -> Callable[[int], tuple[int, int]]:
+    """The sum of a body's random steps 1 to n, as a function of n: (north, east) in micrometres.
+
+    The strategies of a study fly the same seeds, and so share these sums.
+    """
+    sums = [(0, 0)]
+
+    def sum_to(n: int) -> tuple[int, int]:
+        if amplitude_um == 0:
+            return sums[0]
+        while len(sums) <= n:
+            north_um, east_um = sums[-1]
+            north_step, east_step = drift_step_um(seed, agent_id, len(sums), amplitude_um)
+            sums.append((north_um + north_step, east_um + east_step))
+        return sums[n]
+
+    return sum_to
+
+
+class EventRecorder:
+    """A flight's recorder that keeps figures alone."""
+
+    def __init__(self, beliefs: TruthfulReports, meter: FigureMeter) -> None:
+        self._beliefs = beliefs
+        self.meter = meter
+        self.given_up_ms: int | None = None
+        """The time at which the mission last gave up a step."""
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        if kind == EventKind.GIVEN_UP:
+            self.given_up_ms = at_ms
+
+    def truths(self, truths: list[Truth]) -> None:
+        for truth in truths:
+            self.meter.take(truth)
+            self._beliefs.take(truth)
+
+    def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
+        pass
+
+    def tick(
+        self,
+        now_ms: int,
+        beliefs: list[Belief],
+        pose: PoseReported | None,
+        battery: BatteryReported | None,
+        primitive: str,
+        docks: tuple[int | None, ...],
+    ) -> None:
+        pass
+
+
+class Ticks:
+    """Finds the next tick at which the mission may act."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        flight: Flight,
+        beliefs: TruthfulReports,
+        vehicle: CruisingAPad,
+        recorder: EventRecorder,
+    ) -> None:
+        self._config = scenario.mission
+        self._tick_agent_ms = scenario.theta * TICK_MS
+        self._count = len(scenario.fleet.ids)
+        self._end_ms = -(-round(scenario.duration_s * 1000) // TICK_MS) * TICK_MS
+        self._supervisor = flight.supervisor
+        self._beliefs = beliefs
+        self._vehicle = vehicle
+        self._recorder = recorder
+        self._low_charge = _highest_charge_at_most(scenario.mission.pool_threshold)
+        self._collects = not isinstance(registry.collection(scenario.mission.collection), NoCollection)
+        self._full_charge = _highest_charge_at_most(scenario.mission.full_threshold) + 1
+
+    def next_tick_ms(self, now_ms: int, agents_due_ms: int | None) -> int:
+        """The next tick after `now_ms`; `agents_due_ms` is when an agent next acts by itself."""
+        soonest_ms = now_ms + TICK_MS
+        limit_ms = min(self._end_ms, self._limit_ms(now_ms, agents_due_ms))
+        limit_ms = max(soonest_ms, -(-limit_ms // TICK_MS) * TICK_MS)
+        return self._vehicle.advance_until(limit_ms, self._config.end_at_apad_fraction)
+
+    def _limit_ms(self, now_ms: int, agents_due_ms: int | None) -> int:
+        """The time by which there must be a tick, if the vehicle reports nothing before."""
+        state, port = self._supervisor.mission.state, self._supervisor.port
+        beliefs = self._beliefs.all()
+        held = dict(state.docked).values()
+        planned = {step.agent_id for step in state.plan.steps}
+        is_settled = len(beliefs) == self._count and not any(
+            it.state in UP_AND_UNDOCKED and it.agent_id not in planned and it.agent_id not in held
+            for it in beliefs
+        )
+        if not is_settled or self._just_gave_up(now_ms):
+            return now_ms
+        port_due_ms = _NEVER_MS if port.next_due_ms is None else port.next_due_ms
+        due_ms = _NEVER_MS if agents_due_ms is None else agents_due_ms
+        match state.phase:
+            case Phase.IDLE:
+                return min(due_ms, self._enough_in_pool_ms(beliefs, now_ms)) if self._collects else due_ms
+            case Phase.GO_COLLECT:
+                step = state.plan.steps[0]
+                belief = self._beliefs.get(step.agent_id)
+                if belief is None or belief.state not in _SURFACING_OR_UP:
+                    return now_ms
+                # A pose before the port's stall watch runs out restarts it.
+                return min(due_ms, port_due_ms - TICK_MS)
+            case Phase.GO_DEPLOY:
+                return port_due_ms - TICK_MS
+            case Phase.DOCK | Phase.UNDOCK:
+                return port_due_ms
+            case Phase.CHARGE:
+                return self._all_full_ms(held, now_ms)
+            case _:
+                return now_ms
+
+    def _just_gave_up(self, now_ms: int) -> bool:
+        """The pool excludes an aMussel for a while after its step was given up."""
+        given_up_ms = self._recorder.given_up_ms
+        return given_up_ms is not None and now_ms - given_up_ms <= self._config.silence_timeout_s * 1000
+
+    def _enough_in_pool_ms(self, beliefs: Sequence[Belief], now_ms: int) -> int:
+        """The mission time by which a batch may have gathered: the charges fall to the threshold one by one."""
+        alive = [it for it in beliefs if it.state not in BEYOND_HELP]
+        batch = min(self._config.batch, max(1, len(alive)))
+        low_at_ms = []
+        for belief in alive:
+            physical = self._beliefs.truths[belief.agent_id].physical
+            if belief.state is State.FLOATING and belief.primary <= 0:
+                return now_ms
+            falls_ms = self._charge_model(belief).falls_to_at_ms(physical.primary, self._low_charge)
+            if falls_ms is not None:
+                low_at_ms.append(falls_ms // self._tick_agent_ms * TICK_MS)
+        return sorted(low_at_ms)[batch - 1] if len(low_at_ms) >= batch else _NEVER_MS
+
+    def _all_full_ms(self, held: Collection[int], now_ms: int) -> int:
+        """The mission time by which every docked aMussel is full, or a watch for stalls must see it."""
+        found_ms = now_ms
+        for agent_id in held:
+            physical = self._beliefs.truths[agent_id].physical
+            belief = self._beliefs.get(agent_id)
+            if belief is None or belief.state not in DOCKED:
+                return now_ms
+            batteries = [physical.primary]
+            if self._config.full_when is FullWhen.BOTH:
+                batteries.append(physical.secondary)
+            for battery in batteries:
+                full_ms = self._full_at_ms(battery, agent_id)
+                if full_ms is None:
+                    return now_ms
+                found_ms = max(found_ms, full_ms)
+        return found_ms
+
+    def _full_at_ms(self, battery: Battery, agent_id: int) -> int | None:
+        reaches_ms = self._beliefs.charge_of(agent_id).reaches_at_ms(battery, self._full_charge)
+        return None if reaches_ms is None else reaches_ms // self._tick_agent_ms * TICK_MS
+
+    def _charge_model(self, belief: Belief) -> ChargeModel:
+        return self._beliefs.charge_of(belief.agent_id)
+
+
+def _highest_charge_at_most(threshold: float) -> int:
+    """The highest charge in grains that a packet rounds to `threshold` or less, up to the rounding of a tie."""
+    level = math.floor(threshold * CHARGE_STEPS)
+    while level / CHARGE_STEPS > threshold:
+        level -= 1
+    while (level + 1) / CHARGE_STEPS <= threshold:
+        level += 1
+    return min(FULL, (2 * level + 1) * FULL // (2 * CHARGE_STEPS))

@@ -1,0 +1,136 @@
+"""The figures of one mission of a study, counted from the truths: the same for each model, in the order of the tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agents.mussel.outputs import Truth
+from apad_bridge.mission.ending import EndReason
+from apad_bridge.mission.state import MissionState
+from apad_bridge.records.summary import uptime_figures
+from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.scenario.firmware_config import charge_models, takes_samples
+from apad_bridge.scenario.schema import Scenario
+from firmware_model.state_groups import AT_WORK
+
+_MS_PER_HOUR = 3_600_000
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """A mission's figures. Hours are the aMussels' own, uptimes are percent, metres are the paper's straight legs.
+
+    A board that logs counts its samples. The paper's worst case has no log and never sleeps: each time step of equation
+    (3) that it spends under water with charge is a sample.
+    """
+
+    amussels_lost: int
+    samples_taken: int
+    longest_gap_h: float
+    """The longest time in which one aMussel took no sample."""
+    uptime_submerged_mean: float
+    uptime_submerged_min: float
+    uptime_paper_mean: float
+    uptime_paper_min: float
+    metres: float
+    metres_per_service: float | None
+    """None without a service."""
+    apad_wh: float | None
+    """None at another theta than 1, where the aMussels charge faster than the aPad spends."""
+    apad_cycles: float | None
+    """`apad_wh` in whole batteries of the aPad."""
+    dead_time_h: float
+    """Time with an empty primary battery, over all aMussels."""
+    final_charge_mean: float
+    # Not in the tables of strategies; Table II and the comparison of models use these.
+    uptime_paper_max: float
+    active_mean: float
+    driven_m: float
+    services: int
+    ended_by: str
+    end_reason: EndReason | None
+
+
+class SamplingGaps:
+    """Takes every Truth, for each aMussel in order of time; gives the longest time without a sample."""
+
+    def __init__(self, *, logs_samples: bool) -> None:
+        self._is_sampling = _takes_sample if logs_samples else _works
+        self._last: dict[int, Truth] = {}
+        self._since_ms: dict[int, int] = {}
+        """The end of each aMussel's newest sampling."""
+        self._longest_ms = 0
+
+    def take(self, truth: Truth) -> None:
+        last = self._last.get(truth.agent_id)
+        self._last[truth.agent_id] = truth
+        since_ms = self._since_ms.setdefault(truth.agent_id, 0)
+        was_sampling, is_sampling = self._is_sampling(last, truth)
+        if was_sampling:
+            self._since_ms[truth.agent_id] = truth.at_ms
+        elif is_sampling:
+            self._longest_ms = max(self._longest_ms, truth.at_ms - since_ms)
+            self._since_ms[truth.agent_id] = truth.at_ms
+
+    def longest_ms(self, now_ms: int) -> int:
+        """In agent time, up to agent time `now_ms`."""
+        open_ms = [
+            now_ms - since_ms
+            for agent_id, since_ms in self._since_ms.items()
+            if not self._is_sampling(self._last[agent_id], self._last[agent_id])[0]
+        ]
+        return max([self._longest_ms, *open_ms])
+
+
+def _takes_sample(last: Truth | None, truth: Truth) -> tuple[bool, bool]:
+    """A board with a log samples at an instant: (False, True) where its count rose."""
+    before = 0 if last is None else last.physical.samples
+    return False, truth.physical.samples > before
+
+
+def _works(last: Truth | None, truth: Truth) -> tuple[bool, bool]:
+    """The worst case samples all the time that it works: (it did up to this truth, it does from here on)."""
+    return last is not None and last.state in AT_WORK, truth.state in AT_WORK
+
+
+class FigureMeter:
+    """Takes every Truth of a mission, and makes its figures."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._logs_samples = takes_samples(scenario.board)
+        self.uptimes = UptimeMeter(scenario.theta, charge_models(scenario))
+        self._gaps = SamplingGaps(logs_samples=self._logs_samples)
+
+    def take(self, truth: Truth) -> None:
+        self.uptimes.take(truth)
+        self._gaps.take(truth)
+
+    def figures(self, now_ms: int, state: MissionState, used_wh: float) -> Figures:
+        """The figures at mission time `now_ms`; `used_wh` is what the aPad drew since the start."""
+        theta, capacity_wh = self._scenario.theta, self._scenario.apad.battery.capacity_wh
+        figures = uptime_figures(self.uptimes, now_ms)
+        submerged, paper = figures["uptime_submerged"], figures["uptime_paper"]
+        apad_wh = used_wh if theta == 1 else None
+        work_ticks = sum(it.submerged for it in self.uptimes.at(now_ms))
+        return Figures(
+            figures["amussels_lost"],
+            figures["samples_taken"] if self._logs_samples else work_ticks,
+            self._gaps.longest_ms(theta * now_ms) / _MS_PER_HOUR,
+            submerged["mean"],
+            submerged["min"],
+            paper["mean"],
+            paper["min"],
+            state.planned_m,
+            state.planned_m / state.services if state.services else None,
+            apad_wh,
+            None if apad_wh is None else apad_wh / capacity_wh,
+            figures["dead_time_s"] * theta / 3600,
+            figures["final_charge_mean"],
+            paper["max"],
+            figures["active_mean"],
+            state.cost_m,
+            state.services,
+            str(state.ended_by),
+            None if state.ended_by is None else state.ended_by.reason,
+        )

@@ -1,0 +1,60 @@
+"""The two models of a study's missions: event-driven, or the whole mission tick by tick."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from agents.mussel.outputs import Truth
+from apad_bridge.mission.ending import EndReason
+from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.runs.studies.event_driven import fly_event_driven
+from apad_bridge.runs.studies.figures import FigureMeter, Figures
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.vehicle.link import InProcessVehicle
+
+
+class Model(StrEnum):
+    """`event-driven`: the ticks between events are skipped. `mission`: every tick is flown, for any scenario."""
+
+    EVENT_DRIVEN = "event-driven"
+    MISSION = "mission"
+
+
+class StrategyFailed(Exception):
+    """A strategy raised, or its plan cannot be carried out; the text is the mission's reason to end."""
+
+
+def fly(scenario: Scenario, model: Model) -> Figures:
+    """Flies the scenario's mission; StrategyFailed when its strategy ended it."""
+    figures = fly_event_driven(scenario) if model is Model.EVENT_DRIVEN else fly_each_tick(scenario)
+    if figures.end_reason is EndReason.STRATEGY_FAILED:
+        raise StrategyFailed(figures.ended_by)
+    return figures
+
+
+class _FigureRecorder(MemoryRecorder):
+    def __init__(self, scenario: Scenario, meter: FigureMeter) -> None:
+        super().__init__(scenario)
+        self._figures = meter
+
+    def truths(self, truths: list[Truth]) -> None:
+        super().truths(truths)
+        for truth in truths:
+            self._figures.take(truth)
+
+
+def fly_each_tick(scenario: Scenario) -> Figures:
+    """Flies the mission of `musselbed run --time asap`, with the aMussels in this process."""
+    meter = FigureMeter(scenario)
+    vehicles: list[InProcessVehicle] = []
+
+    def keep_vehicle(context: FlightContext) -> FlightContext:
+        assert isinstance(context.vehicle, InProcessVehicle)
+        vehicles.append(context.vehicle)
+        return context
+
+    flight, _ = open_flight(scenario, join=keep_vehicle, recorder_of=lambda it: _FigureRecorder(it, meter))
+    flight.run()
+    used_wh = vehicles[0].apad.energy_used_fraction * scenario.apad.battery.capacity_wh
+    return meter.figures(flight.now_ms, flight.supervisor.mission.state, used_wh)

@@ -1,0 +1,143 @@
+"""The event-driven model against the mission of `--time asap`, run by run, and its aPad against the simulated one."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import asdict
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenario_files import POOL_FILE, WHOLE_FILE
+
+from apad_bridge.assembly import parts
+from apad_bridge.runs.studies.cruising_apad import CruisingAPad
+from apad_bridge.runs.studies.event_driven import drift_sums, fly_event_driven, model_gap
+from apad_bridge.runs.studies.models import Model, StrategyFailed, fly, fly_each_tick
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+
+POOL = load(POOL_FILE)
+
+
+def changed(**changes: Any) -> Scenario:
+    """The pool with random starts and the changes, whose keys join the blocks' names by two underscores."""
+    data = copy.deepcopy(resolve(POOL))
+    data["fleet"]["start"] = {"charge": [0.6, 1.0]}
+    for path, value in changes.items():
+        *blocks, key = path.split("__")
+        place = data
+        for block in blocks:
+            place = place[block]
+        place[key] = value
+    return from_data(data, "test")
+
+
+CASES: dict[str, dict[str, Any]] = {
+    "cautious": {"seed": 2},
+    "greedy": {"seed": 3, "mission__collection": "greedy"},
+    "nobody is charged": {"seed": 4, "mission__collection": "none", "duration_s": 600.0},
+    "dockings miss": {"seed": 4, "apad__dock_miss_probability": 0.4, "duration_s": 1200.0},
+    "one at a time": {"seed": 5, "mission__batch": 1, "duration_s": 1200.0},
+    "real time": {"seed": 6, "theta": 1, "duration_s": 1200.0, "fleet__start": {"charge": [0.7, 0.8]}},
+    "nearly empty": {"seed": 8, "theta": 60, "duration_s": 900.0, "fleet__start": {"charge": [0.0, 0.2]}},
+    "unlike aMussels": {
+        "seed": 11,
+        "duration_s": 1200.0,
+        "fleet__spread": {"drain": 0.1, "capacity": 0.1, "secondary_start": 0.2},
+    },
+    "they sink before it comes": {
+        "seed": 13,
+        "duration_s": 1200.0,
+        "board__float_timeout_s": 240.0,
+        "mission__speed_m_s": 0.15,
+        "mission__surfacing_attempts": 2,
+    },
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_mission_s_figures_are_those_of_the_mission_flown_tick_by_tick(case: str) -> None:
+    scenario = changed(**CASES[case])
+    assert model_gap(scenario) is None
+    ours, flown = asdict(fly_event_driven(scenario)), asdict(fly_each_tick(scenario))
+    # Rounding apart these are equal; the promise to users is 0.1 points of uptime and 1 % of the way.
+    assert ours.pop("driven_m") == pytest.approx(flown.pop("driven_m"), rel=0.01)
+    for name, value in flown.items():
+        assert ours[name] == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), name
+
+
+def test_a_battery_that_runs_out_ends_both_models_alike() -> None:
+    battery = {**resolve(POOL)["apad"]["battery"], "capacity_wh": 6.0}
+    scenario = changed(seed=10, apad__battery=battery)
+    ours, flown = fly_event_driven(scenario), fly_each_tick(scenario)
+    assert ours.ended_by == flown.ended_by == "the aPad's battery"
+    assert ours.uptime_paper_mean == pytest.approx(flown.uptime_paper_mean, abs=0.1)
+    assert ours.metres == pytest.approx(flown.metres, rel=0.01)
+
+
+def test_a_scenario_outside_the_model_is_named() -> None:
+    assert model_gap(POOL) is None
+    gap = model_gap(load(WHOLE_FILE))
+    assert gap is not None and gap.startswith("board.whole")
+
+
+places = st.tuples(st.floats(0, 60), st.floats(0, 60))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    goals=st.lists(places, min_size=1, max_size=3), speed_m_s=st.floats(0.1, 1.5), radius_m=st.floats(0.2, 3)
+)
+def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
+    goals: list[tuple[float, float]], speed_m_s: float, radius_m: float
+) -> None:
+    config = POOL.apad
+    stepped, cruising = SimulatedAPad(config), CruisingAPad(config, parts.misses(POOL))
+    now_ms = 0
+    cruising.advance(0)
+    stepped.advance(0)
+    for number, goal in enumerate(goals, start=1):
+        command = GoTo(number, *goal, speed_m_s, radius_m)
+        stepped.receive(command, now_ms)
+        cruising.command(command, now_ms)
+        second_ms = cruising.advance_until(now_ms + 900_000, 0.0)
+        arrived = [fact for fact in cruising.advance(second_ms) if isinstance(fact, Arrived)]
+        facts = stepped.advance(second_ms)
+        assert arrived and arrived == [fact for fact in facts if isinstance(fact, Arrived)]
+        now_ms = second_ms
+    now_ms += 60_000
+    stepped.advance(now_ms)
+    cruising.advance(now_ms)
+    used_wh = stepped.energy_used_fraction * config.battery.capacity_wh
+    assert cruising.used_wh == pytest.approx(used_wh, rel=1e-6)
+
+
+def test_a_dock_lets_an_amussel_go_where_the_apad_is() -> None:
+    apad = CruisingAPad(POOL.apad, parts.misses(POOL))
+    apad.advance(0)
+    apad.command(CloseDock(1, 2, 7), 0)
+    closed = apad.advance(0)
+    apad.command(OpenDock(2, 2, 7), 0)
+    assert [type(fact).__name__ for fact in closed] == ["DockClosed", "Carried"]
+    assert [type(fact).__name__ for fact in apad.advance(0)] == ["Carried", "DockOpened", "LetGo"]
+
+
+@given(st.integers(0, 300), st.integers(0, 300))
+def test_drift_is_a_sum_of_steps_within_their_amplitude(start: int, count: int) -> None:
+    sum_to = drift_sums(5, 3, 5000)
+    (north, east), (north_to, east_to) = sum_to(start), sum_to(start + count)
+    assert abs(north_to - north) <= 5000 * count and abs(east_to - east) <= 5000 * count
+    assert sum_to(0) == (0, 0)
+
+
+def test_a_strategy_that_fails_fails_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("no idea")
+
+    monkeypatch.setattr("apad_bridge.planning.cautious.Cautious.plan", broken)
+    with pytest.raises(StrategyFailed, match="no idea"):
+        fly(changed(seed=1), Model.EVENT_DRIVEN)
