@@ -68,6 +68,50 @@ def test_only_the_plugin_of_firmware_model_imports_pytest() -> None:
     assert set(files_that_import({"pytest"})) <= {Path("firmware_model/bench/pytest_plugin.py")}
 
 
+def callers_of(method: str, receivers: set[str]) -> set[tuple[str, str]]:
+    """(file, receiver) of each call RECEIVER.method(...) in apad_bridge, where RECEIVER ends in one of these names."""
+    found = set()
+    for path in sorted((ROOT / "apad_bridge").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Attribute)
+                and node.func.attr == method
+            ):
+                receiver = ast.unparse(node.func.value)
+                if receiver.rpartition(".")[2].strip("_") in receivers:
+                    found.add((str(path.relative_to(ROOT)), receiver))
+    return found
+
+
+def test_no_road_to_a_vehicle_goes_around_its_guards() -> None:
+    """A flight commands its GuardedVehicle; that one alone commands a link, and a link that wraps another passes on."""
+    assert callers_of("command", {"vehicle", "link", "tasks", "core", "self"}) == {
+        ("apad_bridge/supervisor/loop.py", "self._vehicle"),
+        ("apad_bridge/vehicle/guards/gate.py", "self._link"),
+        ("apad_bridge/ros/links/laboratory.py", "self._vehicle"),
+        ("apad_bridge/ros/links/generation_a.py", "self._core"),
+        ("apad_bridge/ros/links/generation_b.py", "self._core"),
+        ("apad_bridge/vehicle/generation_b/core.py", "self._tasks"),
+        ("apad_bridge/vehicle/generation_b/tasks.py", "self"),
+    }
+    loop = (ROOT / "apad_bridge/supervisor/loop.py").read_text()
+    assert "self._vehicle = GuardedVehicle(context.vehicle, context.safety" in loop
+    assert loop.count("context.vehicle") == 1
+
+
+def test_only_what_the_gate_let_out_goes_on_the_wire() -> None:
+    """A link sends goals and calls that its core returns; the cores' two ways out ask the gate."""
+    for generation, outlet in (("a", "_goes_out"), ("b", "take_calls")):
+        core = (ROOT / f"apad_bridge/vehicle/generation_{generation}/core.py").read_text()
+        assert "self._gate.passes(" in core[core.index(f"def {outlet}") :][:600]
+    assert callers_of("publish", {"goals"}) == {("apad_bridge/ros/links/generation_a.py", "self._goals")}
+    assert callers_of("take", {"calls"}) <= {
+        ("apad_bridge/vehicle/generation_b/core.py", "self._tasks.calls"),
+        ("apad_bridge/supervisor/loop.py", "self._serial_lines"),
+    }
+
+
 def test_the_search_finds_an_import_that_hides_in_a_function(tmp_path: Path) -> None:
     (tmp_path / "agents" / "deep").mkdir(parents=True)
     (tmp_path / "agents" / "deep" / "sly.py").write_text(

@@ -36,6 +36,7 @@ from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, WithoutWater
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
 from firmware_model.packets.codec import load_codec
@@ -151,13 +152,14 @@ def supervisor(
     capabilities: Capabilities | None = None,
     stands_down: StandDownRule | None = None,
     learned: LearnedState | None = None,
+    gate: Gate | None = None,
 ) -> Supervisor:
     """Builds a supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     It flies the paper's mission, which `takeover` can take over, or, with `command_sources`, a manual mission that executes
     their orders. Without `samples` it does not collect the aMussels' logs. `stands_down` is the rule of one of several
     supervisors that take over from each other. `learned` holds the state learned so far. Without `capabilities` the vehicle
-    is the simulated aPad.
+    is the simulated aPad. `gate` is the flight's; without one nothing is guarded.
     """
     scenario, learned = config.scenario, learned or initial_learned_state(config)
     state = state or MissionState(dock_count=scenario.apad.docks)
@@ -194,6 +196,7 @@ def supervisor(
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
         stands_down or NeverStandsDown(),
+        gate or Gate.without_guards(),
     )
 
 

@@ -46,6 +46,9 @@ class EventKind(StrEnum):
     OPERATOR = "operator"
     REMARK = "remark"
     SCRIPT = "script"
+    REFUSED = "refused"
+    GUARD = "guard"
+    GUARD_OVER = "guard_over"
     STANDS_DOWN = "stands_down"
     HANDED_ON = "handed_on"
     TOOK_ON = "took_on"
@@ -368,6 +371,36 @@ KINDS: tuple[Kind, ...] = (
         ),
         is_open=True,
     ),
+    Kind(
+        EventKind.REFUSED,
+        "a guard refused an order, which did not go out",
+        (
+            Field(
+                "order",
+                TEXT,
+                "`go to point`, `hold position`, `dock`, `undock`, `move an arm` or `permit to surface`",
+            ),
+            Field("guard", TEXT, "the guard, by name"),
+            _REASON,
+            _optional(_AGENT),
+            _optional(_DOCK_FIELD),
+            _optional(Field("north_m", NUMBER, "the goal, north", "m")),
+            _optional(Field("east_m", NUMBER, "the goal, east", "m")),
+        ),
+    ),
+    Kind(
+        EventKind.GUARD,
+        "the aPad was found in danger between two orders, and the bench reacted",
+        (
+            Field("cause", TEXT, "`position`, `outside the fence`, `fence ahead`, `speed` or `late`"),
+            Field(
+                "reaction", TEXT, "`hold`, `stop` (its controllers go off) or `return` (to a place inside)"
+            ),
+            _REASON,
+            Field("calls_pilot", BOOLEAN, "true when a person must take it"),
+        ),
+    ),
+    Kind(EventKind.GUARD_OVER, "that cause is over", (Field("cause", TEXT, "as above"),)),
     Kind(EventKind.STANDS_DOWN, "one of several aPads leaves its aMussels to the others", (_REASON,)),
     Kind(
         EventKind.HANDED_ON,

@@ -76,6 +76,8 @@ class FailureCounts:
             self.steps_given_up += 1
             if self._newest != (at_ms, data["reason"]):
                 self._count(data["reason"])
+        elif kind == EventKind.GUARD and self._newest != (at_ms, data["reason"]):
+            self._count(data["reason"])  # unless it ended a primitive, whose line has counted it
         elif kind == EventKind.LEFT_ALONE:
             self.left_alone.add(data["agent"])
         elif kind == EventKind.OVERRIDE and not data["taken"]:

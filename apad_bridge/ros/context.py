@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import rospy
 
+from apad_bridge.assembly.safety import safety_of
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
@@ -53,6 +54,7 @@ from apad_bridge.supervisor.packet_relay import (
 )
 from apad_bridge.supervisor.roster import NoRoster, Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.listening_link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
 from firmware_model.packets.codec import load_codec
@@ -92,7 +94,8 @@ def open_flight_context(
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
-            vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
+            safety = safety_of(scenario, is_real=options.has_real_vehicle)
+            vehicle, watches = _vehicle(scenario, options, safety.gate, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             relayed = _open_relay(options, scenario, vehicle, presences, allocation, laboratory)
             stack.callback(relayed.close)
@@ -107,6 +110,7 @@ def open_flight_context(
             vehicle=ListeningLink(link) if options.part is Part.FLEET else link,
             pace=_pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet=fleet,
+            safety=safety,
             watchers=lambda supervisor: (
                 gateway.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
@@ -163,12 +167,17 @@ def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:
 
 
 def _vehicle(
-    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
+    scenario: Scenario,
+    options: RunOptions,
+    gate: Gate,
+    docked: Mapping[int, int],
+    now_ms: int,
+    truths_at: TruthsAt,
 ) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
     """The link to the aPad, or to somebody else's dock contacts for a fleet alone; and the watchers that it needs."""
     if options.part is Part.FLEET and reports_contact(scenario):
         return ContactsLink(scenario.apad.name, scenario.fleet.ids, docked, now_ms, scenario.apad.docks), ()
-    opened = open_apad(scenario, options, docked, now_ms, truths_at)
+    opened = open_apad(scenario, options, gate, docked, now_ms, truths_at)
     return opened.link, () if opened.watch is None else (opened.watch,)
 
 

@@ -17,6 +17,7 @@ from agents.hosting.nursery_client import NurseryDied
 from agents.hosting.process_host import NurseryFailed, ProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
+from apad_bridge.assembly.safety import safety_of
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import CommandSource
@@ -149,7 +150,7 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path) -> F
 def in_process_context(scenario: Scenario, fleet: Fleet) -> FlightContext:
     """Virtual time with the simulated aPad in this process."""
     vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-    return FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
+    return FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet, safety=safety_of(scenario))
 
 
 def fly(
@@ -241,6 +242,7 @@ def _supervisor(
         capabilities=context.capabilities,
         stands_down=context.stands_down,
         learned=spec.learned,
+        gate=context.safety.gate,
     )
     if resume_point is not None:
         supervisor.port.first_failure = resume_point.first_failure

@@ -9,6 +9,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.safety import safety_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.events import PlacedSample
@@ -84,13 +85,15 @@ def open_flight(
     host = InProcessHost(parts.fleet_config(config), initial_states)
     fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
     vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-    context = join(FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet))
+    safety = safety_of(scenario)
+    context = join(FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet, safety=safety))
     supervisor = parts.supervisor(
         config,
         command_sources=command_sources,
         samples=SampleCollection(config.ids),
         takeover=takeover,
         stands_down=context.stands_down,
+        gate=context.safety.gate,
     )
     recorder = recorder_of(scenario)
     return Flight(supervisor, context, recorder), recorder

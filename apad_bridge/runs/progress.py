@@ -83,6 +83,14 @@ _NOT_DONE = {
 """What became of an aMussel whose step was given up, by the `what` of the journal's line `given_up`."""
 
 
+_REACTIONS = {
+    "hold": "the aPad was told to hold where it is",
+    "stop": "the aPad has no position to hold, and its controllers shall go off",
+    "return": "the aPad was told to go back inside the fence",
+}
+"""What was done about a danger, by the `reaction` of the journal's line `guard`."""
+
+
 def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
     """A line for a person about an event of the journal that is a failure; None for any other event."""
     reason = data.get("reason")
@@ -100,6 +108,10 @@ def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
             text = f"aMussel {agent} is left alone from now on: {tries} tries in a row failed, the last one"
         case "stuck", _:
             text = "the aPad does not get anywhere"
+        case "refused", {"order": "permit to surface", "agent": agent}:
+            text = f"aMussel {agent} is not permitted to surface"
+        case "guard", {"reaction": reaction, "calls_pilot": calls_pilot}:
+            text = f"PILOT, TAKE IT: {_REACTIONS[reaction]}" if calls_pilot else _REACTIONS[reaction]
         case _:
             return None
     return f"{_clock(at_ms)}  {text}: {reason}"

@@ -10,8 +10,10 @@ from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
+from apad_bridge.scenario.fence import Fence, fence_of
 from apad_bridge.scenario.firmware_config import can_fill
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
+from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
@@ -28,6 +30,7 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
     Checks that the named files exist, reads the current's file, and looks up the strategies.
     """
     return [
+        *_check_area(scenario),
         *_check_fleet(scenario),
         *_check_board(scenario),
         *_check_mission(scenario),
@@ -100,6 +103,51 @@ def _check_further_apads(scenario: Scenario) -> Iterator[Contradiction]:
             "apads",
             "sound crosses shares, and a water has one fleet and one aPad's modem in it: leave `water` out, or this key",
         )
+
+
+def _check_area(scenario: Scenario) -> Iterator[Contradiction]:
+    area, guards = scenario.area, scenario.guards or GuardOptions()
+    fence = None
+    try:
+        fence = fence_of(area)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        key = "fence" if isinstance(area.fence, str) else "keep_out"
+        yield f"area.{key}", f"{area.fence if key == 'fence' else area.keep_out}: {reason}"
+    if fence is not None:
+        yield from _check_fence(scenario, fence, guards)
+    rating_m = guards.amussel_depth_m
+    if rating_m is not None and area.depth_m > rating_m:
+        yield (
+            "area.depth_m",
+            f"{area.depth_m:g} m are more than the aMussels are rated for (guards.amussel_depth_m: {rating_m:g} m)",
+        )
+    if guards.speed_limit_m_s is not None and scenario.mission.speed_m_s > guards.speed_limit_m_s:
+        yield (
+            "mission.speed_m_s",
+            f"is above guards.speed_limit_m_s ({guards.speed_limit_m_s:g} m/s): every go-to would be refused",
+        )
+
+
+def _check_fence(scenario: Scenario, fence: Fence, guards: GuardOptions) -> Iterator[Contradiction]:
+    import shapely
+
+    clear = fence.waters().buffer(-guards.clearance_m)
+    if clear.is_empty:
+        yield (
+            "guards.clearance_m",
+            f"no place inside area.fence keeps {guards.clearance_m:g} m to it and to the keep-out zones",
+        )
+        return
+    home_m, apad = scenario.area.home_m, scenario.apad
+    places = {"apad.start_m": apad.start_m} | ({} if home_m is None else {"area.home_m": home_m})
+    places |= {f"apads[{n}].start_m": it.start_m for n, it in enumerate(scenario.apads)}
+    for key, place_m in places.items():
+        if not clear.covers(shapely.Point(place_m)):
+            yield (
+                key,
+                f"{list(place_m)} is no place inside area.fence that keeps guards.clearance_m ({guards.clearance_m:g} m)",
+            )
 
 
 def _check_fleet(scenario: Scenario) -> list[Contradiction]:

@@ -20,7 +20,7 @@ from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.id_ranges import in_ranges
 from apad_bridge.scenario.profiles import with_profiles
-from apad_bridge.scenario.schema import MAX_DOCKS, PAPER_DOCKS, RandomStart, Scenario
+from apad_bridge.scenario.schema import MAX_DOCKS, PAPER_DOCKS, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
 from apad_bridge.scenario.unknown_keys import explain_unknown_key
 from apad_bridge.scenario.yaml_text import parse_yaml
@@ -34,9 +34,12 @@ _FILE_KEYS = (
     ("water", "links_file"),
     ("water", "current", "file"),
     ("apad", "interface"),
+    ("area", "fence"),
+    ("area", "keep_out"),
 )
-# pydantic adds the union member that it tried to the path; the author of the file does not know the unions.
-_UNION_MEMBERS = {RandomStart.__name__, "str"}
+# A value, or the name of a file that holds it. pydantic adds the union's member that it tried to the path of an error; the
+# author of the file does not know the unions.
+_VALUES_OR_FILES = (("fleet", "start"), ("area", "fence"), ("area", "keep_out"))
 
 
 def load(path: Path) -> Scenario:
@@ -180,14 +183,12 @@ def _of_meant_union_member(errors: list[ErrorDetails], data: Any) -> list[ErrorD
     """Drops the errors of the union member that the author did not mean: a mapping is no attempt at a text."""
     chosen = []
     for details in errors:
-        member = (
-            details["loc"][2]
-            if details["loc"][:2] == ("fleet", "start") and len(details["loc"]) > 2
-            else None
-        )
-        is_mapping = member is not None and isinstance(data["fleet"]["start"], dict)
-        if not (is_mapping and member == "str") and not (member == RandomStart.__name__ and not is_mapping):
-            chosen.append(details)
+        block, key, *rest = (*details["loc"], None, None)[:3]
+        if (block, key) in _VALUES_OR_FILES and rest[0] is not None:
+            is_file = not isinstance(data[block][key], dict | list)
+            if (rest[0] == "str") is not is_file:
+                continue
+        chosen.append(details)
     return chosen
 
 
@@ -239,7 +240,9 @@ def _ids_of_file(fleet: dict[str, Any]) -> list[int] | None:
 
 
 def _error_line(source: str, data: Any, details: ErrorDetails) -> str:
-    path = tuple(item for item in details["loc"] if item not in _UNION_MEMBERS)
+    path = details["loc"]
+    if path[:2] in _VALUES_OR_FILES:
+        path = path[:2] + path[3:]
     dotted = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
     where = f"{source}: {dotted}" if dotted else source
     if details["type"] == "unexpected_keyword_argument":

@@ -80,6 +80,11 @@ class RunOptions:
         return self.manual or bool(self.script)
 
     @property
+    def has_real_vehicle(self) -> bool:
+        """True for an aPad that we did not start, and that this part of the bench commands."""
+        return self.apad is APadKind.ROS and self.part is not Part.FLEET
+
+    @property
     def is_resumed(self) -> bool:
         """True if a former supervisor of the run died."""
         return self.epoch > 1

@@ -17,7 +17,8 @@ from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
-from apad_bridge.scenario.polygon import area_m2, is_simple
+from apad_bridge.scenario.fence import Corners, check_corners
+from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.quantities import (
     FileName,
     Fraction,
@@ -50,14 +51,22 @@ class Area:
     polygon_m: tuple[tuple[float, float], ...]
     """Corners as (north, east), in order, not closed; three or more."""
     depth_m: Positive
+    fence: Corners | str | None = None
+    """The waters that no order may take the aPad out of: corners as in `polygon_m`, or a GeoJSON file with one polygon.
+    None, for a simulated aPad alone: there is no fence."""
+    keep_out: tuple[Corners, ...] | str = ()
+    """Zones inside the fence that no way may touch: a list of polygons, or a GeoJSON file."""
+    home_m: tuple[float, float] | None = None
+    """(north, east) of the place to which the aPad's battery must always suffice; None: `apad.start_m`."""
 
     def __post_init__(self) -> None:
-        if len(self.polygon_m) < 3:
-            raise ValueError("polygon_m needs three corners or more")
-        if not is_simple(self.polygon_m):
-            raise ValueError("polygon_m crosses or touches itself")
-        if area_m2(self.polygon_m) < 1e-6:
-            raise ValueError("polygon_m encloses no area")
+        check_corners(self.polygon_m, "polygon_m")
+        if self.fence is not None and not isinstance(self.fence, str):
+            check_corners(self.fence, "fence")
+        for n, zone in enumerate(() if isinstance(self.keep_out, str) else self.keep_out):
+            check_corners(zone, f"keep_out[{n}]")
+        if self.keep_out and self.fence is None:
+            raise ValueError("keep_out lies inside a fence: add fence")
 
 
 @frozen
@@ -361,5 +370,7 @@ class Scenario:
     sharing: Sharing = Sharing()
     records: Records = Records()
     beliefs: Beliefs = Beliefs()
+    guards: GuardOptions | None = None
+    """Limits of every order that moves the aPad; None: a fence alone has the defaults."""
     water: Water | None = None
     """None: every message arrives at once and whole, as in the paper's experiments."""

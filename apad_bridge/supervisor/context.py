@@ -15,6 +15,7 @@ from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.supervisor.packet_relay import PacketRelay, no_relay
 from apad_bridge.supervisor.roster import NoRoster, Roster
 from apad_bridge.vehicle.capabilities import Capabilities
+from apad_bridge.vehicle.guards.gate import Safety, plain_safety
 from apad_bridge.vehicle.link import VehicleLink
 
 Watcher = Callable[[int], None]
@@ -36,6 +37,8 @@ class FlightContext:
     vehicle: VehicleLink
     pace: Pace
     fleet: Fleet | NoFleet
+    safety: Safety = field(default_factory=plain_safety)
+    """Judges each order before it goes out to the vehicle, and watches the vehicle between orders."""
     watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
     """Makes the watchers, once, for the flight's supervisor."""
     announce: Announce = _announce_to_nobody

@@ -39,6 +39,8 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.orders import Surfacing
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -104,11 +106,16 @@ class Supervisor:
         duration_ms: int,
         end_at_apad_fraction: float,
         stands_down: StandDownRule,
+        gate: Gate,
     ) -> None:
-        """`stands_down` says when this aPad leaves its aMussels to others, instead of trying again, or ending."""
+        """`stands_down` says when this aPad leaves its aMussels to others, instead of trying again, or ending.
+
+        `gate` is the vehicle's, which judges permissions to surface too.
+        """
         self.beliefs = learned.beliefs
         self.allocation = learned.allocation
         self._stands_down = stands_down
+        self._gate = gate
         self.mission = mission
         self.port = port
         self.pose: PoseReported | None = None
@@ -287,6 +294,8 @@ class Supervisor:
         actions: list[SupervisorAction] = []
         for order in orders:
             match order:
+                case PermitSurfacing(agent_id) if not self._gate.passes(self._surfacing(agent_id), now_ms):
+                    pass  # the gate has the reason for the journal
                 case PermitSurfacing(agent_id):
                     self.beliefs.learn(agent_id, Permitted(now_ms))
                     data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
@@ -301,6 +310,10 @@ class Supervisor:
                     actions.append(_primitive_note(order, "started"))
                     actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
         return actions
+
+    def _surfacing(self, agent_id: int) -> Surfacing:
+        belief = self.beliefs.get(agent_id)
+        return Surfacing(agent_id, None if belief is None else (belief.north_m, belief.east_m))
 
     def _learn_from_dock(self, outcome: Outcome) -> None:
         """Updates the belief of the aMussel in a dock that opened or closed, without a packet from it."""

@@ -41,6 +41,7 @@ from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
+from apad_bridge.vehicle.guards.gate import GuardedVehicle
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
 from firmware_model.packets.wire import EVERYONE
 
@@ -93,7 +94,8 @@ class Flight:
         self.dropped: Counter[str] = Counter()
         self.now_ms = start_ms
         self._context = context
-        self._vehicle = context.vehicle
+        can_stop = context.capabilities is None or context.capabilities.can_stop
+        self._vehicle = GuardedVehicle(context.vehicle, context.safety, can_stop=can_stop)
         self._recorder = recorder
         self._fleet = context.fleet
         self._relay = context.relay
@@ -169,7 +171,7 @@ class Flight:
             watch(now_ms)
 
     def _record_noticed(self, now_ms: int) -> None:
-        for kind, data in self._context.take_events(now_ms):
+        for kind, data in [*self._vehicle.gate.take_events(), *self._context.take_events(now_ms)]:
             self._recorder.event(now_ms, kind, **data)
 
     def _act(self, now_ms: int) -> bool:

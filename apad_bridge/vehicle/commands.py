@@ -71,7 +71,17 @@ class MoveArm:
     is_open: bool
 
 
-VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Switch the controllers off, without a position to hold: the water takes the vehicle. It gets no answer.
+
+    Only for a vehicle whose `Capabilities` say that it `can_stop`.
+    """
+
+    command_id: int
+
+
+VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm | Stop
 
 
 @dataclass(frozen=True, slots=True)

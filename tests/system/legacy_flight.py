@@ -18,6 +18,7 @@ from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.safety import safety_of
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.links.generation_a import GenerationALink
 from apad_bridge.ros.links.generation_b import GenerationBLink
@@ -78,6 +79,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             gateway = open_gateway(initial_states, scenario.theta, node_name="musselbed")
             stack.callback(gateway.close)
             battery_v = (battery.empty_v, battery.full_v)
+            safety = safety_of(scenario)
             link: GenerationALink | GenerationBLink
             if scenario.apad.generation is Generation.B:
                 link = GenerationBLink(
@@ -86,10 +88,13 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
                     battery_v,
                     scenario.mission.docking,
                     parts.misses(scenario),
+                    safety.gate,
                     our_clock=True,
                 )
             else:
-                link = GenerationALink(scenario.apad.name, initial_states, battery_v, our_clock=True)
+                link = GenerationALink(
+                    scenario.apad.name, initial_states, battery_v, safety.gate, our_clock=True
+                )
             vehicle = link
             stack.callback(link.close)
             link.wait_until_ready(5 * patience_s)
@@ -98,6 +103,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
                 vehicle=link,
                 pace=pace,
                 fleet=fleet,
+                safety=safety,
                 watchers=lambda flying: (gateway.watcher(flying), ticked),
             )
         else:

@@ -29,6 +29,7 @@ from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.scenario import loader
 from apad_bridge.vehicle.commands import CommandFailed, DockClosed, DockOpened, GoTo, Hold
+from apad_bridge.vehicle.guards.gate import plain_safety
 from apad_bridge.vehicle.simulated.misses import Misses
 
 use_generated_messages()
@@ -106,6 +107,7 @@ class Bench:
             (10.5, 16.0),
             data.mission.docking,
             Misses(1, 0.0),
+            plain_safety().gate,
             our_clock=True,
             sight=lambda _: self.floating,
         )

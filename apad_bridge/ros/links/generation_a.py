@@ -1,6 +1,6 @@
 """A vehicle link to ANY aPad of generation A on ROS, ours or a real one.
 
-    link = GenerationALink("apad1", agent_ids, (empty_v, full_v), our_clock=True, docked={}, now_ms=0)
+    link = GenerationALink("apad1", agent_ids, (empty_v, full_v), gate, our_clock=True, docked={}, now_ms=0)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
 Stamps: with `our_clock` (our master, our simulated aPad) facts carry those of their messages, which are mission time.
@@ -27,7 +27,7 @@ from apad_bridge.ros.types.live_types import differing_listeners, unreadable_top
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
-from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
+from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
@@ -38,6 +38,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     Received,
 )
 from apad_bridge.vehicle.generation_a.stack import STACK
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Sight
 
@@ -118,6 +119,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         name: str,
         agent_ids: Iterable[int],
         battery_v: tuple[float, float],
+        gate: Gate,
         *,
         our_clock: bool,
         docked: Mapping[int, int] | None = None,
@@ -129,7 +131,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         prefix = rospy.resolve_name(AMUSSEL)[1:]
         places = STACK.capabilities(dock_count).docks
         core = GenerationACore(
-            ids, battery_v, nonce, docked, now_ms, prefix, sight, places, takes_back=our_clock
+            ids, battery_v, nonce, docked, now_ms, prefix, sight, places, takes_back=our_clock, gate=gate
         )
         super().__init__(name, core, now_ms, dock_count)
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
@@ -168,7 +170,9 @@ class GenerationALink(LegacyLink[GenerationACore]):
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        assert not isinstance(command, MoveArm), "the stack has no such order, as its capabilities state"
+        assert not isinstance(command, MoveArm | Stop), (
+            "the stack has no such order, as its capabilities state"
+        )
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
         if (order := self._core.command(command, now_ms)) is not None:
@@ -206,7 +210,7 @@ def _goal_message(order: GoalOrder) -> Any:
 
 
 def open_link(
-    scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+    scenario: Scenario, gate: Gate, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
 ) -> OpenedAPad:
     battery, ids = scenario.apad.battery, scenario.fleet.ids
     return OpenedAPad(
@@ -214,6 +218,7 @@ def open_link(
             scenario.apad.name,
             ids,
             (battery.empty_v, battery.full_v),
+            gate,
             our_clock=our_clock,
             docked=docked,
             now_ms=now_ms,

@@ -1,6 +1,6 @@
 """A vehicle link to ANY aPad of generation B on ROS, ours or a real one.
 
-    link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, our_clock=True)
+    link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, gate, our_clock=True)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
 Stamps are as in generation A: with `our_clock` poses carry those of their messages; a fact without a stamp became true at
@@ -19,6 +19,7 @@ from typing import Any
 import rosgraph
 import rospy
 from std_msgs.msg import Bool, Float32MultiArray, Int32, String
+from std_srvs.srv import Trigger
 
 from apad_bridge.assembly import parts
 from apad_bridge.doctor.graph import Graph
@@ -44,16 +45,17 @@ from apad_bridge.vehicle.generation_b.messages import (
     FinishedReceived,
     GoToOrder,
     ManualReceived,
-    Order,
     PositionOrder,
     Primitive,
     Received,
     ServiceAnswered,
     Status,
     StatusReceived,
+    StopOrder,
     arms,
 )
 from apad_bridge.vehicle.generation_b.stack import STACK
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
@@ -128,6 +130,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         battery_v: tuple[float, float],
         docking: Docking,
         misses: Misses,
+        gate: Gate,
         *,
         our_clock: bool,
         sight: Sight = lambda now_ms: {},
@@ -136,7 +139,9 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         now_ms: int = 0,
         dock_count: int = PAPER_DOCKS,
     ) -> None:
-        core = GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms, dock_count)
+        core = GenerationBCore(
+            agent_ids, battery_v, docking, misses, sight, docked, now_ms, dock_count, gate=gate
+        )
         super().__init__(name, core, now_ms, dock_count)
         self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)
         self._docking = docking
@@ -228,6 +233,10 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     def _send(self) -> None:
         for call in self._core.take_calls():
+            if isinstance(call.order, StopOrder):
+                stop = of_apad(self.name, "commander/stop_mission")
+                self._calls.send(stop, Trigger, Trigger._request_class(), self._answer_to(call))
+                continue
             primitive, fields = _fields(call.order)
             kind = self._services[primitive]
             request = kind._request_class()
@@ -237,7 +246,9 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     def _answer_to(self, call: Call) -> Any:
         def answered(response: Any, refused: str | None) -> None:
-            if refused is None and not response.status:
+            if refused is None and not (
+                response.success if isinstance(call.order, StopOrder) else response.status
+            ):
                 refused = "its service answered that it does not take the order"
             self._inbox.put(ServiceAnswered(UNSTAMPED, call.number, refused), always=True)
 
@@ -247,7 +258,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         return of_apad(self.name, f"commander/primitive/{primitive.value}")
 
 
-def _fields(order: Order) -> tuple[Primitive, dict[str, Any]]:
+def _fields(order: GoToOrder | PositionOrder | DockingOrder) -> tuple[Primitive, dict[str, Any]]:
     match order:
         case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
             return Primitive.GO_TO, {
@@ -274,7 +285,7 @@ def _fields(order: Order) -> tuple[Primitive, dict[str, Any]]:
             }
 
 
-_ALL_ORDERS: tuple[Order, ...] = (
+_ALL_ORDERS: tuple[GoToOrder | PositionOrder | DockingOrder, ...] = (
     GoToOrder(0.0, 0.0, 1.0, 1.0),
     PositionOrder(0.0, 0.0, 0.0),
     DockingOrder(True, 0, 0.0, 0.0, 0.0, 0.0),
@@ -284,7 +295,7 @@ _FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_O
 
 
 def open_link(
-    scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+    scenario: Scenario, gate: Gate, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
 ) -> OpenedAPad:
     apad, docking, ids = scenario.apad, scenario.mission.docking, scenario.fleet.ids
     simulated_ids = [it for it in ids if docking.profile_of(it) is not DockingProfile.VISUAL]
@@ -296,6 +307,7 @@ def open_link(
         (apad.battery.empty_v, apad.battery.full_v),
         docking,
         parts.misses(scenario),
+        gate,
         our_clock=our_clock,
         sight=sight,
         camera=camera,

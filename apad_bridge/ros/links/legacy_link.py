@@ -19,6 +19,7 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack import Stack
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
@@ -183,8 +184,18 @@ class OpenedAPad:
 
 
 class OpenLink(Protocol):
-    """Opens a generation's link. `docked` maps the index of a dock to the aMussel that it is known to hold."""
+    """Opens a generation's link. `docked` maps the index of a dock to the aMussel that it is known to hold.
+
+    `gate` judges each order before it goes out: a link repeats some by itself.
+    """
 
     def __call__(
-        self, scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+        self,
+        scenario: Scenario,
+        gate: Gate,
+        sight: Sight,
+        docked: Mapping[int, int],
+        now_ms: int,
+        *,
+        our_clock: bool,
     ) -> OpenedAPad: ...

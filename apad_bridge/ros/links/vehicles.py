@@ -16,6 +16,7 @@ from apad_bridge.scenario.run_options import APadKind, RunOptions
 from apad_bridge.scenario.schema import MOST_DOCKS, Generation, Scenario
 from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.guards.gate import Gate
 
 READY_S = 15.0
 _AFLOAT_M = 0.1
@@ -45,7 +46,12 @@ def _capabilities(generation: Generation, scenario: Scenario) -> Capabilities:
 
 
 def open_apad(
-    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
+    scenario: Scenario,
+    options: RunOptions,
+    gate: Gate,
+    docked: Mapping[int, int],
+    now_ms: int,
+    truths_at: TruthsAt,
 ) -> OpenedAPad:
     """Opens the link of the scenario's generation, or of the one on the graph. VehicleNotReady for none or several.
 
@@ -68,4 +74,4 @@ def open_apad(
             f"and apad.docks is {scenario.apad.docks}: lower it"
         )
     open_link: OpenLink = load(stack_of(generation).link)
-    return open_link(scenario, sight, docked, now_ms, our_clock=ours)
+    return open_link(scenario, gate, sight, docked, now_ms, our_clock=ours)

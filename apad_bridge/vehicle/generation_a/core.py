@@ -46,6 +46,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     Received,
 )
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS, ServerWatch
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import (
@@ -90,8 +91,9 @@ class GenerationACore:
     """`receive` takes a message, `command` returns the goal to send, `advance` the facts stamped up to its time.
 
     `battery_v` is (empty, full). `docked` are the agents by dock index that the vehicle is known to hold at
-    `now_ms`, at `places`. Goal keys begin with `nonce`, which no two runs on one server may share. `take_orders` returns
-    the goals that the core sends by itself, `take_question` whether to ask the vehicle what it holds.
+    `now_ms`, at `places`. Goal keys begin with `nonce`, which no two runs on one server may share. `gate` judges each
+    goal. `take_orders` returns the goals that the core sends by itself, `take_question` whether to ask the vehicle what
+    it holds.
     """
 
     def __init__(
@@ -106,7 +108,10 @@ class GenerationACore:
         places: DockPlaces = PAPERS_PLACES,
         *,
         takes_back: bool = True,
+        gate: Gate | None = None,
     ) -> None:
+        self._gate = gate or Gate.without_guards()
+        self._now_ms = now_ms
         self.readings = Readings(battery_v)
         self.docks = ReportedDocks(agent_ids, docked or {}, now_ms, places, object_prefix)
         self._server = ServerWatch(nonce)
@@ -162,7 +167,20 @@ class GenerationACore:
         if isinstance(command, Hold) and not self._takes_back and self._server.others_run:
             self._post, self._goals = None, {}
             return None
-        return self._send(f"{self._nonce}-{command.command_id}", command, now_ms)
+        self._now_ms = now_ms
+        order = self._send(f"{self._nonce}-{command.command_id}", command, now_ms)
+        return order if self._goes_out(order) else None
+
+    def _goes_out(self, order: GoalOrder) -> bool:
+        """Asks the gate about each goal, whoever wants it. A command whose goal it refuses has failed."""
+        if self._gate.passes(_as_command(order), self._now_ms):
+            return True
+        sent = self._goals.pop(order.key, None)
+        if sent is not None:
+            self._facts.append(
+                CommandFailed(self._now_ms, sent.command.command_id, "a guard refused its goal")
+            )
+        return False
 
     def _send(self, key: str, command: Command, now_ms: int) -> GoalOrder:
         progress = None
@@ -173,10 +191,10 @@ class GenerationACore:
                 self._post = command if isinstance(command, Hold) else None
                 self._away_ms = None
             case CloseDock(_, _, agent_id):
-                order = GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}")
+                order = GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}", agent_id=agent_id)
             case OpenDock(_, _, agent_id):
                 self.docks.order_release(agent_id, now_ms)
-                order = GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}")
+                order = GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}", agent_id=agent_id)
         self._goals[key] = _SentGoal(command, order, now_ms, progress=progress)
         self._latest_key = key
         return order
@@ -188,10 +206,11 @@ class GenerationACore:
         the release by name of an aMussel whose dock opened by silence alone, as soon as no goal of ours runs.
         """
         if self.docks.unordered_releases and not self._goals and not self._server.others_run:
-            name = f"{self._object_prefix}{self.docks.unordered_releases.pop(0)}"
-            self._orders.append(GoalOrder(self._own_key(), RELEASE, name=name))
+            agent_id = self.docks.unordered_releases.pop(0)
+            name = f"{self._object_prefix}{agent_id}"
+            self._orders.append(GoalOrder(self._own_key(), RELEASE, name=name, agent_id=agent_id))
         orders, self._orders = self._orders, []
-        return orders
+        return [order for order in orders if self._goes_out(order)]
 
     def take_question(self) -> bool:
         """True, once, when the vehicle should be asked what it holds (`check_docking_availability`)."""
@@ -245,6 +264,7 @@ class GenerationACore:
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """New facts, each stamped at or before `now_ms`; of poses and places only the newest."""
+        self._now_ms = now_ms
         for message in self._deferred.advance(now_ms):
             self.receive(message, now_ms)
         self._watch_silence(now_ms)
@@ -256,7 +276,9 @@ class GenerationACore:
         self._watch_others(now_ms)
         facts, self._facts = self._facts, []
         facts += self.docks.places(self.readings)
-        return facts + self.readings.take()
+        readings = self.readings.take()
+        self._gate.observe(readings)
+        return facts + readings
 
     def _receive_held_position(self, message: HeldPositionReceived) -> None:
         if (reason := out_of_range(north_m=message.north_m, east_m=message.east_m)) is not None:
@@ -388,6 +410,13 @@ class GenerationACore:
         self._facts.append(CommandFailed(at_ms, command.command_id, reason))
         if isinstance(command, OpenDock):
             self._apply_dock_facts(self.docks.receive_refusal(command.agent_id, at_ms))
+
+
+def _as_command(order: GoalOrder) -> Command:
+    """The command that guards judge. A goal names neither a speed nor a dock."""
+    if order.kind == GO_TO:
+        return Hold(0, order.north_m, order.east_m)
+    return CloseDock(0, 0, order.agent_id) if order.kind == PERCH else OpenDock(0, 0, order.agent_id)
 
 
 def _has_come(sent: _SentGoal, now_ms: int) -> bool:

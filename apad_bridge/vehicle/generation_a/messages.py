@@ -5,7 +5,7 @@ Stamps are mission milliseconds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
@@ -54,6 +54,8 @@ class GoalOrder:
     north_m: float = 0.0
     east_m: float = 0.0
     name: str = ""
+    agent_id: int = field(default=0, compare=False)
+    """The aMussel that is called `name`; 0 for a go-to."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,19 +11,25 @@ from collections.abc import Iterable, Mapping
 
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import PAPER_DOCKS, Docking
-from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
     Call,
+    DockingOrder,
     FinishedReceived,
+    GoToOrder,
     ManualReceived,
+    Order,
+    PositionOrder,
     Received,
     ServiceAnswered,
     StatusReceived,
+    StopOrder,
 )
 from apad_bridge.vehicle.generation_b.stack import dock_places
 from apad_bridge.vehicle.generation_b.tasks import Tasks
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
@@ -35,7 +41,7 @@ class GenerationBCore:
 
     `take_calls` returns the calls to send to the vehicle's services. `battery_v` is (empty, full); `docked`
     are the agents by dock index known to be held at `now_ms`; `sight` gives the places of floating simulated
-    aMussels; `misses` decides which dockings fail.
+    aMussels; `misses` decides which dockings fail; `gate` judges each call.
     """
 
     def __init__(
@@ -48,7 +54,11 @@ class GenerationBCore:
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         dock_count: int = PAPER_DOCKS,
+        *,
+        gate: Gate | None = None,
     ) -> None:
+        self._gate = gate or Gate.without_guards()
+        self._now_ms = now_ms
         self.readings = Readings(battery_v)
         self.docks = BenchDocks(agent_ids, docked or {}, misses, sight, dock_places(dock_count))
         self.status_count = 0
@@ -71,9 +81,17 @@ class GenerationBCore:
         return ["position"] if self.readings.position_ms < now_ms else []
 
     def take_calls(self) -> list[Call]:
-        return self._tasks.calls.take()
+        """Asks the gate about each call, whoever wants it. A call that it refuses fails as if the aPad refused it."""
+        calls = []
+        for call in self._tasks.calls.take():
+            if self._gate.passes(_as_command(call.order), self._now_ms):
+                calls.append(call)
+            else:
+                self._tasks.calls.receive(ServiceAnswered(self._now_ms, call.number, "a guard refused it"))
+        return calls
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
+        self._now_ms = now_ms
         self._tasks.command(command, now_ms)
 
     def receive(self, message: Received, now_ms: int) -> None:
@@ -101,6 +119,7 @@ class GenerationBCore:
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """New facts, each stamped at or before `now_ms`; of poses and places only the newest."""
+        self._now_ms = now_ms
         for message in self._deferred.advance(now_ms):
             self.receive(message, now_ms)
         if not self._tasks.pilot_steers:
@@ -108,4 +127,20 @@ class GenerationBCore:
             if changed is not None and not changed.is_silent:
                 self._tasks.resend(now_ms)
             self._tasks.watch(now_ms)
-        return [*self._tasks.take(), *self.docks.places(self.readings.pose, now_ms), *self.readings.take()]
+        readings = self.readings.take()
+        self._gate.observe(readings)
+        return [*self._tasks.take(), *self.docks.places(self.readings.pose, now_ms), *readings]
+
+
+def _as_command(order: Order) -> VehicleCommand:
+    """The command that guards judge."""
+    match order:
+        case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
+            return GoTo(0, north_m, east_m, speed_m_s, victory_radius_m)
+        case PositionOrder(north_m, east_m, heading_rad):
+            return Hold(0, north_m, east_m, heading_rad)
+        case DockingOrder():
+            kind = CloseDock if order.docks else OpenDock
+            return kind(0, order.dock_index, order.agent_id)
+        case StopOrder():
+            return Stop(0)

@@ -7,7 +7,7 @@ they end. Requests of any origin become orders here, by their fields alone. Stam
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from typing import Any
 
@@ -77,9 +77,16 @@ class DockingOrder:
     max_yaw_rate_rad_s: float
     max_surge_m_s: float
     surge_stdev: float
+    agent_id: int = field(default=0, compare=False)
+    """The aMussel in an order of ours, for the guards; the message has no field for it."""
 
 
-Order = GoToOrder | PositionOrder | DockingOrder
+@dataclass(frozen=True, slots=True)
+class StopOrder:
+    """`commander/stop_mission`: the primitive ends, and with it the controllers."""
+
+
+Order = GoToOrder | PositionOrder | DockingOrder | StopOrder
 
 
 @dataclass(frozen=True, slots=True)

@@ -244,6 +244,7 @@ class ServoTask:
             config.max_yaw_rate_rad_s if manoeuvre.yaw_rate_rad_s is None else manoeuvre.yaw_rate_rad_s,
             config.max_surge_m_s if manoeuvre.surge_m_s is None else manoeuvre.surge_m_s,
             config.surge_stdev,
+            self.command.agent_id,
         )
 
 

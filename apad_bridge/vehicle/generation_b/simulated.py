@@ -35,6 +35,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     Published,
     Status,
     StatusPublished,
+    StopOrder,
     arms,
     dock_direction_rad,
 )
@@ -142,6 +143,8 @@ class GenerationBVehicle(SimulatedStack[Published]):
                 self._command(Hold(self._next_serial(), north_m, east_m, heading_rad), published)
             case DockingOrder():
                 self._begin_docking(order, published)
+            case StopOrder():
+                self._order = None  # what it ends has ended above
         return published
 
     def stop(self, now_ms: int) -> list[Published]:

@@ -28,6 +28,7 @@ def capabilities(docks: int) -> Capabilities:
         reports_contact=False,
         obeys_speed=True,
         moves_arms=True,
+        can_stop=True,
     )
 
 

@@ -20,11 +20,12 @@ from apad_bridge.vehicle.commands import (
     MoveArm,
     OpenDock,
     PoseReported,
+    Stop,
     VehicleCommand,
 )
 from apad_bridge.vehicle.generation_b.calls import Calls
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
-from apad_bridge.vehicle.generation_b.messages import Order, PositionOrder, Status
+from apad_bridge.vehicle.generation_b.messages import Order, PositionOrder, Status, StopOrder
 from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask, hold_task_of
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Readings
@@ -99,8 +100,9 @@ class Tasks:
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        if self._servo_task is not None and self._servo_task.has_let_go and not isinstance(command, MoveArm):
-            self._servo_task.next_command = command
+        servo = self._servo_task
+        if servo is not None and servo.has_let_go and not isinstance(command, MoveArm | Stop):
+            servo.next_command = command
             return
         match command:
             case GoTo(_, north_m, east_m):
@@ -108,6 +110,9 @@ class Tasks:
                 self._go(command, now_ms)
             case Hold():
                 self._hold(hold_task_of(command, now_ms))
+            case Stop():
+                self._clear()
+                self._order(StopOrder(), now_ms)
             case MoveArm():  # the link moves arms; they give no answer
                 pass
             case CloseDock(_, _, agent_id) | OpenDock(_, _, agent_id):

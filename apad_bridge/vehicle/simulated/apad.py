@@ -19,6 +19,7 @@ from apad_bridge.vehicle.commands import (
     MoveArm,
     OpenDock,
     PoseReported,
+    Stop,
     VehicleCommand,
     VehicleFact,
 )
@@ -104,9 +105,9 @@ class SimulatedAPad:
         """Take a command, after the work due until `now_ms`. A motion command silently replaces the previous one."""
         facts = self.advance(now_ms)
         self._battery.settle(now_ms)
-        if isinstance(command, Coast | Steer):
+        if isinstance(command, Coast | Steer | Stop):
             if not self._battery.is_empty:
-                self._accept(command)
+                self._accept(Coast() if isinstance(command, Stop) else command)
         elif isinstance(command, MoveArm):
             pass  # arms cost nothing here
         elif self._battery.is_empty:

@@ -10,6 +10,7 @@ from apad_bridge.ros.links import vehicles
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.guards.gate import plain_safety
 
 
 def test_more_docks_than_a_live_apad_can_name_are_refused(
@@ -21,4 +22,4 @@ def test_more_docks_than_a_live_apad_can_name_are_refused(
     with pytest.raises(
         VehicleNotReady, match=r"apad1 is of generation B, which can name 4 docks, and apad.docks is 6"
     ):
-        vehicles.open_apad(six, options, {}, 0, lambda now_ms: [])
+        vehicles.open_apad(six, options, plain_safety().gate, {}, 0, lambda now_ms: [])

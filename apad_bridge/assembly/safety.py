@@ -1,0 +1,118 @@
+"""Builds the guards and the monitor of a flight's vehicle from its scenario.
+
+A guard whose limit the scenario leaves out is absent. Without a block `guards` and without a fence, numbers and the
+position are guarded, and nothing is watched between orders.
+"""
+
+from __future__ import annotations
+
+import math
+
+from apad_bridge.scenario.fence import fence_of
+from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside
+from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
+from apad_bridge.vehicle.generation_b.messages import PULL_BACK_M_S, PULL_BACK_MS, SERVO_MS
+from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
+from apad_bridge.vehicle.guards.guards import (
+    BatteryForHome,
+    ClearOfBodies,
+    GoodPosition,
+    Guard,
+    InWaters,
+    LegLimits,
+    PersonsWord,
+    RoomToDock,
+    SoundNumbers,
+)
+from apad_bridge.vehicle.guards.monitor import (
+    CanStopInWaters,
+    Check,
+    EndsInTime,
+    IsInWaters,
+    Monitor,
+    PositionIsGood,
+    Reaction,
+    SpeedIsAllowed,
+)
+from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
+from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
+from apad_bridge.vehicle.simulated.thrusters import allocate, electrical_w
+
+_S_PER_HOUR = 3600
+_PULLED_BACK_M = PULL_BACK_M_S * PULL_BACK_MS / 1000
+
+
+def safety_of(scenario: Scenario, *, is_real: bool = False) -> Safety:
+    """Builds the parts that keep the scenario's aPad safe. A real one that had to be stopped waits for a person's word."""
+    if scenario.guards is None and scenario.area.fence is None:
+        return plain_safety()
+    options = scenario.guards or GuardOptions()
+    waters = _waters(scenario, options)
+    watch = PositionWatch(
+        PositionLimits(
+            age_ms=round(options.position_age_s * 1000),
+            jump_m=options.jump_m,
+            speed_m_s=2 * scenario.apad.max_speed_m_s,
+            frozen_ms=round(options.frozen_s * 1000),
+        )
+    )
+    return Safety(
+        Gate(_guards(scenario, options, waters), watch),
+        Monitor(_checks(scenario, options, waters)),
+        waters,
+        scenario.mission.speed_m_s,
+        needs_person=is_real,
+    )
+
+
+def _waters(scenario: Scenario, options: GuardOptions) -> Waters:
+    """Only a scenario with a fence imports shapely."""
+    fence = fence_of(scenario.area)
+    if fence is None:
+        return OpenWaters()
+    from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
+
+    return FencedWaters(fence, options.clearance_m)
+
+
+def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[Guard]:
+    docking, area = scenario.mission.docking, scenario.area
+    guards: list[Guard] = [
+        SoundNumbers(),
+        PersonsWord(),
+        GoodPosition(),
+        InWaters(waters, returns=options.outside is WhenOutside.RETURN),
+        RoomToDock(
+            waters,
+            options.drift_m_s * SERVO_MS / 1000 + options.search_m + _PULLED_BACK_M,
+            lambda agent_id: docking.profile_of(agent_id) is not DockingProfile.VIRTUAL,
+        ),
+        LegLimits(options.leg_m or math.inf, options.speed_limit_m_s or math.inf, options.leg_s or math.inf),
+        ClearOfBodies(options.bodies_m),
+    ]
+    if options.battery_reserve is not None:
+        home_m = scenario.apad.start_m if area.home_m is None else area.home_m
+        per_m = battery_fraction_per_m(scenario.apad, scenario.mission.speed_m_s)
+        guards.append(BatteryForHome(home_m, options.battery_reserve, per_m))
+    return guards
+
+
+def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[Check]:
+    outside = Reaction.RETURN if options.outside is WhenOutside.RETURN else Reaction.HOLD
+    checks: list[Check] = [
+        PositionIsGood(),
+        IsInWaters(waters, outside),
+        CanStopInWaters(waters, scenario.apad.max_acceleration_m_s2),
+        EndsInTime(options.leg_s or math.inf),
+    ]
+    if options.speed_limit_m_s is not None:
+        checks.append(SpeedIsAllowed(options.speed_limit_m_s))
+    return checks
+
+
+def battery_fraction_per_m(apad: APad, speed_m_s: float) -> float:
+    """The part of a full battery that a metre of straight way costs at this speed: the hull's drag and all that is on."""
+    drag_n = apad.drag_n_per_m2_s2 * speed_m_s**2
+    forces, _ = allocate(drag_n, 0.0, 0.0, apad.thruster_max_n)
+    watts = apad.battery.hotel_w + electrical_w(forces, apad.thruster_w_per_n)
+    return watts / speed_m_s / _S_PER_HOUR / apad.battery.capacity_wh

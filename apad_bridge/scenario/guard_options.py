@@ -1,0 +1,45 @@
+"""The limits of the guards on orders that move a vehicle or an aMussel."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from apad_bridge.scenario.quantities import Fraction, NotNegative, Positive, PositiveSeconds, frozen
+
+
+class WhenOutside(StrEnum):
+    """The reaction to an aPad outside its fence: hold there and call a pilot, or go back to the nearest place inside."""
+
+    HOLD = "hold"
+    RETURN = "return"
+
+
+@frozen
+class GuardOptions:
+    """Limits that are left out are none."""
+
+    clearance_m: NotNegative = 2.0
+    """The least distance of a way to the fence and to keep-out zones."""
+    outside: WhenOutside = WhenOutside.HOLD
+    leg_m: Positive | None = None
+    """The greatest length of a leg."""
+    leg_s: PositiveSeconds | None = None
+    """The longest that a leg may last, as ordered and as flown."""
+    speed_limit_m_s: Positive | None = None
+    """The greatest speed, as ordered and as measured."""
+    position_age_s: PositiveSeconds = 5.0
+    """The greatest age of a position that orders may build on."""
+    frozen_s: PositiveSeconds = 10.0
+    """A position that stays the same to the last bit for so long under way is not believed."""
+    jump_m: Positive = 10.0
+    """A position farther than this from where the aPad can have come is not believed."""
+    bodies_m: Positive = 3.0
+    """The least distance of a way to real aMussels at the surface and to other aPads."""
+    drift_m_s: NotNegative = 0.2
+    """The fastest drift of an aPad whose controllers are off, for the room that a visual docking needs."""
+    search_m: NotNegative = 2.0
+    """How far a visual docking may move in its search."""
+    battery_reserve: Fraction | None = None
+    """The charge that must be left at the end of the way home."""
+    amussel_depth_m: Positive | None = None
+    """The greatest depth for which the aMussels are rated."""

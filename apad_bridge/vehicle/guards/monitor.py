@@ -1,0 +1,170 @@
+"""Watches a vehicle between orders, once a tick, and says how to react to each cause that begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from apad_bridge.vehicle.commands import GoTo
+from apad_bridge.vehicle.guards.orders import Point, Situation
+from apad_bridge.vehicle.guards.waters import Waters
+
+
+class Reaction(StrEnum):
+    HOLD = "hold"
+    """Hold the present position, which is good."""
+    STOP = "stop"
+    """Switch the controllers off: the position is not fit to hold. Where no order does that, a pilot is called."""
+    RETURN = "return"
+    """Go to the nearest place inside the fence."""
+
+
+class Cause(StrEnum):
+    OUTSIDE = "outside the fence"
+    AHEAD = "fence ahead"
+    POSITION = "position"
+    SPEED = "speed"
+    LATE = "late"
+
+
+@dataclass(frozen=True, slots=True)
+class UnderWay:
+    """A go-to that the vehicle has not ended, and the time of its order."""
+
+    command: GoTo
+    since_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    cause: Cause
+    reaction: Reaction
+    reason: str
+
+
+class Check(Protocol):
+    """One cause. A check keeps nothing: whatever lasts is in the situation or in `under_way`."""
+
+    @property
+    def cause(self) -> Cause: ...
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class PositionIsGood:
+    cause: Cause = Cause.POSITION
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+        if not situation.position_fault or situation.place_m is None:
+            return None
+        return Finding(self.cause, Reaction.STOP, situation.position_fault)
+
+
+@dataclass(frozen=True, slots=True)
+class IsInWaters:
+    """Outside the waters the vehicle holds and a pilot is called or, if the scenario says so, it goes back inside."""
+
+    waters: Waters
+    reaction: Reaction
+    cause: Cause = Cause.OUTSIDE
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+        if situation.place_m is None or not (fault := self.waters.fault_of_place(situation.place_m)):
+            return None
+        return Finding(self.cause, self.reaction, f"the aPad at {fault}")
+
+
+DELAY_S = 1.0
+"""An order takes a tick to act."""
+
+
+@dataclass(frozen=True, slots=True)
+class CanStopInWaters:
+    """The vehicle comes to rest inside the waters if it is told to stop now."""
+
+    waters: Waters
+    deceleration_m_s2: float
+    cause: Cause = Cause.AHEAD
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+        place_m, speed_m_s = situation.place_m, situation.speed_m_s
+        if place_m is None or speed_m_s == 0.0 or self.waters.fault_of_place(place_m):
+            return None
+        seconds = DELAY_S + speed_m_s / (2 * self.deceleration_m_s2)
+        there_m: Point = (
+            place_m[0] + situation.velocity_m_s[0] * seconds,
+            place_m[1] + situation.velocity_m_s[1] * seconds,
+        )
+        if not (fault := self.waters.fault_of_place(there_m)):
+            return None
+        return Finding(
+            self.cause,
+            Reaction.HOLD,
+            f"at {speed_m_s:.1f} m/s the aPad comes to rest where it may not be: {fault}",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedIsAllowed:
+    """The measured speed: a vehicle of generation A obeys no ordered one."""
+
+    most_m_s: float
+    cause: Cause = Cause.SPEED
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+        if situation.speed_m_s <= self.most_m_s:
+            return None
+        reason = f"the aPad makes {situation.speed_m_s:.1f} m/s, the greatest is {self.most_m_s:g} m/s"
+        return Finding(self.cause, Reaction.HOLD, reason)
+
+
+@dataclass(frozen=True, slots=True)
+class EndsInTime:
+    """A go-to that is under way for longer than a leg may last."""
+
+    duration_s: float = math.inf
+    cause: Cause = Cause.LATE
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+        if under_way is None or now_ms - under_way.since_ms <= self.duration_s * 1000:
+            return None
+        return Finding(self.cause, Reaction.HOLD, f"the go-to did not end within {self.duration_s:g} s")
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A cause begins, with its finding, or is over."""
+
+    cause: Cause
+    finding: Finding | None
+
+
+class Monitor:
+    """Looks at every tick; returns the causes that begin, and those that are over. A bad position hides all others."""
+
+    def __init__(self, checks: Sequence[Check]) -> None:
+        self._checks = tuple(checks)
+        self._present: dict[Cause, Finding] = {}
+
+    @property
+    def present(self) -> Sequence[Finding]:
+        return tuple(self._present.values())
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> list[Change]:
+        changes = []
+        for check in self._checks:
+            if situation.position_fault and check.cause is not Cause.POSITION:
+                continue  # what is wrong with the vehicle's place cannot be judged
+            finding, before = check.look(situation, under_way, now_ms), self._present.get(check.cause)
+            if finding is not None and before is None:
+                changes.append(Change(check.cause, finding))
+            if finding is not None:
+                self._present[check.cause] = finding
+            elif before is not None:
+                del self._present[check.cause]
+                changes.append(Change(check.cause, None))
+        return changes

@@ -1,0 +1,84 @@
+"""Orders that move a vehicle or an aMussel, and the situation in which a guard judges them.
+
+Positions are local NED metres, speeds m/s, times integer ms of mission time, charges fractions of a full battery.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from apad_bridge.vehicle.commands import GoTo, Hold, MoveArm, Stop, VehicleCommand
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Surfacing:
+    """Permission to surface for an aMussel that is believed at `place_m`, None for one that was never heard."""
+
+    agent_id: int
+    place_m: Point | None
+
+
+GuardedOrder = VehicleCommand | Surfacing
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Something in the water that a hull must not touch: a real aMussel that floats, or another aPad."""
+
+    name: str
+    place_m: Point
+    is_amussel: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    place_m: Point | None
+    """The newest position of the vehicle, good or bad; None before the first."""
+    velocity_m_s: Point = (0.0, 0.0)
+    """(north, east), from the newest positions."""
+    position_fault: str = ""
+    """The reason not to use the position; empty for a good one."""
+    battery_fraction: float | None = None
+    bodies: tuple[Body, ...] = ()
+    awaits_person: str = ""
+    """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
+
+    @property
+    def speed_m_s(self) -> float:
+        return math.hypot(*self.velocity_m_s)
+
+
+HERE_M = 0.05
+"""A hold no farther than this from the newest position moves nothing."""
+NEAR_HERE_M = 3.0
+"""A refused hold no farther than this, and two seconds of the vehicle's way, is meant as a stop: it becomes a hold here."""
+_STOP_DELAY_S = 2.0
+
+
+def goal_of(order: GuardedOrder) -> Point | None:
+    """The place to which the order moves the vehicle; None for an order that names none."""
+    return (order.north_m, order.east_m) if isinstance(order, GoTo | Hold) else None
+
+
+def is_stop(order: GuardedOrder, situation: Situation) -> bool:
+    """True for an order that only ends a motion. A hold on a position that cannot be used is none: it would drive there."""
+    match order:
+        case Stop() | MoveArm(_, _, False):
+            return True
+        case Hold(_, north_m, east_m):
+            place_m = situation.place_m
+            is_here = place_m is not None and math.dist(place_m, (north_m, east_m)) <= HERE_M
+            return is_here and not situation.position_fault
+        case _:
+            return False
+
+
+def is_meant_as_stop(order: GuardedOrder, situation: Situation) -> bool:
+    """True for a hold near the newest position, good or bad."""
+    if not isinstance(order, Hold) or situation.place_m is None:
+        return False
+    near_m = NEAR_HERE_M + _STOP_DELAY_S * situation.speed_m_s
+    return math.dist(situation.place_m, (order.north_m, order.east_m)) <= near_m

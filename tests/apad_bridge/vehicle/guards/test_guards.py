@@ -1,0 +1,221 @@
+"""Each guard alone: what it refuses, what it lets pass, and that none refuses a stop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.scenario.fence import Fence
+from apad_bridge.vehicle.commands import (
+    BatteryReported,
+    CloseDock,
+    GoTo,
+    Hold,
+    MoveArm,
+    OpenDock,
+    PoseReported,
+    Stop,
+    VehicleCommand,
+)
+from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
+from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.guards import (
+    BatteryForHome,
+    ClearOfBodies,
+    GoodPosition,
+    Guard,
+    InWaters,
+    LegLimits,
+    PersonsWord,
+    RoomToDock,
+    SoundNumbers,
+)
+from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing
+from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
+
+# A U, open to the north, of 40 x 40 m with a gap of 20 x 20 m; and a zone of 4 x 4 m in its southern bar.
+U = (
+    (0.0, 0.0),
+    (40.0, 0.0),
+    (40.0, 10.0),
+    (20.0, 10.0),
+    (20.0, 30.0),
+    (40.0, 30.0),
+    (40.0, 40.0),
+    (0.0, 40.0),
+)
+ZONE = ((8.0, 18.0), (12.0, 18.0), (12.0, 22.0), (8.0, 22.0))
+WATERS = FencedWaters(Fence(U, (ZONE,)), clearance_m=1.0)
+AT = Situation((5.0, 5.0), battery_fraction=1.0)
+
+
+def going(north_m: float, east_m: float, speed_m_s: float = 0.5, radius_m: float = 0.5) -> GoTo:
+    return GoTo(1, north_m, east_m, speed_m_s, radius_m)
+
+
+def is_allowed(point: Point) -> bool:
+    """By hand, and without a polygon: inside the U and outside the zone."""
+    north, east = point
+    in_square, in_gap = 0 <= north <= 40 and 0 <= east <= 40, north > 20 and 10 < east < 30
+    return in_square and not in_gap and not (8 < north < 12 and 18 < east < 22)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "why"),
+    [
+        ((5.0, 5.0), (5.0, 35.0), ""),
+        ((5.0, 5.0), (30.0, 5.0), ""),
+        ((30.0, 5.0), (30.0, 35.0), "crosses the fence"),  # both ends inside, the gap between them
+        ((10.0, 5.0), (10.0, 35.0), "crosses the fence or a keep-out zone"),
+        ((5.0, 5.0), (10.0, 20.0), "lies in a keep-out zone"),
+        ((5.0, 5.0), (45.0, 5.0), "5.0 m outside the fence"),
+        ((5.0, 5.0), (0.5, 5.0), "0.5 m from the fence"),
+        ((5.0, 5.0), (12.5, 36.0), "crosses the fence or a keep-out zone"),
+        ((5.0, 5.0), (7.9, 30.0), ""),
+        ((7.5, 5.0), (7.5, 35.0), "passes 0.5 m from"),
+        ((0.5, 5.0), (5.0, 5.0), ""),  # away from an edge that it is too near to
+        ((0.5, 5.0), (0.4, 20.0), "0.4 m from the fence"),
+        ((-1.0, 5.0), (5.0, 5.0), "begins where the aPad may not be"),
+    ],
+)
+def test_the_whole_way_stays_in_the_waters(start: Point, goal: Point, why: str) -> None:
+    refusal = InWaters(WATERS).refusal(going(*goal), replace(AT, place_m=start))
+    assert (why in refusal) if why else refusal == ""
+
+
+@given(st.tuples(*[st.floats(-10, 50)] * 4))
+def test_no_point_of_a_way_that_passes_is_outside(ends: tuple[float, float, float, float]) -> None:
+    start, goal = (ends[0], ends[1]), (ends[2], ends[3])
+    if InWaters(WATERS).refusal(going(*goal), replace(AT, place_m=start)) == "":
+        for n in range(101):
+            way = [start[k] + n / 100 * (goal[k] - start[k]) for k in (0, 1)]
+            assert is_allowed((way[0], way[1]))
+
+
+def test_docks_arms_and_aMussels_called_up_stay_in_the_waters() -> None:
+    guard, outside = InWaters(WATERS), replace(AT, place_m=(-3.0, 5.0))
+    for order in (CloseDock(1, 0, 7), OpenDock(1, 0, 7), MoveArm(1, 0, True)):
+        assert "3.0 m outside" in guard.refusal(order, outside)
+        assert guard.refusal(order, AT) == ""
+    assert "aMussel 7 would surface where no aPad may go" in guard.refusal(Surfacing(7, (30.0, 20.0)), AT)
+    assert guard.refusal(Surfacing(7, (30.0, 5.0)), AT) == "" == guard.refusal(Surfacing(7, None), AT)
+
+
+def test_from_outside_only_the_way_straight_back_passes_and_only_where_the_scenario_wants_it() -> None:
+    outside = replace(AT, place_m=(-4.0, 5.0))
+    back = WATERS.nearest_inside((-4.0, 5.0))
+    assert back == pytest.approx((1.0, 5.0))
+    assert InWaters(WATERS, returns=True).refusal(going(*back), outside) == ""
+    assert InWaters(WATERS, returns=True).refusal(going(5.0, 5.0), outside) != ""
+    assert InWaters(WATERS).refusal(going(*back), outside) != ""
+
+
+def test_a_visual_docking_needs_room_for_drift_search_and_pulling_back() -> None:
+    guard = RoomToDock(WATERS, 27 * 0.2 + 2.0 + 2.4, lambda agent_id: agent_id == 7)
+    at = replace(AT, place_m=(5.0, 5.0))
+    assert "5.0 m from the fence" in guard.refusal(CloseDock(1, 0, 7), at)
+    assert "the least is 9.8 m" in guard.refusal(OpenDock(1, 0, 7), at)
+    assert guard.refusal(CloseDock(1, 0, 8), at) == ""
+    wide = FencedWaters(Fence(((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)), ()), 1.0)
+    assert replace(guard, waters=wide).refusal(CloseDock(1, 0, 7), replace(AT, place_m=(20.0, 20.0))) == ""
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        going(math.nan, 1.0),
+        going(1.0, math.inf),
+        going(60_000.0, 0.0),
+        Hold(1, math.nan, 0.0),
+        going(1.0, 1.0, speed_m_s=0.0),
+        going(1.0, 1.0, speed_m_s=math.nan),
+        going(1.0, 1.0, radius_m=-1.0),
+    ],
+)
+def test_numbers_that_no_vehicle_should_get_are_refused(order: GuardedOrder) -> None:
+    assert SoundNumbers().refusal(order, AT) != ""
+    assert SoundNumbers().refusal(going(1.0, 1.0), AT) == ""
+
+
+def test_a_leg_is_neither_too_long_nor_too_fast_nor_too_slow() -> None:
+    guard = LegLimits(length_m=20.0, speed_m_s=1.0, duration_s=30.0)
+    assert guard.refusal(going(5.0, 20.0), AT) == ""
+    assert "25.0 m long" in guard.refusal(going(5.0, 30.0), AT)
+    assert "its speed is 1.5 m/s" in guard.refusal(going(5.0, 20.0, speed_m_s=1.5), AT)
+    assert "takes 38 s" in guard.refusal(going(5.0, 20.0, speed_m_s=0.4), AT)
+
+
+def test_the_battery_suffices_for_the_leg_and_the_way_home() -> None:
+    guard = BatteryForHome((0.0, 0.0), reserve=0.2, fraction_per_m=0.01)
+    at = Situation((0.0, 10.0), battery_fraction=0.5)
+    assert guard.refusal(going(0.0, 20.0), at) == ""  # 10 m there and 20 m home: exactly half
+    assert "holds 50.0 %, and the leg and the way home need 51.0 %" in guard.refusal(going(0.0, 20.5), at)
+    assert guard.refusal(going(0.0, 5.0), replace(at, battery_fraction=0.01)) == ""  # towards home
+    assert "not known" in guard.refusal(going(0.0, 20.0), replace(at, battery_fraction=None))
+
+
+def test_a_way_keeps_clear_of_bodies_except_of_the_aMussel_it_goes_to() -> None:
+    guard = ClearOfBodies(3.0)
+    wanted, other, apad = (
+        Body("a", (0.0, 20.0), True),
+        Body("b", (2.0, 10.0), True),
+        Body("c", (0.0, 21.0), False),
+    )
+    at = Situation((0.0, 0.0))
+    assert guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted,))) == ""
+    assert "passes b at 2.0 m" in guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted, other)))
+    assert "passes c at 1.0 m" in guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted, apad)))
+    beside = Body("d", (1.0, 0.0), True)
+    assert guard.refusal(going(-10.0, 0.0), replace(at, bodies=(beside,))) == ""  # away from it
+
+
+def test_nothing_moves_on_a_bad_position_or_without_the_word_of_a_person() -> None:
+    orders = (going(1.0, 1.0), Hold(1, 1.0, 1.0), CloseDock(1, 0, 7), OpenDock(1, 0, 7), MoveArm(1, 0, True))
+    for order in orders:
+        assert GoodPosition().refusal(order, replace(AT, position_fault="old")) == "old"
+        assert PersonsWord().refusal(order, replace(AT, awaits_person="after a breach")) == "after a breach"
+        assert GoodPosition().refusal(order, AT) == "" == PersonsWord().refusal(order, AT)
+
+
+ALL: list[Guard] = [
+    SoundNumbers(),
+    PersonsWord(),
+    GoodPosition(),
+    InWaters(WATERS),
+    RoomToDock(WATERS, 50.0, lambda agent_id: True),
+    LegLimits(0.1, 0.1, 0.1),
+    ClearOfBodies(100.0),
+    BatteryForHome((0.0, 0.0), 1.0, 1.0),
+]
+
+
+@given(
+    st.tuples(st.floats(-50, 90), st.floats(-50, 90)),
+    st.sampled_from(["", "a person must look"]),
+    st.sampled_from([None, 0.0, 1.0]),
+)
+def test_no_guard_refuses_a_stop(place_m: Point, awaits: str, battery: float | None) -> None:
+    gate = Gate(ALL, PositionWatch(PositionLimits()))
+    gate.awaits_person = awaits
+    gate.bodies = lambda: [Body("beside", place_m, False)]
+    gate.observe(_pose_and_battery(place_m, battery))
+    stops: list[VehicleCommand] = [Hold(1, *place_m), MoveArm(1, 2, False), Stop(1)]
+    assert [gate.refusal(it, 0) for it in stops] == [None, None, None]
+
+
+def test_a_hold_on_a_position_that_cannot_be_used_is_no_stop() -> None:
+    gate = Gate(ALL, PositionWatch(PositionLimits(age_ms=1000)))
+    gate.observe(_pose_and_battery((5.0, 5.0), 1.0))
+    assert gate.refusal(Hold(1, 5.0, 5.0), 1000) is None
+    late = gate.refusal(Hold(1, 5.0, 5.0), 1001)
+    assert late is not None and late.guard == "position"
+    assert gate.refusal(Stop(1), 1001) is None
+
+
+def _pose_and_battery(place_m: Point, fraction: float | None) -> list[PoseReported | BatteryReported]:
+    facts: list[PoseReported | BatteryReported] = [PoseReported(0, *place_m, 0.0)]
+    return facts if fraction is None else [*facts, BatteryReported(0, 12.0, fraction)]
