@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
         epilog=f"Ends with the scenario's time or Ctrl-C. exit codes: {EXITS}",
     )
     run_command.add_scenario_arguments(parser)
-    parser.set_defaults(run=run, part=Part.FLEET, strategy="none")
+    parser.set_defaults(run=run, part=Part.FLEET, strategy="none", console=False)
 
 
 def run(arguments: argparse.Namespace) -> int:

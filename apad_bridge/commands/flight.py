@@ -55,9 +55,9 @@ def fly(
     *,
     console: bool = False,
 ) -> int:
-    """Flies one aPad or several, with a live page in a browser or without, and returns the exit code. UserError, or a line and its exit code, before anything starts.
+    """Flies one aPad or several, and returns the exit code. UserError, or a line and its exit code, before anything starts.
 
-    A run of several aPads has a directory for each, below its own.
+    A run of several aPads has a directory for each, below its own. With `console` a browser can show the run live.
     """
     _check(options, scenario)
     if console and scenario.apads:

@@ -22,7 +22,7 @@ def add_parser(commands: Any) -> None:
     run_command.add_scenario_arguments(parser)
     parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
     run_command.add_manual_argument(parser)
-    parser.set_defaults(run=run, part=Part.MISSION)
+    parser.set_defaults(run=run, part=Part.MISSION, console=False)
 
 
 def run(arguments: argparse.Namespace) -> int:

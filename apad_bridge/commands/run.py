@@ -199,6 +199,4 @@ def namespace_of_shell() -> str:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
-    return fly(
-        options, scenario, starts, arguments.out, arguments.json, console=getattr(arguments, "console", False)
-    )
+    return fly(options, scenario, starts, arguments.out, arguments.json, console=arguments.console)

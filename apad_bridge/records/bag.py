@@ -1,8 +1,10 @@
 """Writes run.bag, a ROS 1 bag with the samples of a run, without ROS; and repairs a bag that was never closed.
 
 The bag's own times are mission time. The headers' stamps are those that the same messages have on the graph: on somebody
-else's master that master's time, and else mission time too. So the bag keeps both, and maps one to the other. A bag is written in chunks, each compressed by LZ4, which ROS's
-tools can read, and flushed to the file: a kill loses only the chunk that was being filled.
+else's master that master's time, and else mission time too. So the bag keeps both, and maps one to the other.
+
+A bag is written in chunks, each compressed by LZ4, which ROS's tools can read, and flushed to the file: a kill loses only
+the chunk that was being filled.
 """
 
 from __future__ import annotations

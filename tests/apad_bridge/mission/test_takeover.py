@@ -197,7 +197,7 @@ def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_s
 def test_a_go_to_of_a_person_is_stopped_and_continued(pool: Scenario) -> None:
     flying = Flying(pool)
     flying.seconds(3)
-    flying.call_mission(take_over)
+    flying.call_mission(lambda flown: flown.take_over())
     flying.call(lambda mission: mission.go_to(10.0, 10.0))
     assert asked(flying, Act.STOP) == (True, "")
     assert flying.by_hand.paused

@@ -125,7 +125,7 @@ def test_a_run_that_is_refused_leaves_no_directory(
         monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{unused.getsockname()[1]}")
         for command in (
             ["run", str(POOL_FILE), "--apad", "ros"],
-            ["run", str(POOL_FILE.with_name("bay-120.yaml")), "--apad", "ros"],
+            ["run", str(LISTING.parents[1] / "scenarios/bay-120.yaml"), "--apad", "ros"],
             ["mission", str(POOL_FILE)],
             ["fleet", str(POOL_FILE)],
             ["script", str(LISTING), "--scenario", str(POOL_FILE), "--apad", "ros"],
