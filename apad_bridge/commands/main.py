@@ -34,6 +34,7 @@ _COMMANDS = (
     "mission",
     "apad",
     "script",
+    "runs",
     "replay",
     "console",
     "beliefs",

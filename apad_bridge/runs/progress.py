@@ -16,6 +16,7 @@ from apad_bridge.runs.status import Status
 from apad_bridge.vehicle.docking import PRE_EMPTED
 
 _LINE_EVERY_MS = 300_000
+_MOST_NAMED = 8
 
 
 class ProgressDisplay(Protocol):
@@ -161,7 +162,7 @@ class FlightProgress:
     def show_status(self, status: Status) -> None:
         clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"
         doing = (
-            f"{status.phase}: {status.active}/{status.agents} active, {status.docked} docked, "
+            f"{status.phase}: {status.active}/{status.agents} active, {_docked_text(status.docked)}, "
             f"{status.services} served, {status.cost_m:.0f} m"
         )
         if status.apad_fraction is not None:
@@ -176,6 +177,13 @@ class FlightProgress:
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
+
+
+def _docked_text(docked: Sequence[int]) -> str:
+    """Who is docked: by ids, as far as a line takes them."""
+    if not docked:
+        return "none docked"
+    return f"{' '.join(map(str, docked)) if len(docked) <= _MOST_NAMED else len(docked)} docked"
 
 
 def _clock(now_ms: int) -> str:

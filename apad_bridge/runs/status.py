@@ -19,7 +19,8 @@ class Status:
     primitive: str
     agents: int
     active: int
-    docked: int
+    docked: tuple[int, ...]
+    """Their ids, in the order of the docks."""
     services: int
     cost_m: float
     apad_fraction: float | None
@@ -36,7 +37,7 @@ class Status:
             supervisor.primitive,
             len(beliefs),
             sum(b.state not in DOCKED and b.primary > 0 for b in beliefs),
-            len(state.docked),
+            tuple(agent_id for _, agent_id in sorted(state.docked)),
             state.services,
             state.cost_m,
             None if supervisor.battery is None else supervisor.battery.fraction,
@@ -54,7 +55,7 @@ class Status:
             "",
             sum(it.agents for it in each),
             sum(it.active for it in each),
-            sum(it.docked for it in each),
+            tuple(agent_id for it in each for agent_id in it.docked),
             sum(it.services for it in each),
             sum(it.cost_m for it in each),
             None,

@@ -34,7 +34,8 @@ PLAIN = st.recursive(
 )
 STATUSES = st.builds(
     Status,
-    *(st.integers(), st.text(), st.text(), st.integers(), st.integers(), st.integers(), st.integers()),
+    *(st.integers(), st.text(), st.text(), st.integers(), st.integers()),
+    *(st.lists(IDS).map(tuple), st.integers()),
     *(NUMBERS, st.none() | NUMBERS, NUMBERS),
 )
 MESSAGES: dict[type, st.SearchStrategy[Message]] = {

@@ -83,7 +83,7 @@ class Starts:
 
 
 def status(now_ms: int, served: int, way_m: float) -> Status:
-    return Status(now_ms, "dock", "dock", 4, 3, 1, served, way_m, 0.9, 0.0)
+    return Status(now_ms, "dock", "dock", 4, 3, (7,), served, way_m, 0.9, 0.0)
 
 
 def read_all(

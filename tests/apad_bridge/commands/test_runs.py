@@ -1,0 +1,55 @@
+"""`musselbed runs` lists the runs of a folder, whatever became of them."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from scenario_files import POOL_FILE
+
+from apad_bridge.commands.main import main
+from apad_bridge.runs.children import supervising
+
+
+@pytest.fixture
+def folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """A run that ended, one that was killed, one that is damaged and a folder that is no run."""
+    runs = tmp_path / "runs"
+    command = ["run", str(POOL_FILE), "--time", "asap", "--hosting", "one_process", "--out"]
+    assert main([*command, str(runs / "whole")]) == 0
+    for name, at_s in (("killed", 2_000_000_000), ("damaged", 2_000_000_100)):
+        (runs / name).mkdir()
+        for file in ("scenario.yaml", "versions.json"):
+            (runs / name / file).write_bytes((runs / "whole" / file).read_bytes())
+        os.utime(runs / name / "versions.json", (at_s, at_s))
+    (runs / "damaged" / "summary.json").write_text("{")
+    (runs / "notes").mkdir()
+    capsys.readouterr()
+    return runs
+
+
+def test_runs_are_listed_newest_first_with_their_figures(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with supervising(folder / "killed"):
+        assert main(["runs", str(folder), "--json"]) == 0
+    damaged, killed, whole = json.loads(capsys.readouterr().out)
+    summary = json.loads((folder / "whole" / "summary.json").read_text())
+    assert (damaged["run"], killed["run"], whole["run"]) == ("damaged", "killed", "whole")
+    assert killed["begun"] == "2033-05-18T03:33:20Z"
+    assert damaged["state"].startswith("summary.json cannot be read")
+    assert killed["state"] == "flies" and killed["services"] is None
+    assert whole["state"] == "mission time" and whole["services"] == summary["services"]
+    assert whole["uptime"] == pytest.approx(summary["uptime_paper"]["mean"], abs=0.005)
+    assert main(["runs", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "did not end" in shown and "mission time" in shown
+
+
+def test_a_folder_that_is_not_there_is_a_mistake_and_an_empty_one_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["runs", str(tmp_path / "gone")]) == 2
+    assert "fly a scenario first" in capsys.readouterr().err
+    assert main(["runs", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"no runs in {tmp_path}\n"
