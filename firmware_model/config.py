@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import StrEnum
 
 from firmware_model.power.charge import ChargeModel
 from firmware_model.power.rails import Loads
@@ -11,14 +11,14 @@ from firmware_model.power.rails import Loads
 PATH_UNIT = 10_000
 
 
-class LastResort(IntEnum):
+class LastResort(StrEnum):
     """The action of an aMussel on its backup battery at the safe level, before it can no longer surface."""
 
-    WAIT = 0
+    WAIT = "wait"
     """Stay on the bottom and listen."""
-    CALL = 1
+    CALL = "call"
     """Stay and send its status again and again."""
-    SURFACE = 2
+    SURFACE = "surface"
     """Come up without a permission, which it does in no other case."""
 
 

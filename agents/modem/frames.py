@@ -9,16 +9,17 @@ of two bytes are assumed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 ADDRESSES = 256
 
 
-class Generation(IntEnum):
-    """V2 is the modem of about 2016 to 2018, V3 today's modem. They do not understand each other."""
+class Generation(StrEnum):
+    """`v3`: today's nanomodem, 64 bytes. `v2`: that of the early swarm, about 2016 to 2018, 7 bytes at 40 bit/s. They do
+    not understand each other."""
 
-    V2 = 2
-    V3 = 3
+    V2 = "v2"
+    V3 = "v3"
 
 
 class FrameKind(IntEnum):

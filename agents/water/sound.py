@@ -9,6 +9,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 from math import exp, inf, log, log10
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from agents.water.bounds import NotNegative, OpenFraction, Positive
 
 _CERTAIN = 700
 """Log odds beyond which the exponential overflows a float."""
@@ -26,7 +31,7 @@ def thorp_db_per_km(frequency_khz: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ErrorCurve:
-    """Packet error rate against SNR, for some sizes of payload.
+    """Packet error rate against SNR, for some sizes of payload. A scenario's block `error_curve`.
 
     `rates[i][j]` is the rate of `sizes[i]` bytes at `snrs_db[j]`; rates lie within (0, 1), sizes and SNRs rise. The log
     odds are linear in the SNR between two points, and linear in the logarithm of the size between two sizes. Beyond the
@@ -35,8 +40,8 @@ class ErrorCurve:
     """
 
     snrs_db: tuple[float, ...]
-    sizes: tuple[int, ...]
-    rates: tuple[tuple[float, ...], ...]
+    sizes: tuple[Annotated[int, Ge(1)], ...]
+    rates: tuple[tuple[OpenFraction, ...], ...]
 
     def __post_init__(self) -> None:
         if len(self.snrs_db) < 2 or list(self.snrs_db) != sorted(set(self.snrs_db)):
@@ -94,30 +99,36 @@ NANOMODEM_ERRORS = ErrorCurve(
 
 
 @dataclass(frozen=True, slots=True)
-class Sound:
+class Levels:
+    """How loud sound is, and what disturbs it, in the same words for a scenario and for the sea."""
+
+    source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
+    """Level at 1 m."""
+    spreading_db: Annotated[float, Ge(0), Le(60)] = SPHERICAL_DB
+    """Loss per tenfold distance."""
+    noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
+    """Ambient noise, re 1 uPa^2/Hz."""
+    bandwidth_hz: Positive = 8000.0
+    fading_db: NotNegative = 0.0
+    """Multipath: standard deviation of each packet's own gain at each receiver."""
+    reverberation_db: NotNegative = 10.0
+    """Echoes are weaker than their packet by so much."""
+    capture_db: Annotated[float, Ge(0), Le(300)] = 6.0
+    """A packet survives others that overlap it if it is louder by so much than all of them together."""
+    thruster_noise_db: NotNegative = 20.0
+    """Running thrusters raise the noise at their own vehicle's modem by so much."""
+    range_limit_m: Positive = 5000.0
+    """The model follows sound no further, neither as a packet nor as a disturbance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sound(Levels):
     """The acoustic properties of the water and the modem."""
 
     speed_m_s: float = 1500.0
-    source_level_db: float = 168.0
-    """Level at 1 m."""
-    spreading_db: float = SPHERICAL_DB
-    """Loss per tenfold distance."""
     absorption_db_per_km: float = 6.0
-    noise_db_per_hz: float = 50.0
-    """Ambient noise, re 1 uPa^2/Hz."""
-    bandwidth_hz: float = 8000.0
-    fading_db: float = 0.0
-    """Multipath: standard deviation of each packet's own gain at each receiver."""
     reverberation_ms: int = 0
     """A packet's echoes disturb others for so long after its end."""
-    reverberation_db: float = 10.0
-    """Echoes are weaker than their packet by so much."""
-    capture_db: float = 6.0
-    """A packet survives others that overlap it if it is louder by so much than all of them together."""
-    thruster_noise_db: float = 20.0
-    """Running thrusters raise the noise at their own vehicle's modem by so much."""
-    range_limit_m: float = 5000.0
-    """The model follows sound no further, neither as a packet nor as a disturbance."""
     turnaround_ms: int = 0
     """The time from the end of a modem's own sound until it can receive again."""
     errors: ErrorCurve = NANOMODEM_ERRORS

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, inf, log10
 
+from agents.water.bounds import Positive
 from agents.water.chance import fates
 
 _LANE = b"wifi"
@@ -18,16 +19,16 @@ _LIGHT_M_S = 299_792_458.0
 
 @dataclass(frozen=True, slots=True)
 class Wifi:
-    """The radio, the same kind on both sides."""
+    """The radio, the same kind on both sides. A scenario's block `wifi`; half of all packets arrive where the path leaves
+    `sensitivity_dbm`."""
 
-    frequency_mhz: float = 2440.0
+    frequency_mhz: Positive = 2440.0
     transmit_dbm: float = 20.0
     sensitivity_dbm: float = -85.0
-    """The level at which half of all packets get through."""
-    mussel_antenna_m: float = 0.05
+    mussel_antenna_m: Positive = 0.05
     """Height of a floating aMussel's antenna above the water; the next field is the aPad's."""
-    apad_antenna_m: float = 1.5
-    slope_db: float = 1.5
+    apad_antenna_m: Positive = 1.5
+    slope_db: Positive = 1.5
     """The dB of margin that change the odds of a packet e-fold."""
 
     def __post_init__(self) -> None:

@@ -10,9 +10,14 @@ import numpy as np
 
 from apad_bridge.acoustics.least_squares import Floats, NoFix, Solution, mirrored, solve
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.scenario.water import Localisation
 
 AMBIGUOUS = 9.0
 """Ranges do not separate two places whose weighted squared residuals differ by less: three standard deviations."""
+_AT_LEAST = 3
+"""The fewest ranges for a fix."""
+_GATE = 16.0
+"""A range whose squared residual exceeds so many variances is an outlier; a fix leaves out the worst one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,28 +53,14 @@ class PositionFix:
     ranges: int
 
 
-@dataclass(frozen=True, slots=True)
-class LocatorConfig:
-    deviation_m: float
-    """The standard deviation of a range, from the measurement and from the aPad's own place."""
-    depth_m: float
-    """The depth of the bottom, on which the aMussels lie."""
-    memory_s: float
-    """Ranges older than this are dropped, because the aMussel may have moved."""
-    apart_m: float
-    """The least distance between used ranges: of ranges taken nearer to each other only the newest is used."""
-    at_least: int = 3
-    worst_hdop: float = 5.0
-    gate: float = 16.0
-    """A range whose squared residual exceeds so many variances is an outlier; a fix leaves out the worst one."""
-
-
 class Locator:
     """Turns ranges into fixes. `dropped` counts, by reason, the ranges that gave none."""
 
-    def __init__(self, config: LocatorConfig) -> None:
+    def __init__(self, config: Localisation, depth_m: float) -> None:
+        """`depth_m` is the bottom's, on which the aMussels lie."""
         self.dropped: Counter[str] = Counter()
         self._config = config
+        self._depth_m = depth_m
         self._ranges: dict[int, list[RangeTaken]] = {}
 
     def forget(self, agent_id: int) -> None:
@@ -119,17 +110,17 @@ class Locator:
         return math.dist((old.north_m, old.east_m), (new.north_m, new.east_m)) >= self._config.apart_m
 
     def _solve(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> tuple[Solution, int]:
-        if len(ranges) < self._config.at_least:
+        if len(ranges) < _AT_LEAST:
             raise NoFix("too few ranges from places apart")
         solution = self._best(ranges, near_m)
-        if len(ranges) > self._config.at_least + 1:
+        if len(ranges) > _AT_LEAST + 1:
             worst = max(range(len(ranges)), key=lambda n: abs(solution.residuals_m[n]))
-            if (solution.residuals_m[worst] / self._config.deviation_m) ** 2 > self._config.gate:
+            if (solution.residuals_m[worst] / self._config.deviation_m) ** 2 > _GATE:
                 ranges = ranges[:worst] + ranges[worst + 1 :]
                 solution = self._best(ranges, near_m)
         if solution.hdop > self._config.worst_hdop:
             raise NoFix("the geometry is too flat")
-        if solution.chi2 > self._config.gate * len(ranges):
+        if solution.chi2 > _GATE * len(ranges):
             raise NoFix("the ranges contradict each other")
         return solution, len(ranges)
 
@@ -142,7 +133,7 @@ class Locator:
         solutions: list[Solution] = []
         for begin in (start, mirrored(anchors, start)):
             try:
-                solutions.append(solve(anchors, lengths, deviations, self._config.depth_m, begin))
+                solutions.append(solve(anchors, lengths, deviations, self._depth_m, begin))
             except NoFix as reason:
                 failure = reason
         if not solutions:

@@ -18,11 +18,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from agents.modem.frames import SHORT_MS, Generation, duration_ms
+from agents.modem.frames import SHORT_MS, duration_ms
 from agents.packet_medium import Medium
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from apad_bridge.mission.events import Ping, Send, SupervisorAction
 from apad_bridge.mission.orders import Note
+from apad_bridge.scenario.water import Water
 from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import Codec
@@ -33,18 +34,11 @@ ASK_AGAIN_MS = 600_000
 
 @dataclass(frozen=True, slots=True)
 class ScheduleConfig:
-    """Periods are agent time, except `ping_period_ms`, which is mission time; 0 means never."""
-
     theta: int
-    sound_speed_m_s: float
+    water: Water
+    """The scenario's block, with the aPad's `talk`."""
     longest_delay_ms: int
     """The longest propagation delay, by which a packet may reach into somebody's timeslot."""
-    waits: bool
-    assigns: bool
-    guard_ms: int
-    beacon_period_ms: int
-    ping_period_ms: int
-    modems: Generation = Generation.V3
     answer_ms: int = 0
     """The time from the end of a status request to the end of the answer, without the propagation delays."""
     pause_ms: int = 20
@@ -68,12 +62,17 @@ class AcousticScheduler:
         self._slots = slots
         self._agent_ids = sorted(agent_ids)
         self._window = ALWAYS
-        if config.waits and slots is not None:
+        talk = config.water.talk
+        self._beacon_period_ms = round(talk.beacon_period_s * 1000)
+        """Agent time; the next one is mission time. 0 means never."""
+        self._ping_period_ms = round(talk.ping_period_s * 1000)
+        self._guard_ms = 0 if slots is None else slots.guard_ms
+        if talk.waits and slots is not None:
             self._window = TdmaWindow(slots.frame_ms, len(self._agent_ids) * slots.slot_ms)
         agent_ms = config.theta * now_ms
         self._free_from_ms = agent_ms
         """The time from which nothing is scheduled yet."""
-        assigns = config.assigns and slots is not None
+        assigns = talk.assigns and slots is not None
         self._measure_at_ms = dict.fromkeys(self._agent_ids if assigns else (), agent_ms)
         """The times at which propagation delays are to be measured (again)."""
         self.delays_ms: dict[int, int] = {}
@@ -152,12 +151,12 @@ class AcousticScheduler:
             if due_ms <= agent_ms and agent_id not in away:
                 self._measure_at_ms[agent_id] = agent_ms + ASK_AGAIN_MS
                 actions.append(self._ping(agent_id, now_ms))
-        if config.beacon_period_ms and self._beacon_due_ms <= agent_ms:
-            self._beacon_due_ms = agent_ms + config.beacon_period_ms
+        if self._beacon_period_ms and self._beacon_due_ms <= agent_ms:
+            self._beacon_due_ms = agent_ms + self._beacon_period_ms
             actions.append(self._beacon(now_ms))
             actions += [self._assignment(it, now_ms) for it in self.delays_ms if it not in away]
-        if config.ping_period_ms and self._ping_due_ms <= now_ms:
-            self._ping_due_ms = now_ms + config.ping_period_ms
+        if self._ping_period_ms and self._ping_due_ms <= now_ms:
+            self._ping_due_ms = now_ms + self._ping_period_ms
             actions += self._next_ping(now_ms, away)
         if (ping_id := self._pings.next(whereabouts, agent_ms)) is not None:
             actions.append(self._ping(ping_id, now_ms))
@@ -174,7 +173,7 @@ class AcousticScheduler:
         if agent_id not in self._measure_at_ms:
             return []
         del self._measure_at_ms[agent_id]
-        self.delays_ms[agent_id] = round(1000 * range_m / self._config.sound_speed_m_s)
+        self.delays_ms[agent_id] = round(1000 * range_m / self._config.water.sound.sound_speed_m_s)
         return [self._assignment(agent_id, now_ms)]
 
     def moved(self, agent_id: int, now_ms: int) -> None:
@@ -190,13 +189,11 @@ class AcousticScheduler:
         return []
 
     def _assignment(self, agent_id: int, now_ms: int) -> Send:
-        config, slots, delay_ms = self._config, self._slots, self.delays_ms[agent_id]
+        slots, delay_ms = self._slots, self.delays_ms[agent_id]
         assert slots is not None  # delays are measured for timeslots only
-        offset_ms = -2 * delay_ms if config.beacon_period_ms else -delay_ms
+        offset_ms = -2 * delay_ms if self._beacon_period_ms else -delay_ms
         index = self._agent_ids.index(agent_id)
-        assignment = SlotAssignment(
-            agent_id, slots.frame_ms, slots.slot_ms, config.guard_ms, index, offset_ms
-        )
+        assignment = SlotAssignment(agent_id, slots.frame_ms, slots.slot_ms, slots.guard_ms, index, offset_ms)
         return self._with_send_time(Send(Medium.SOUND, agent_id, self._codec.encode(assignment)), now_ms)
 
     def _beacon(self, now_ms: int) -> Send:
@@ -207,7 +204,7 @@ class AcousticScheduler:
         return Send(Medium.SOUND, EVERYONE, data, at_ms)
 
     def _ping(self, agent_id: int, now_ms: int) -> Ping:
-        return Ping(agent_id, self._reserve(now_ms, SHORT_MS[self._config.modems] + ANSWER_TIMEOUT_MS))
+        return Ping(agent_id, self._reserve(now_ms, SHORT_MS[self._config.water.modems] + ANSWER_TIMEOUT_MS))
 
     def _status_request(self, agent_id: int, now_ms: int) -> Send:
         """A request for a short status; nothing else is scheduled until the answer has arrived."""
@@ -221,13 +218,13 @@ class AcousticScheduler:
         return replace(send, not_before_ms=self._reserve(now_ms, self._duration_ms(send.data), after_ms))
 
     def _duration_ms(self, data: bytes) -> int:
-        return duration_ms(self._config.modems, len(data))
+        return duration_ms(self._config.water.modems, len(data))
 
     def _reserve(self, now_ms: int, lasting_ms: int, after_ms: int = 0) -> int:
         """Reserves the next free time of this length, at least `after_ms` after the last packet. Returns its beginning."""
         from_ms = max(self._config.theta * now_ms, self._free_from_ms + after_ms)
         # It must have arrived everywhere by then, and the owner of the first timeslot may be early by its guard.
-        needed_ms = lasting_ms + self._config.longest_delay_ms + self._config.guard_ms
+        needed_ms = lasting_ms + self._config.longest_delay_ms + self._guard_ms
         at_ms = self._window.first_ms(from_ms, needed_ms)
         self._free_from_ms = at_ms + lasting_ms
         return at_ms

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import ceil, dist, hypot
 
-from agents.modem.frames import Generation
-from apad_bridge.acoustics.locator import LocatorConfig
 from apad_bridge.acoustics.schedule import ScheduleConfig
 from apad_bridge.assembly.estimator import readings_apart_ms
 from apad_bridge.beliefs.pings import PingForCharge, PingForPlace
@@ -27,50 +25,24 @@ class AcousticsConfig:
     """The configuration of an aPad's acoustic service."""
 
     schedule: ScheduleConfig
-    locator: LocatorConfig | None
-    """None: pings give delays and no places."""
-    keel_m: float
-    """The depth of the aPad's modem."""
-    range_deviation_m: float
-    """Standard deviation of a range."""
     places: PingForPlace | None
     """Decides which aMussels to ping because their place is too uncertain; None for no such pings."""
     charges: PingForCharge | None
     """Decides which aMussels to ask for their status; None for no such requests."""
 
 
-def acoustics_config(
-    scenario: Scenario, water: Water, firmware: FullFirmware | None, modems: Generation
-) -> AcousticsConfig:
-    timeslots = None if firmware is None or firmware.cycle is None else firmware.cycle.slots
-    speed_m_s, corners, depth_m = water.sound.sound_speed_m_s, scenario.area.polygon_m, scenario.area.depth_m
-    across_m = max(dist(one, other) for one in corners for other in corners) + depth_m
-    localisation, talk = water.localisation, water.talk
+def acoustics_config(scenario: Scenario, water: Water, firmware: FullFirmware | None) -> AcousticsConfig:
+    corners = scenario.area.polygon_m
+    across_m = max(dist(one, other) for one in corners for other in corners) + scenario.area.depth_m
+    longest_m, talk = min(across_m, water.sound.range_limit_m), water.talk
     return AcousticsConfig(
         ScheduleConfig(
-            theta=scenario.theta,
-            sound_speed_m_s=speed_m_s,
-            longest_delay_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
-            waits=talk.waits,
-            assigns=talk.assigns,
-            guard_ms=0 if timeslots is None else timeslots.guard_ms,
-            beacon_period_ms=round(talk.beacon_period_s * 1000),
-            ping_period_ms=round(talk.ping_period_s * 1000),
-            modems=modems,
-            pause_ms=_PAUSE_MS + round(1000 * water.sound.reverberation_s),
+            scenario.theta,
+            water,
+            longest_delay_ms=ceil(1000 * longest_m / water.sound.sound_speed_m_s),
             answer_ms=0 if firmware is None else firmware.turnaround_ms + firmware.answer_ms,
+            pause_ms=_PAUSE_MS + round(1000 * water.sound.reverberation_s),
         ),
-        None
-        if localisation is None
-        else LocatorConfig(
-            localisation.deviation_m,
-            depth_m,
-            localisation.memory_s,
-            localisation.apart_m,
-            worst_hdop=localisation.worst_hdop,
-        ),
-        water.sound.keel_m,
-        1.0 if localisation is None else localisation.deviation_m,
         PingForPlace(candidate_below(scenario.mission.pool_threshold), talk.ping_worth_m)
         if talk.ping_worth_m
         else None,

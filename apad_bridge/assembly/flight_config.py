@@ -11,7 +11,7 @@ from agents.mussel.reporter import ReportConfig
 from agents.water.sea import SeaConfig
 from apad_bridge.assembly.acoustics import AcousticsConfig, acoustics_config
 from apad_bridge.assembly.estimator import TwinConfig, twin_config
-from apad_bridge.assembly.water import generation_of, leeway_um_s, sea_config
+from apad_bridge.assembly.water import leeway_um_s, sea_config
 from apad_bridge.scenario.firmware_config import board_config, sinking_of
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from firmware_model.config import BoardConfig, Timeslots
@@ -48,7 +48,7 @@ class FlightConfig:
 def flight_config(scenario: Scenario) -> FlightConfig:
     """Resolves the scenario. Reads no file: the current's file is read when a fleet starts."""
     water, drift, theta = scenario.water, scenario.fleet.drift, scenario.theta
-    modems = Generation.V3 if water is None else generation_of(water.modems)
+    modems = Generation.V3 if water is None else water.modems
     board = board_config(scenario.board, scenario.seed, modems)
     body = BodyConfig(
         sinking_of(scenario),
@@ -68,6 +68,6 @@ def flight_config(scenario: Scenario) -> FlightConfig:
         body,
         reports,
         None if water is None else sea_config(water, scenario.seed, body.sinking, modems),
-        None if water is None else acoustics_config(scenario, water, board.whole, modems),
+        None if water is None else acoustics_config(scenario, water, board.whole),
         twin_config(scenario, board, body, reports),
     )

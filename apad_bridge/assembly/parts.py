@@ -127,16 +127,16 @@ def fleet_beliefs(config: FlightConfig) -> FleetBeliefs:
 
 def ranging_service(config: FlightConfig) -> RangingService | NoRanging:
     """Builds the aPad's ranging service, which does nothing if the scenario has no water."""
-    acoustics = config.acoustics
-    if acoustics is None:
+    acoustics, water, depth_m = config.acoustics, config.scenario.water, config.scenario.area.depth_m
+    if acoustics is None or water is None:
         return NoRanging()
-    codec = load_codec(config.scenario.hearing.codec)
+    codec, localisation = load_codec(config.scenario.hearing.codec), water.localisation
     return RangingService(
         AcousticScheduler(acoustics.schedule, codec, config.timeslots, config.ids),
-        None if acoustics.locator is None else Locator(acoustics.locator),
-        acoustics.keel_m,
-        config.scenario.area.depth_m,
-        acoustics.range_deviation_m,
+        None if localisation is None else Locator(localisation, depth_m),
+        water.sound.keel_m,
+        depth_m,
+        1.0 if localisation is None else localisation.deviation_m,
         acoustics.places,
         acoustics.charges,
     )

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 from agents.modem.frames import Generation
-from agents.water import sound, wifi
+from agents.water import sound
 from agents.water.patches import CALM, Patch, Waters
 from agents.water.sea import SeaConfig
 from agents.water.stream import CurrentConfig, Tide
 from apad_bridge.scenario.currents import current_text
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.water import Current, Fields, ModemGeneration, Sound, Water
+from apad_bridge.scenario.water import Current, Fields, Sound, Water
 from firmware_model.sinking import Sinking
 
 
@@ -69,20 +70,11 @@ def _waters(fields: Fields, key: str) -> Waters:
 
 
 def sea_config(water: Water, seed: int, sinking: Sinking, modems: Generation) -> SeaConfig:
-    settings, radio = water.sound, water.wifi
+    settings = water.sound
     return SeaConfig(
         seed=seed,
         sound=sound_of(settings),
-        wifi=None
-        if radio is None
-        else wifi.Wifi(
-            radio.frequency_mhz,
-            radio.transmit_dbm,
-            radio.sensitivity_dbm,
-            radio.mussel_antenna_m,
-            radio.apad_antenna_m,
-            radio.slope_db,
-        ),
+        wifi=water.wifi,
         sinking=sinking,
         keel_um=round(settings.keel_m * 1e6),
         range_noise_m=settings.range_noise_m,
@@ -91,31 +83,15 @@ def sea_config(water: Water, seed: int, sinking: Sinking, modems: Generation) ->
     )
 
 
-def generation_of(modems: ModemGeneration) -> Generation:
-    return Generation.V2 if modems is ModemGeneration.V2 else Generation.V3
-
-
 def sound_of(settings: Sound) -> sound.Sound:
     absorption = settings.absorption_db_per_km
+    if absorption is None:
+        absorption = sound.thorp_db_per_km(settings.frequency_khz)
     return sound.Sound(
+        **{field.name: getattr(settings, field.name) for field in fields(sound.Levels)},
         speed_m_s=settings.sound_speed_m_s,
-        source_level_db=settings.source_level_db,
-        spreading_db=settings.spreading_db,
-        absorption_db_per_km=sound.thorp_db_per_km(settings.frequency_khz)
-        if absorption is None
-        else absorption,
-        noise_db_per_hz=settings.noise_db_per_hz,
-        bandwidth_hz=settings.bandwidth_hz,
-        fading_db=settings.fading_db,
+        absorption_db_per_km=absorption,
         reverberation_ms=round(settings.reverberation_s * 1000),
-        reverberation_db=settings.reverberation_db,
-        capture_db=settings.capture_db,
-        thruster_noise_db=settings.thruster_noise_db,
-        range_limit_m=settings.range_limit_m,
         turnaround_ms=round(settings.turnaround_s * 1000),
-        errors=sound.NANOMODEM_ERRORS
-        if settings.error_curve is None
-        else sound.ErrorCurve(
-            settings.error_curve.snrs_db, settings.error_curve.sizes, settings.error_curve.rates
-        ),
+        errors=settings.error_curve or sound.NANOMODEM_ERRORS,
     )

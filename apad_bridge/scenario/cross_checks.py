@@ -18,7 +18,7 @@ from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
-from apad_bridge.scenario.water import ModemGeneration, Water
+from apad_bridge.scenario.water import Water
 
 Contradiction = tuple[str, str]
 _S_PER_HOUR = 3600
@@ -296,7 +296,7 @@ def _check_water(scenario: Scenario) -> Iterator[Contradiction]:
             "the last packet says nothing of how sure a charge is, and the worst case does not answer: add "
             "beliefs.estimator: twin and board.whole, or leave this key out",
         )
-    if water.modems is ModemGeneration.V2:
+    if water.modems is Generation.V2:
         yield from _check_v2_modems(scenario, water)
     current = water.current
     if current is None:

@@ -143,7 +143,7 @@ def _power(power: BoardPower, last_resort: LastResort, seed: int) -> config.Powe
         receive_ms=power.receive_ms,
         switch_back=grains(power.switch_back),
         safe_level=grains(last_resort.safe_level),
-        last_resort=config.LastResort[last_resort.action.name],
+        last_resort=last_resort.action,
         kept_on=bits(*{Rail[name.upper()] for name in power.kept_on}),
         metering=None if power.metering is None else _metering(power.metering, power.capacity_wh, seed),
         low_level=grains(power.low_level),

@@ -6,7 +6,6 @@ that the block leaves out (see `apad_bridge.scenario.profiles`).
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
@@ -21,6 +20,7 @@ from apad_bridge.scenario.quantities import (
     PositiveSeconds,
     frozen,
 )
+from firmware_model import config
 from firmware_model.power.ageing import capacity_left
 from firmware_model.power.rails import Rail
 
@@ -138,19 +138,11 @@ class SleepCycle:
     """The timeslots of the acoustic status; None: the board goes back to sleep without sending one."""
 
 
-class LastResortAction(StrEnum):
-    """`wait`: stay and listen. `call`: stay, and send its status again and again. `surface`: come up unasked."""
-
-    WAIT = "wait"
-    CALL = "call"
-    SURFACE = "surface"
-
-
 @frozen
 class LastResort:
     """The board's action when its backup battery is down to the safe level."""
 
-    action: LastResortAction
+    action: config.LastResort
     safe_level: Fraction
     call_period_s: PositiveSeconds
     """The time before the board takes the last resort again."""

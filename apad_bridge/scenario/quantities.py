@@ -8,13 +8,12 @@ from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, ConfigDict, StringConstraints
 from pydantic.dataclasses import dataclass
 
-_LEAST, _GREATEST = 1e-9, 1e9
-"""The range of any quantity of a scenario, in whatever unit; beyond this range arithmetic overflows."""
+from agents.water.bounds import GREATEST, LEAST
 
 
 def _not_tiny(quantity: float) -> float:
-    if quantity < _LEAST:
-        raise ValueError(f"must be {_LEAST:g} or more")
+    if quantity < LEAST:
+        raise ValueError(f"must be {LEAST:g} or more")
     return quantity
 
 
@@ -38,8 +37,8 @@ def _rising_to_one(segments: tuple[tuple[float, float], ...]) -> tuple[tuple[flo
     return segments
 
 
-Positive = Annotated[float, Gt(0), Le(_GREATEST), AfterValidator(_not_tiny)]
-NotNegative = Annotated[float, Ge(0), Le(_GREATEST)]
+Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(_not_tiny)]
+NotNegative = Annotated[float, Ge(0), Le(GREATEST)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
 Fraction = Annotated[float, Ge(0), Le(1)]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import StrEnum
 from typing import Annotated, TypeVar
 
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Le
 
-from agents.water import sound
+from agents.modem.frames import Generation
+from agents.water.sound import ErrorCurve, Levels
+from agents.water.wifi import Wifi
 from apad_bridge.scenario.quantities import (
     Fraction,
     NotNegative,
@@ -22,66 +23,24 @@ from firmware_model.sampling.sensors import SENSORS, Sensor
 Speed = Annotated[float, Ge(-20), Le(20)]
 
 
-class ModemGeneration(StrEnum):
-    """`v3`: today's nanomodem, 64 bytes. `v2`: that of the early swarm, 7 bytes at 40 bit/s."""
-
-    V2 = "v2"
-    V3 = "v3"
-
-
-OpenFraction = Annotated[float, Gt(0), Lt(1)]
-
-
 @frozen
-class ErrorCurve:
-    """Packet error rates: `rates[i][j]` of `sizes[i]` bytes at `snrs_db[j]`."""
-
-    snrs_db: tuple[float, ...]
-    sizes: tuple[Annotated[int, Ge(1)], ...]
-    rates: tuple[tuple[OpenFraction, ...], ...]
-
-    def __post_init__(self) -> None:
-        sound.ErrorCurve(self.snrs_db, self.sizes, self.rates)  # raises ValueError for an invalid curve
-
-
-@frozen
-class Sound:
+class Sound(Levels):
     """The modems and the water between them. The defaults are the nanomodem's own figures and open sea."""
 
     sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
-    source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
-    spreading_db: Annotated[float, Ge(0), Le(60)] = 20.0
     absorption_db_per_km: NotNegative | None = None
     """None: Thorp's formula at `frequency_khz`."""
     frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
-    noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
-    bandwidth_hz: Positive = 8000.0
-    fading_db: NotNegative = 0.0
     reverberation_s: NotNegativeSeconds = 0.0
-    reverberation_db: NotNegative = 10.0
-    capture_db: Annotated[float, Ge(0), Le(300)] = 6.0
-    thruster_noise_db: NotNegative = 20.0
     thrusting_m_s: NotNegative = 0.1
     """The thrusters of an aPad that moves faster are running."""
-    range_limit_m: Positive = 5000.0
     turnaround_s: NotNegativeSeconds = 0.0
     keel_m: Positive = 0.5
     """The depth of the aPad's modem."""
     range_noise_m: NotNegative = 0.1
+    """Standard deviation of a measured range."""
     error_curve: ErrorCurve | None = None
     """None: the nanomodem's own, in harsh multipath."""
-
-
-@frozen
-class Wifi:
-    """Radios near the waves: half of all packets arrive where the path leaves `sensitivity_dbm`."""
-
-    frequency_mhz: Positive = 2440.0
-    transmit_dbm: float = 20.0
-    sensitivity_dbm: float = -85.0
-    mussel_antenna_m: Positive = 0.05
-    apad_antenna_m: Positive = 1.5
-    slope_db: Positive = 1.5
 
 
 @frozen
@@ -214,7 +173,7 @@ class Localisation:
 class Water:
     """The water of a run. Without `wifi` every Wi-Fi packet arrives, except from under water."""
 
-    modems: ModemGeneration = ModemGeneration.V3
+    modems: Generation = Generation.V3
     sound: Sound = Sound()
     wifi: Wifi | None = None
     talk: Talk = Talk()

@@ -6,9 +6,10 @@ import math
 
 import pytest
 
-from apad_bridge.acoustics.locator import Locator, LocatorConfig, PositionFix, RangeTaken
+from apad_bridge.acoustics.locator import Locator, PositionFix, RangeTaken
+from apad_bridge.scenario.water import Localisation
 
-CONFIG = LocatorConfig(deviation_m=0.1, depth_m=10.0, memory_s=600.0, apart_m=2.0)
+CONFIG = Localisation(deviation_m=0.1, memory_s=600.0, apart_m=2.0)
 TRUE = (30.0, 40.0, 10.0)
 CORNERS = ((0.0, 0.0), (60.0, 0.0), (60.0, 80.0), (0.0, 80.0), (30.0, -10.0), (70.0, 40.0))
 
@@ -22,7 +23,7 @@ def at_corners(locator: Locator, count: int, **errors_m: float) -> list[Position
 
 
 def test_the_third_range_from_elsewhere_gives_a_fix() -> None:
-    first, second, third, fourth = at_corners(Locator(CONFIG), 4)
+    first, second, third, fourth = at_corners(Locator(CONFIG, 10.0), 4)
     assert first is None and second is None
     assert third is not None and fourth is not None
     assert (third.north_m, third.east_m) == pytest.approx(TRUE[:2], abs=1e-4)
@@ -36,7 +37,7 @@ def test_the_third_range_from_elsewhere_gives_a_fix() -> None:
 
 
 def test_ranges_from_one_place_count_once() -> None:
-    locator = Locator(CONFIG)
+    locator = Locator(CONFIG, 10.0)
     assert [locator.take(taken(n, 0.1 * n, 0.0), None) for n in range(5)] == [None] * 5
     assert locator.dropped["no fix: too few ranges from places apart"] == 5
 
@@ -44,29 +45,29 @@ def test_ranges_from_one_place_count_once() -> None:
 def test_from_a_straight_way_only_what_is_believed_says_which_side() -> None:
     """The aPad moves along east 0, so 40 m east and 40 m west fit equally."""
     for near_m, expected in (((28.0, 30.0), 40.0), ((28.0, -35.0), -40.0)):
-        locator = Locator(CONFIG)
+        locator = Locator(CONFIG, 10.0)
         fixes = [locator.take(taken(n, 20.0 * n, 0.0), near_m) for n in range(4)]
         assert fixes[-1] is not None
         assert (fixes[-1].north_m, fixes[-1].east_m) == pytest.approx((30, expected), abs=1e-3)
-    locator = Locator(CONFIG)
+    locator = Locator(CONFIG, 10.0)
     assert [locator.take(taken(n, 20.0 * n, 0.0), None) for n in range(4)] == [None] * 4
     assert locator.dropped["no fix: the anchors lie on a line, and both its sides fit"] == 2
 
 
 def test_one_wrong_range_is_left_out() -> None:
-    *_, last = at_corners(Locator(CONFIG), 6, at4=5.0)
+    *_, last = at_corners(Locator(CONFIG, 10.0), 6, at4=5.0)
     assert last is not None and last.ranges == 5
     assert (last.north_m, last.east_m) == pytest.approx(TRUE[:2], abs=1e-3)
 
 
 def test_ranges_that_contradict_each_other_give_nothing() -> None:
-    locator = Locator(CONFIG)
+    locator = Locator(CONFIG, 10.0)
     assert at_corners(locator, 4, at0=6.0, at2=6.0)[-1] is None
     assert locator.dropped["no fix: the ranges contradict each other"] == 2
 
 
 def test_what_is_old_or_from_before_a_move_is_forgotten() -> None:
-    locator = Locator(CONFIG)
+    locator = Locator(CONFIG, 10.0)
     assert at_corners(locator, 3)[-1] is not None
     assert locator.take(taken(700, 0.0, 80.0), None) is None
     assert at_corners(locator, 3)[-1] is not None
@@ -76,14 +77,14 @@ def test_what_is_old_or_from_before_a_move_is_forgotten() -> None:
 
 def test_a_flat_geometry_is_no_fix() -> None:
     """Ranges from 2, 4 and 6 m along the line of sight 40 m away give nothing across that line."""
-    locator = Locator(CONFIG)
+    locator = Locator(CONFIG, 10.0)
     ways = [(taken(n, 30.0 + 0.05 * n, 2.5 * n)) for n in range(3)]
     assert [locator.take(it, (30.0, 40.0)) for it in ways] == [None] * 3
     assert sum(locator.dropped.values()) == 3
 
 
 def test_what_is_no_length_is_dropped() -> None:
-    locator = Locator(CONFIG)
+    locator = Locator(CONFIG, 10.0)
     for range_m in (math.nan, -1.0, 1e308):
         assert locator.take(RangeTaken(0, 7, range_m, 0, 0, 0), None) is None
     assert locator.dropped == {"a range: range_m is outside 0 to 100000": 3}

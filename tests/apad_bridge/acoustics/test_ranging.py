@@ -6,7 +6,7 @@ from math import dist
 
 import pytest
 
-from apad_bridge.acoustics.locator import Locator, LocatorConfig
+from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.beliefs.belief import Belief
@@ -15,11 +15,13 @@ from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.events import Ping, RangeHeard, Send
 from apad_bridge.mission.orders import Note
+from apad_bridge.scenario.water import Localisation, Talk, Water
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
 
+LOCALISATION = Localisation(deviation_m=0.2, memory_s=600.0, apart_m=5.0)
 MUSSEL_M, KEEL_M = (30.0, 40.0, 10.0), 0.5
 WAY = ((0.0, 0.0), (60.0, 0.0), (60.0, 80.0), (0.0, 80.0))
 
@@ -43,7 +45,7 @@ class Learner:
 
 def ranging(locator: Locator | None) -> RangingService:
     scheduler = AcousticScheduler(
-        ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 5000), MusselbedCodec(), None, [7]
+        ScheduleConfig(1, Water(talk=Talk(ping_period_s=5.0)), 100), MusselbedCodec(), None, [7]
     )
     return RangingService(scheduler, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
 
@@ -62,7 +64,7 @@ def taken(service: RangingService, beliefs: FleetBeliefs, n: int) -> list[object
 
 
 def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() -> None:
-    locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
+    locator = Locator(LOCALISATION, MUSSEL_M[2])
     service, (beliefs, learner) = ranging(locator), fleet_with()
     assert taken(service, beliefs, 0) == [] and taken(service, beliefs, 1) == []
     # Until there is a fix the beliefs learn the range itself, along the bottom: 50 m from each of the corners.
@@ -81,7 +83,7 @@ def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() ->
 
 
 def test_a_dock_makes_what_was_measured_worthless() -> None:
-    locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
+    locator = Locator(LOCALISATION, MUSSEL_M[2])
     service, (beliefs, learner) = ranging(locator), fleet_with()
     taken(service, beliefs, 0)
     taken(service, beliefs, 1)
@@ -93,7 +95,7 @@ def test_a_dock_makes_what_was_measured_worthless() -> None:
 
 def test_without_an_answer_without_a_place_or_without_localisation_nothing_is_learned() -> None:
     beliefs, learner = fleet_with()
-    service = ranging(Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0)))
+    service = ranging(Locator(LOCALISATION, MUSSEL_M[2]))
     assert service.hear(RangeHeard(0, 7, None), PoseReported(0, 0.0, 0.0, 0.0), beliefs, 0) == []
     assert service.hear(RangeHeard(0, 7, 50.0), None, beliefs, 0) == []
     assert taken(ranging(None), beliefs, 0) == []
@@ -117,7 +119,7 @@ class Always:
 
 
 def test_one_that_too_little_is_known_of_is_pinged_out_of_turn_and_not_again_before_it_could_answer() -> None:
-    silent = ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 0)  # without a policy it pings nobody
+    silent = ScheduleConfig(1, Water(), 100)  # without a policy it pings nobody
     beliefs, _ = fleet_with()
     service = RangingService(
         AcousticScheduler(silent, MusselbedCodec(), None, [7]), None, KEEL_M, MUSSEL_M[2], 0.2, Always()
@@ -155,7 +157,7 @@ def modes(mode: Mode, share: float) -> tuple[float, ...]:
 def test_who_is_more_probably_deaf_than_not_is_not_asked(
     state: State, probabilities: tuple[float, ...], asked: bool
 ) -> None:
-    quiet = ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 0, answer_ms=893)
+    quiet = ScheduleConfig(1, Water(), 100, answer_ms=893)
     scheduler = AcousticScheduler(quiet, MusselbedCodec(), None, [7])
     service = RangingService(scheduler, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
     belief = Belief(7, 0, state, 0.5, 1.0, 0.0, 0.0, mode_probabilities=probabilities)

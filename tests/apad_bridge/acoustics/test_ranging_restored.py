@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.acoustics.locator import Locator, LocatorConfig
+from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.events import RangeHeard
+from apad_bridge.scenario.water import Localisation, Talk, Water
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.config import Timeslots
 from firmware_model.packets import StatusPacket
@@ -36,17 +37,9 @@ class Always:
 
 def ranging() -> RangingService:
     slots = Timeslots(frame_ms=60_000, slot_ms=2000, guard_ms=100)
-    config = ScheduleConfig(
-        2,
-        1500.0,
-        100,
-        waits=True,
-        assigns=True,
-        guard_ms=100,
-        beacon_period_ms=900_000,
-        ping_period_ms=30_000,
-    )
-    locator = Locator(LocatorConfig(0.2, 10.0, 600.0, 5.0))
+    talk = Talk(assigns=True, beacon_period_s=900.0, ping_period_s=30.0)
+    config = ScheduleConfig(2, Water(talk=talk), 100)
+    locator = Locator(Localisation(deviation_m=0.2, memory_s=600.0, apart_m=5.0), 10.0)
     return RangingService(
         AcousticScheduler(config, MusselbedCodec(), slots, IDS),
         locator,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from agents.modem.frames import Frame, FrameKind
 from agents.packet_medium import Medium
@@ -12,23 +13,20 @@ from agents.water.sound import Sound
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.mission.events import Ping, Send
 from apad_bridge.mission.orders import Note
+from apad_bridge.scenario.water import Talk, Water
 from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import MusselbedCodec
 
 CODEC = MusselbedCodec()
-SLOTS = Timeslots(frame_ms=300_000, slot_ms=5000)
-CONFIG = ScheduleConfig(
-    theta=1,
-    sound_speed_m_s=1500.0,
-    longest_delay_ms=100,
-    waits=True,
-    assigns=True,
-    guard_ms=40,
-    beacon_period_ms=3_600_000,
-    ping_period_ms=0,
-)
+SLOTS = Timeslots(frame_ms=300_000, slot_ms=5000, guard_ms=40)
+TALK = Talk(waits=True, assigns=True, beacon_period_s=3600.0)
+CONFIG = ScheduleConfig(theta=1, water=Water(talk=TALK), longest_delay_ms=100)
 NOBODY: frozenset[int] = frozenset()
+
+
+def talking(**changes: Any) -> ScheduleConfig:
+    return replace(CONFIG, water=Water(talk=replace(TALK, **changes)))
 
 
 def decoded(action: object) -> object:
@@ -53,7 +51,7 @@ def test_an_answer_brings_a_timeslot_with_an_offset_for_both_delays() -> None:
     (assignment,) = scheduler.ping_answered(2, 150.0, 20_000)
     assert decoded(assignment) == SlotAssignment(2, 300_000, 5000, 40, 1, -200)
     assert scheduler.ping_answered(2, 150.0, 21_000) == []
-    alone = AcousticScheduler(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2, 3])
+    alone = AcousticScheduler(talking(beacon_period_s=0.0), CODEC, SLOTS, [1, 2, 3])
     assert decoded(alone.ping_answered(2, 150.0, 20_000)[0]) == SlotAssignment(2, 300_000, 5000, 40, 1, -100)
 
 
@@ -66,7 +64,7 @@ def test_timeslots_are_assigned_again_with_every_beacon() -> None:
 
 
 def test_who_does_not_answer_is_asked_again_and_who_is_away_is_not() -> None:
-    scheduler = AcousticScheduler(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
+    scheduler = AcousticScheduler(talking(beacon_period_s=0.0), CODEC, SLOTS, [1, 2])
     scheduler.advance(0, NOBODY)
     assert scheduler.advance(500_000, NOBODY) == []
     assert [it.agent_id for it in scheduler.advance(600_000, frozenset({2})) if isinstance(it, Ping)] == [1]
@@ -75,7 +73,7 @@ def test_who_does_not_answer_is_asked_again_and_who_is_away_is_not() -> None:
 
 
 def test_one_that_was_put_elsewhere_is_measured_again() -> None:
-    scheduler = AcousticScheduler(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1])
+    scheduler = AcousticScheduler(talking(beacon_period_s=0.0), CODEC, SLOTS, [1])
     scheduler.advance(0, NOBODY)
     scheduler.ping_answered(1, 10.0, 20_000)
     scheduler.moved(1, 1_000_000)
@@ -84,7 +82,7 @@ def test_one_that_was_put_elsewhere_is_measured_again() -> None:
 
 
 def test_the_mission_s_acoustic_packets_wait_for_the_window_and_wifi_does_not() -> None:
-    scheduler = AcousticScheduler(replace(CONFIG, assigns=False, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
+    scheduler = AcousticScheduler(talking(assigns=False, beacon_period_s=0.0), CODEC, SLOTS, [1, 2])
     sound = Send(Medium.SOUND, 1, bytes(6))  # 105 + 22 x 12.5 = 380 ms
     other = replace(sound, agent_id=2)
     radio = Send(Medium.WIFI, 1, bytes(6))
@@ -107,7 +105,7 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
     echoing = Sound(noise_db_per_hz=-100, reverberation_ms=100, reverberation_db=1)
     outcomes = {}
     for pause_ms in (20, 120):
-        config = replace(CONFIG, assigns=False, beacon_period_ms=0, waits=False, pause_ms=pause_ms)
+        config = replace(talking(assigns=False, beacon_period_s=0.0, waits=False), pause_ms=pause_ms)
         permissions = [
             Send(Medium.SOUND, it, CODEC.encode(CommandPacket(Kind.PERMISSION, it))) for it in (1, 2)
         ]
@@ -132,7 +130,7 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
 
 def test_pings_go_round_those_who_hear() -> None:
     scheduler = AcousticScheduler(
-        replace(CONFIG, assigns=False, beacon_period_ms=0, ping_period_ms=10_000), CODEC, None, [1, 2, 3]
+        talking(assigns=False, beacon_period_s=0.0, ping_period_s=10.0), CODEC, None, [1, 2, 3]
     )
     asked = [scheduler.advance(now_ms, frozenset({2})) for now_ms in range(0, 40_000, 5000)]
     assert [[it.agent_id for it in actions if isinstance(it, Ping)] for actions in asked] == [
@@ -143,7 +141,7 @@ def test_pings_go_round_those_who_hear() -> None:
 def test_pings_come_before_status_requests_and_nothing_is_sent_before_each_answer() -> None:
     """A ping reserves 105 ms and 4 s; a request of 6 bytes lasts 380 ms, its answer 893 ms, and each delay is 100 ms."""
     scheduler = AcousticScheduler(
-        replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893), CODEC, SLOTS, [1, 2, 3]
+        replace(talking(assigns=False, beacon_period_s=0.0), answer_ms=893), CODEC, SLOTS, [1, 2, 3]
     )
     ping, note, question = scheduler.advance(10_000, NOBODY, [2, 3], [2, 1])
     assert ping == Ping(2, 15_000)
@@ -155,13 +153,13 @@ def test_pings_come_before_status_requests_and_nothing_is_sent_before_each_answe
 
 
 def test_an_answer_that_does_not_fit_before_the_timeslots_is_requested_after_them() -> None:
-    config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
+    config = replace(talking(assigns=False, beacon_period_s=0.0), answer_ms=893)
     actions = AcousticScheduler(config, CODEC, SLOTS, [1]).advance(299_000, NOBODY, [], [1])
     assert isinstance(actions[1], Send) and actions[1].not_before_ms == 305_020
 
 
 def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
-    config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
+    config = replace(talking(assigns=False, beacon_period_s=0.0), answer_ms=893)
     scheduler = AcousticScheduler(config, CODEC, None, [1, 2])
     scheduler.advance(0, NOBODY, [], [1])
     assert scheduler.advance(5000, NOBODY) == []

@@ -52,7 +52,7 @@ def test_board_and_apad_agree_on_the_modem_and_on_the_length_of_an_answer(
     assert config.board.whole is not None and config.acoustics is not None and config.sea is not None
     assert config.board.whole.answer_ms == answer_ms
     assert config.acoustics.schedule.answer_ms == 400 + answer_ms
-    assert config.reports.modem == config.sea.modems == config.acoustics.schedule.modems
+    assert config.reports.modem == config.sea.modems == config.acoustics.schedule.water.modems
 
 
 def test_the_board_is_built_once_for_a_whole_flight(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -135,6 +135,37 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "water.wind.leeway: must be less than or equal to 0.2, not 0.3",
         ),
         (
+            "theta: 30",
+            "theta: 30\nwater: {wifi: {slope_db: 0}}",
+            "water.wifi.slope_db: must be greater than or equal to 0.000000001, not 0",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\nwater: {wifi: {transmit_db: 20}}",
+            "water.wifi.transmit_db: unknown key: did you mean transmit_dbm?",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\nwater: {wifi: {transmit_dbm: '20'}}",
+            "water.wifi.transmit_dbm: must be a valid number, not '20'",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\nwater: {sound: {source_level_db: 301}}",
+            "water.sound.source_level_db: must be less than or equal to 300, not 301",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\nwater: {sound: {speed_m_s: 1500}}",
+            "water.sound.speed_m_s: unknown key here: did you mean mission.speed_m_s?",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\nwater: {sound: {error_curve: {snrs_db: [1, 1], sizes: [4], rates: [[0.1, 0.2]]}}}",
+            "water.sound.error_curve: snrs_db must be two or more, and rise",
+        ),
+        ("theta: 30", "theta: 30\nwater: {modems: v4}", "water.modems: must be 'v2' or 'v3', not 'v4'"),
+        (
             "amplitude_m: 0.005}",
             "amplitude_m: 0.005}\n  spread: {drain: 0.31}",
             "fleet.spread.drain: must be less than or equal to 0.3, not 0.31",
