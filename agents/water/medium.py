@@ -248,7 +248,7 @@ class Medium:
         if place is None:
             return Reception(receiver, end_ms, Outcome.IN_AIR, 0.0, travelled_us)
         sound = self.sound
-        level_db = sound.level_db(travelled_us * sound.speed_m_s / 1e6)
+        level_db = sound.level_db(travelled_us * sound.sound_speed_m_s / 1e6)
         first, second, normal = fates(self._seed, packet.sender, packet.began_ms, receiver, _LANE)
         level_db += sound.fading_db * normal
         snr_db = level_db - sound.noise_db - sound.thruster_noise_db * (receiver in self._loud)

@@ -53,12 +53,6 @@ class SeaConfig:
     sound: Sound
     wifi: Wifi | None
     sinking: Sinking
-    keel_um: int
-    """The depth of the aPad's modem."""
-    range_noise_m: float
-    """Standard deviation of a measured range."""
-    thrusting_m_s: float
-    """The thrusters of an aPad that moves faster than this are running."""
     modems: Generation = Generation.V3
 
 
@@ -131,10 +125,12 @@ class Sea:
 
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         """Places the aPad at mission time `at_ms`, which is now or after the last tick."""
-        place = Place(round(north_m * 1e6), round(east_m * 1e6), self.config.keel_um, in_water=True)
+        place = Place(round(north_m * 1e6), round(east_m * 1e6), self.config.sound.keel_um, in_water=True)
         before = self._places.get(APAD)
         if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
-            fast = 1000 * along_m(before, place) > self.config.thrusting_m_s * (at_ms - self._apad_at_ms)
+            fast = 1000 * along_m(before, place) > self.config.sound.thrusting_m_s * (
+                at_ms - self._apad_at_ms
+            )
             self._undelivered += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
             if self._modems is not None:
                 level_db = self.config.sound.noise_db + fast * self.config.sound.thruster_noise_db
@@ -290,7 +286,7 @@ class Sea:
             *_, normal = fates(self.config.seed, heard.sender, at_ms, APAD, b"range")
             round_trip_us, off_m = (
                 frame.flight_us + heard.reception.travelled_us,
-                self.config.range_noise_m * normal,
+                self.config.sound.range_noise_m * normal,
             )
             range_m = self.config.sound.range_m(round_trip_us, off_m)
             results.append(Ranged(mission_ms, heard.sender, range_m))

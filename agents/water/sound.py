@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 from math import exp, inf, log, log10
 from typing import Annotated
 
@@ -98,56 +99,83 @@ NANOMODEM_ERRORS = ErrorCurve(
 """Error rates in harsh multipath, from the simulator of the modem's makers."""
 
 
-@dataclass(frozen=True, slots=True)
-class Levels:
-    """How loud sound is, and what disturbs it, in the same words for a scenario and for the sea."""
+@dataclass(frozen=True)  # without slots, because what follows from the fields is kept
+class Sound:
+    """The modems and the water between them: the block `sound` of a scenario, and the sea that it makes.
 
+    The defaults are the nanomodem's own figures and open sea.
+    """
+
+    sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
     source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
     """Level at 1 m."""
     spreading_db: Annotated[float, Ge(0), Le(60)] = SPHERICAL_DB
     """Loss per tenfold distance."""
+    absorption_db_per_km: NotNegative | None = None
+    """None: Thorp's formula at `frequency_khz`."""
+    frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
     noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
     """Ambient noise, re 1 uPa^2/Hz."""
     bandwidth_hz: Positive = 8000.0
     fading_db: NotNegative = 0.0
     """Multipath: standard deviation of each packet's own gain at each receiver."""
+    reverberation_s: NotNegative = 0.0
+    """A packet's echoes disturb others for so long after its end."""
     reverberation_db: NotNegative = 10.0
     """Echoes are weaker than their packet by so much."""
     capture_db: Annotated[float, Ge(0), Le(300)] = 6.0
     """A packet survives others that overlap it if it is louder by so much than all of them together."""
     thruster_noise_db: NotNegative = 20.0
     """Running thrusters raise the noise at their own vehicle's modem by so much."""
+    thrusting_m_s: NotNegative = 0.1
+    """The thrusters of an aPad that moves faster are running."""
     range_limit_m: Positive = 5000.0
     """The model follows sound no further, neither as a packet nor as a disturbance."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sound(Levels):
-    """The acoustic properties of the water and the modem."""
-
-    speed_m_s: float = 1500.0
-    absorption_db_per_km: float = 6.0
-    reverberation_ms: int = 0
-    """A packet's echoes disturb others for so long after its end."""
-    turnaround_ms: int = 0
+    turnaround_s: NotNegative = 0.0
     """The time from the end of a modem's own sound until it can receive again."""
-    errors: ErrorCurve = NANOMODEM_ERRORS
+    keel_m: Positive = 0.5
+    """The depth of the aPad's modem."""
+    range_noise_m: NotNegative = 0.1
+    """Standard deviation of a measured range."""
+    error_curve: ErrorCurve | None = None
+    """None: the nanomodem's own, in harsh multipath."""
 
     def __post_init__(self) -> None:
-        positive = ("speed_m_s", "bandwidth_hz", "range_limit_m")
-        not_negative = (
-            "spreading_db",
-            "absorption_db_per_km",
-            "fading_db",
-            "reverberation_ms",
-            "turnaround_ms",
-        )
-        for name in positive:
+        for name in ("sound_speed_m_s", "frequency_khz", "bandwidth_hz", "range_limit_m"):
             if not 0 < getattr(self, name) < inf:
                 raise ValueError(f"{name} must be positive")
-        for name in (*not_negative, "reverberation_db", "thruster_noise_db"):
+        not_negative = ("spreading_db", "fading_db", "reverberation_s", "reverberation_db", "turnaround_s")
+        for name in (*not_negative, "thruster_noise_db", "range_noise_m"):
             if not 0 <= getattr(self, name) < inf:
                 raise ValueError(f"{name} must not be negative")
+        if not 0 <= self.absorption < inf:
+            raise ValueError("absorption_db_per_km must not be negative")
+        for name in ("reverberation_s", "turnaround_s"):
+            if abs(getattr(self, name) * 1000 - round(getattr(self, name) * 1000)) > 1e-6:
+                raise ValueError(f"{name} must be a whole number of milliseconds")
+
+    @cached_property
+    def absorption(self) -> float:
+        """In dB per km."""
+        if self.absorption_db_per_km is None:
+            return thorp_db_per_km(self.frequency_khz)
+        return self.absorption_db_per_km
+
+    @cached_property
+    def errors(self) -> ErrorCurve:
+        return self.error_curve or NANOMODEM_ERRORS
+
+    @cached_property
+    def reverberation_ms(self) -> int:
+        return round(self.reverberation_s * 1000)
+
+    @cached_property
+    def turnaround_ms(self) -> int:
+        return round(self.turnaround_s * 1000)
+
+    @property
+    def keel_um(self) -> int:
+        return round(self.keel_m * 1e6)
 
     @property
     def noise_db(self) -> float:
@@ -157,23 +185,19 @@ class Sound(Levels):
     def level_db(self, distance_m: float) -> float:
         """Level at this distance from a sender; nearer than 1 m it is the source level."""
         metres = max(1.0, distance_m)
-        return (
-            self.source_level_db
-            - self.spreading_db * log10(metres)
-            - self.absorption_db_per_km * metres / 1000
-        )
+        return self.source_level_db - self.spreading_db * log10(metres) - self.absorption * metres / 1000
 
     def snr_db(self, distance_m: float) -> float:
         """Without fading and thrusters."""
         return self.level_db(distance_m) - self.noise_db
 
     def delay_us(self, distance_m: float) -> int:
-        return round(1e6 * distance_m / self.speed_m_s)
+        return round(1e6 * distance_m / self.sound_speed_m_s)
 
     def range_m(self, round_trip_us: int, off_m: float) -> float:
         """The range that a modem measures from a round trip with the error `off_m`, in whole steps of its timer."""
-        step_m = _STEP_US * self.speed_m_s / 2e6
-        return max(0, round((round_trip_us * self.speed_m_s / 2e6 + off_m) / step_m)) * step_m
+        step_m = _STEP_US * self.sound_speed_m_s / 2e6
+        return max(0, round((round_trip_us * self.sound_speed_m_s / 2e6 + off_m) / step_m)) * step_m
 
     @property
     def ignored_db(self) -> float:

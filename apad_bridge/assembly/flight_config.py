@@ -11,7 +11,7 @@ from agents.mussel.reporter import ReportConfig
 from agents.water.sea import SeaConfig
 from apad_bridge.assembly.acoustics import AcousticsConfig, acoustics_config
 from apad_bridge.assembly.estimator import TwinConfig, twin_config
-from apad_bridge.assembly.water import leeway_um_s, sea_config
+from apad_bridge.assembly.water import leeway_um_s
 from apad_bridge.scenario.firmware_config import board_config, sinking_of
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from firmware_model.config import BoardConfig, Timeslots
@@ -67,7 +67,7 @@ def flight_config(scenario: Scenario) -> FlightConfig:
         board,
         body,
         reports,
-        None if water is None else sea_config(water, scenario.seed, body.sinking, modems),
+        None if water is None else SeaConfig(scenario.seed, water.sound, water.wifi, body.sinking, modems),
         None if water is None else acoustics_config(scenario, water, board.whole),
         twin_config(scenario, board, body, reports),
     )

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 
-from agents.modem.frames import Generation
-from agents.water import sound
 from agents.water.patches import CALM, Patch, Waters
-from agents.water.sea import SeaConfig
 from agents.water.stream import CurrentConfig, Tide
 from apad_bridge.scenario.currents import current_text
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.water import Current, Fields, Sound, Water
-from firmware_model.sinking import Sinking
+from apad_bridge.scenario.water import Current, Fields
 
 
 def current_config(scenario: Scenario) -> CurrentConfig:
@@ -67,31 +62,3 @@ def _waters(fields: Fields, key: str) -> Waters:
         if (core := getattr(patch, key)) is not None
     )
     return Waters(layers, patches)
-
-
-def sea_config(water: Water, seed: int, sinking: Sinking, modems: Generation) -> SeaConfig:
-    settings = water.sound
-    return SeaConfig(
-        seed=seed,
-        sound=sound_of(settings),
-        wifi=water.wifi,
-        sinking=sinking,
-        keel_um=round(settings.keel_m * 1e6),
-        range_noise_m=settings.range_noise_m,
-        thrusting_m_s=settings.thrusting_m_s,
-        modems=modems,
-    )
-
-
-def sound_of(settings: Sound) -> sound.Sound:
-    absorption = settings.absorption_db_per_km
-    if absorption is None:
-        absorption = sound.thorp_db_per_km(settings.frequency_khz)
-    return sound.Sound(
-        **{field.name: getattr(settings, field.name) for field in fields(sound.Levels)},
-        speed_m_s=settings.sound_speed_m_s,
-        absorption_db_per_km=absorption,
-        reverberation_ms=round(settings.reverberation_s * 1000),
-        turnaround_ms=round(settings.turnaround_s * 1000),
-        errors=settings.error_curve or sound.NANOMODEM_ERRORS,
-    )

@@ -8,7 +8,7 @@ from typing import Annotated, TypeVar
 from annotated_types import Ge, Gt, Le
 
 from agents.modem.frames import Generation
-from agents.water.sound import ErrorCurve, Levels
+from agents.water.sound import Sound
 from agents.water.wifi import Wifi
 from apad_bridge.scenario.quantities import (
     Fraction,
@@ -21,26 +21,6 @@ from apad_bridge.scenario.quantities import (
 from firmware_model.sampling.sensors import SENSORS, Sensor
 
 Speed = Annotated[float, Ge(-20), Le(20)]
-
-
-@frozen
-class Sound(Levels):
-    """The modems and the water between them. The defaults are the nanomodem's own figures and open sea."""
-
-    sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
-    absorption_db_per_km: NotNegative | None = None
-    """None: Thorp's formula at `frequency_khz`."""
-    frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
-    reverberation_s: NotNegativeSeconds = 0.0
-    thrusting_m_s: NotNegative = 0.1
-    """The thrusters of an aPad that moves faster are running."""
-    turnaround_s: NotNegativeSeconds = 0.0
-    keel_m: Positive = 0.5
-    """The depth of the aPad's modem."""
-    range_noise_m: NotNegative = 0.1
-    """Standard deviation of a measured range."""
-    error_curve: ErrorCurve | None = None
-    """None: the nanomodem's own, in harsh multipath."""
 
 
 @frozen

@@ -136,7 +136,7 @@ class InSea:
 
     @property
     def sound_speed_m_s(self) -> float:
-        return self._sea.config.sound.speed_m_s
+        return self._sea.config.sound.sound_speed_m_s
 
     def send(self, send: Send, now_ms: int) -> Stimulus | None:
         if send.medium is Medium.SOUND:

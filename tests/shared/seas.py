@@ -13,12 +13,9 @@ from firmware_model.table_one import FIELD, power
 
 SEA = SeaConfig(
     seed=3,
-    sound=Sound(noise_db_per_hz=-100),
+    sound=Sound(absorption_db_per_km=6.0, noise_db_per_hz=-100, keel_m=3.0, range_noise_m=0.0),
     wifi=None,
     sinking=STILL.body.sinking,
-    keel_um=3_000_000,
-    range_noise_m=0.0,
-    thrusting_m_s=0.1,
 )
 FLEET = with_whole_boards(
     reporting_every(replace(STILL, theta=1), 600_000), FullFirmware(power(), FIELD, 1000, 60_000, 600_000)

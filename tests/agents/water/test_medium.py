@@ -21,7 +21,7 @@ from agents.water.places import Place
 from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 
-FAR = Sound(noise_db_per_hz=-100.0)
+FAR = Sound(absorption_db_per_km=6.0, noise_db_per_hz=-100.0)
 """So little noise that no packet is lost in it."""
 
 
@@ -138,7 +138,7 @@ def test_a_transmitting_modem_hears_nothing() -> None:
 
 def test_turning_round_takes_its_time() -> None:
     for turnaround_ms, expected in ((94, Outcome.RECEIVED), (96, Outcome.TRANSMITTING)):
-        water = medium(0, 150, sound=Sound(noise_db_per_hz=-100, turnaround_ms=turnaround_ms))
+        water = medium(0, 150, sound=Sound(noise_db_per_hz=-100, turnaround_s=turnaround_ms / 1000))
         water.receive(Began(1, unicast(1, 0)), 0)  # ends at 505
         water.receive(Began(0, unicast(0, 1)), 500)  # arrives from 600 on
         assert outcomes(water.advance(9000))[0, 1] is expected
@@ -189,7 +189,7 @@ def test_one_that_left_the_water_neither_hears_nor_sends() -> None:
 
 def test_reverberation_disturbs_after_the_end() -> None:
     """Echoes 4 dB down for 200 ms: within the capture ratio of 6 dB they destroy a packet that begins 199 ms later."""
-    echoing = Sound(noise_db_per_hz=-100, reverberation_ms=200, reverberation_db=4)
+    echoing = Sound(noise_db_per_hz=-100, reverberation_s=0.2, reverberation_db=4)
     for later_ms, expected in ((199, Outcome.COLLIDED), (200, Outcome.RECEIVED)):
         water = medium(0, 150, 300, sound=echoing)
         water.receive(Began(0, unicast(0, 1)), 0)

@@ -15,7 +15,7 @@ from agents.water.places import Place
 from agents.water.sound import Sound
 
 NODES = 24
-QUIET = Sound(noise_db_per_hz=-100, reverberation_ms=40, reverberation_db=8)
+QUIET = Sound(absorption_db_per_km=6, noise_db_per_hz=-100, reverberation_s=0.04, reverberation_db=8)
 Sent = tuple[int, int, int | None]
 """(begin, sender, destination)"""
 
@@ -71,7 +71,7 @@ traffic = st.lists(
 @given(st.integers(0, 9), traffic, st.lists(st.integers(0, 9000), max_size=12))
 def test_cutting_time_changes_nothing(seed: int, sent: list[Sent], cuts_ms: list[int]) -> None:
     where = places(seed, 900.0)
-    sound = Sound(fading_db=6, reverberation_ms=40)
+    sound = Sound(fading_db=6, reverberation_s=0.04)
     whole = flown(filled(sound, where), sent, [], 20_000)
     assert flown(filled(sound, where), sent, cuts_ms, 20_000) == whole
 

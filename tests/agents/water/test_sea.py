@@ -18,7 +18,6 @@ from agents.mussel.stimuli import ContactClosed, SoundArrived
 from agents.water.medium import Outcome, PacketEnded
 from agents.water.sea import Sea, SeaConfig
 from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, StimulusDelivered, address_of
-from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, ShortStatus
@@ -94,7 +93,7 @@ def test_a_permission_is_met_at_its_end_and_wakes_a_sleeper() -> None:
 
 
 def test_beyond_the_range_nobody_surfaces() -> None:
-    bench = Bench(750, sea=replace(SEA, sound=Sound(range_limit_m=700)))
+    bench = Bench(750, sea=replace(SEA, sound=replace(SEA.sound, noise_db_per_hz=50.0, range_limit_m=700)))
     bench.run(100_000)
     bench.sea.send_sound(1, command(Kind.PERMISSION, 1))
     (packet,) = of(PacketEnded, bench.run(110_000))
@@ -170,7 +169,7 @@ def test_one_at_the_surface_does_not_answer_a_ping() -> None:
 
 
 def test_range_noise_has_the_stated_spread() -> None:
-    bench = Bench(240, sea=replace(SEA, range_noise_m=0.5))
+    bench = Bench(240, sea=replace(SEA, sound=replace(SEA.sound, range_noise_m=0.5)))
     bench.run(100_000)
     for _ in range(200):
         bench.sea.ping(1)
@@ -245,7 +244,9 @@ def played(
     """An hour and a bit of agent time at theta 60; the aPad sends packets at whole seconds of mission time."""
     drifting = replace(FLEET.body, drifts_always=True, drift_amplitude_um=50_000)
     fleet = reporting_every(replace(FLEET, theta=60, body=drifting), 60_000)
-    bench = Bench(100, 220, 410, sea=replace(SEA, wifi=Wifi(), range_noise_m=0.1), fleet=fleet)
+    bench = Bench(
+        100, 220, 410, sea=replace(SEA, wifi=Wifi(), sound=replace(SEA.sound, range_noise_m=0.1)), fleet=fleet
+    )
     truths: list[Truth] = []
     for now_ms in sorted({*range(0, 70_000, 1000), *cuts_ms}):
         bench.came += bench.sea.advance(now_ms)

@@ -15,7 +15,6 @@ from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
 from agents.water.sea import Sea, SeaConfig
 from agents.water.sea_events import NotRanged, Printed, Ranged, SeaResult, SoundReached, StimulusDelivered
-from agents.water.sound import Sound
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
 from firmware_model.packets.codec import MusselbedCodec
 
@@ -100,7 +99,7 @@ def test_each_modem_has_a_chip_of_its_own() -> None:
 
 def test_the_noise_is_the_water_s_and_thrusters_add_to_the_apad_s() -> None:
     """89.03 dB in the band, 168 dB are the full scale: 65535 x 10^(-78.97 / 20) = 7.38. Thrusters: ten times that."""
-    bench = Bench(1, sea=replace(SEA, sound=Sound()))
+    bench = Bench(1, sea=replace(SEA, sound=replace(SEA.sound, noise_db_per_hz=50.0)))
     bench.run(5000)
     assert bench.ask(1, b"$N").endswith(b"#NR000007P000066M000006\r\n")
     assert b"R000007P000066M000006" in bench.ask(1, b"$V255")

@@ -11,8 +11,8 @@ from agents.water.sound import NANOMODEM_ERRORS, ErrorCurve, Sound, thorp_db_per
 
 def test_snr_is_that_of_the_modems_figures() -> None:
     # 168 - 20 log10(r) - 6 r / 1000 - (50 + 10 log10(8000)): 13 dB at 1 km, 1 dB at 2 km.
-    assert Sound().snr_db(1000) == pytest.approx(168 - 60 - 6 - 50 - 39.0309, abs=1e-4)
-    assert Sound().snr_db(2000) == pytest.approx(0.9485, abs=1e-3)
+    assert Sound(absorption_db_per_km=6).snr_db(1000) == pytest.approx(168 - 60 - 6 - 50 - 39.0309, abs=1e-4)
+    assert Sound(absorption_db_per_km=6).snr_db(2000) == pytest.approx(0.9485, abs=1e-3)
     assert Sound().noise_db == pytest.approx(89.0309, abs=1e-4)
 
 
@@ -33,7 +33,7 @@ def test_thorp_by_hand(khz: float, db: float) -> None:
 
 def test_sound_takes_two_thirds_of_a_millisecond_a_metre() -> None:
     assert Sound().delay_us(1500) == 1_000_000
-    assert Sound(speed_m_s=1525).delay_us(30.5) == 20_000
+    assert Sound(sound_speed_m_s=1525).delay_us(30.5) == 20_000
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_what_is_no_curve_is_refused() -> None:
 
 def test_what_the_range_limit_leaves_out_is_bounded() -> None:
     """At 4 km a sound is 17.07 dB below the noise: one raises it by 10 log10(1 + 10^-1.707) = 0.08 dB."""
-    sound = Sound(range_limit_m=4000)
+    sound = Sound(absorption_db_per_km=6, range_limit_m=4000)
     assert sound.ignored_db == pytest.approx(17.072, abs=1e-3)
     levels = [sound.snr_db(metres) for metres in range(4000, 9000, 500)]
     assert all(louder > weaker for louder, weaker in pairwise(levels))

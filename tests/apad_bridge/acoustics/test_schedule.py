@@ -102,7 +102,7 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
     It sends from 150 m and then from 120 m. The second packet begins to arrive as soon as the first has passed, or only
     after its echoes.
     """
-    echoing = Sound(noise_db_per_hz=-100, reverberation_ms=100, reverberation_db=1)
+    echoing = Sound(noise_db_per_hz=-100, reverberation_s=0.1, reverberation_db=1)
     outcomes = {}
     for pause_ms in (20, 120):
         config = replace(talking(assigns=False, beacon_period_s=0.0, waits=False), pause_ms=pause_ms)

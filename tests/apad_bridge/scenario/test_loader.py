@@ -156,6 +156,11 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
         ),
         (
             "theta: 30",
+            "theta: 30\nwater: {sound: {turnaround_s: 0.0005}}",
+            "water.sound: turnaround_s must be a whole number of milliseconds",
+        ),
+        (
+            "theta: 30",
             "theta: 30\nwater: {sound: {speed_m_s: 1500}}",
             "water.sound.speed_m_s: unknown key here: did you mean mission.speed_m_s?",
         ),
