@@ -10,6 +10,8 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from math import isfinite
 
+from agents.water.table import read_rows
+
 COLUMNS = ("north_m", "east_m", "north_m_s", "east_m_s")
 MAX_M = 1e6
 MAX_M_S = 20.0  # faster than any current: a value beyond it has a wrong unit or column
@@ -57,8 +59,8 @@ class CurrentField:
 
     def velocity_um_s(self, north_um: int, east_um: int) -> tuple[int, int]:
         """(north, east) velocity of the water in um/s at a place in local NED um."""
-        low_n, high_n, along_n, span_n = _cell(self.norths_um, north_um)
-        low_e, high_e, along_e, span_e = _cell(self.easts_um, east_um)
+        low_n, high_n, along_n, span_n = between(self.norths_um, north_um)
+        low_e, high_e, along_e, span_e = between(self.easts_um, east_um)
         columns = len(self.easts_um)
         weights = (
             (low_n * columns + low_e, (span_n - along_n) * (span_e - along_e)),
@@ -72,56 +74,39 @@ class CurrentField:
         return (2 * north + whole) // (2 * whole), (2 * east + whole) // (2 * whole)
 
 
-def _cell(lines_um: array[int], at_um: int) -> tuple[int, int, int, int]:
-    """(index below, index above, distance from below, width) among the lines; a cell of width 1 outside them."""
-    last = len(lines_um) - 1
-    above = bisect_right(lines_um, at_um)
+def between(lines: array[int], at: int) -> tuple[int, int, int, int]:
+    """(index below, index above, distance from below, width) among the rising lines; a cell of width 1 outside them."""
+    last = len(lines) - 1
+    above = bisect_right(lines, at)
     if above == 0:
         return 0, 0, 0, 1
     if above > last:
         return last, last, 0, 1
     below = above - 1
-    return below, above, at_um - lines_um[below], lines_um[above] - lines_um[below]
+    return below, above, at - lines[below], lines[above] - lines[below]
 
 
 def _crossings(text: str) -> dict[tuple[int, int], tuple[int, int]]:
     """Maps (north, east) in um to (north, east) in um/s, for every row."""
-    columns: list[str] = []
     crossings: dict[tuple[int, int], tuple[int, int]] = {}
-    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
-        content = line.partition("#")[0].strip()
-        if not content:
-            continue
-        cells = [cell.strip() for cell in content.split(",")]
-        try:
-            if not columns:
-                columns = _header(cells)
-                continue
-            place, velocity = _row(columns, cells)
-            if place in crossings:
-                raise ValueError("this place stands in a line above already")
-        except ValueError as error:
-            raise ValueError(f"line {number}: {error}") from None
-        crossings[place] = velocity
+
+    def take(texts: dict[str, str]) -> None:
+        north, east, north_speed, east_speed = (
+            _millionths(name, texts[name], MAX_M_S if name.endswith("_m_s") else MAX_M) for name in COLUMNS
+        )
+        if (north, east) in crossings:
+            raise ValueError("this place stands in a line above already")
+        crossings[north, east] = north_speed, east_speed
+
+    read_rows(text, _check_header, take)
     if not crossings:
         raise ValueError(f"no current in it: a header {','.join(COLUMNS)} and one row or more are wanted")
     return crossings
 
 
-def _header(cells: list[str]) -> list[str]:
+def _check_header(cells: list[str]) -> None:
     if sorted(cells) != sorted(COLUMNS):
         raise ValueError(f"the columns must be {', '.join(COLUMNS)}, not {', '.join(cells)}")
-    return cells
-
-
-def _row(columns: list[str], cells: list[str]) -> tuple[tuple[int, int], tuple[int, int]]:
-    if len(cells) != len(columns):
-        raise ValueError(f"{len(cells)} values for {len(columns)} columns")
-    texts = dict(zip(columns, cells, strict=True))
-    north, east, north_speed, east_speed = (
-        _millionths(name, texts[name], MAX_M_S if name.endswith("_m_s") else MAX_M) for name in COLUMNS
-    )
-    return (north, east), (north_speed, east_speed)
 
 
 def _millionths(name: str, text: str, limit: float) -> int:

@@ -7,12 +7,11 @@ Time is seconds of mission time, because the current follows the real water's cl
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_right
 from dataclasses import dataclass
 from math import pi, sin
 from typing import Any
 
-from agents.water.current import STILL_WATER, CurrentField
+from agents.water.current import STILL_WATER, CurrentField, between
 
 _UNIT = 1_000_000
 
@@ -85,8 +84,8 @@ class Stream:
     def _field_um_s(self, north_um: int, east_um: int, depth_um: int, second: int) -> tuple[int, int]:
         if len(self.fields) == 1:
             return self.fields[0].velocity_um_s(north_um, east_um)
-        early, late, into, span = _between(self.seconds, second)
-        above, below, down, height = _between(self.depths_um, depth_um)
+        early, late, into, span = between(self.seconds, second)
+        above, below, down, height = between(self.depths_um, depth_um)
         columns = len(self.depths_um)
         north = east = 0
         for row, weight in ((early, span - into), (late, into)):
@@ -99,19 +98,8 @@ class Stream:
 
     def _share(self, depth_um: int) -> int:
         depths = array("q", [depth for depth, _ in self.profile])
-        above, below, down, height = _between(depths, depth_um)
+        above, below, down, height = between(depths, depth_um)
         return (self.profile[above][1] * (height - down) + self.profile[below][1] * down) // height
-
-
-def _between(lines: array[int], at: int) -> tuple[int, int, int, int]:
-    """(index below, index above, distance from below, width); a cell of width 1 outside the lines."""
-    last = len(lines) - 1
-    above = bisect_right(lines, at)
-    if above == 0:
-        return 0, 0, 0, 1
-    if above > last:
-        return last, last, 0, 1
-    return above - 1, above, at - lines[above - 1], lines[above] - lines[above - 1]
 
 
 def steady(field: CurrentField) -> Stream:

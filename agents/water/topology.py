@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from agents.water.table import read_rows
+
 COLUMNS = ("from", "to", "loss", "since_s", "until_s")
 ANY = "*"
 
@@ -61,35 +63,18 @@ def parse_topology(text: str, nodes: dict[str, int], agent_ms_per_s: int) -> Top
     `from` and `to` are an aMussel's id, a name in `nodes` or `*`; seconds are mission time, of `agent_ms_per_s` each.
     Raises ValueError, `line N: ...`.
     """
-    columns: list[str] = []
     rules: list[LinkRule] = []
-    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
-        content = line.partition("#")[0].strip()
-        if not content:
-            continue
-        cells = [cell.strip() for cell in content.split(",")]
-        try:
-            if not columns:
-                columns = _header(cells)
-            else:
-                rules.append(_rule(columns, cells, nodes, agent_ms_per_s))
-        except ValueError as error:
-            raise ValueError(f"line {number}: {error}") from None
-    if not columns:
+    if not read_rows(text, _check_header, lambda texts: rules.append(_rule(texts, nodes, agent_ms_per_s))):
         raise ValueError(f"no header: {','.join(COLUMNS)} is wanted")
     return Topology(rules)
 
 
-def _header(cells: list[str]) -> list[str]:
+def _check_header(cells: list[str]) -> None:
     if len(set(cells)) != len(cells) or not {"from", "to", "loss"} <= set(cells) <= set(COLUMNS):
         raise ValueError(f"the columns must be {', '.join(COLUMNS)} (the last two may be left out)")
-    return cells
 
 
-def _rule(columns: list[str], cells: list[str], nodes: dict[str, int], agent_ms_per_s: int) -> LinkRule:
-    if len(cells) != len(columns):
-        raise ValueError(f"{len(cells)} values for {len(columns)} columns")
-    texts = dict(zip(columns, cells, strict=True))
+def _rule(texts: dict[str, str], nodes: dict[str, int], agent_ms_per_s: int) -> LinkRule:
     until = texts.get("until_s", "")
     return LinkRule(
         _node(texts["from"], nodes),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 from apad_bridge.commands import run as run_command
@@ -20,8 +19,4 @@ def add_parser(commands: Any) -> None:
         epilog=f"Ends with the scenario's time or Ctrl-C. exit codes: {EXITS}",
     )
     run_command.add_scenario_arguments(parser)
-    parser.set_defaults(run=run, part=Part.FLEET, strategy="none", console=False)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    return run_command.run(arguments)
+    parser.set_defaults(run=run_command.run, part=Part.FLEET, strategy="none", console=False)

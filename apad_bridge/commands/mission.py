@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 from apad_bridge.commands import run as run_command
@@ -22,8 +21,4 @@ def add_parser(commands: Any) -> None:
     run_command.add_scenario_arguments(parser)
     parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
     run_command.add_manual_argument(parser)
-    parser.set_defaults(run=run, part=Part.MISSION, console=False)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    return run_command.run(arguments)
+    parser.set_defaults(run=run_command.run, part=Part.MISSION, console=False)

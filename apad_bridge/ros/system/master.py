@@ -13,10 +13,11 @@ import sys
 import time
 import xmlrpc.client
 from dataclasses import dataclass, field
-from http.client import HTTPConnection, HTTPException
+from http.client import HTTPException
 from pathlib import Path
 
 from agents.hosting.interrupts import held_back, let_in
+from apad_bridge.doctor.network import Timed
 
 ORPHAN_S = 600.0
 """A master outlives its starter by this by default, once it is ready: long enough for `musselbed resume` to find the
@@ -123,7 +124,7 @@ def _let_it_outlive_us(process: subprocess.Popen[bytes]) -> None:
 
 
 def _check_answer(uri: str, pid: int, deadline_s: float) -> None:
-    transport = _TimedTransport(max(0.1, deadline_s - time.monotonic()))
+    transport = Timed(max(0.1, deadline_s - time.monotonic()))
     try:
         with xmlrpc.client.ServerProxy(uri, transport=transport) as master:
             answer = master.getPid("/musselbed")
@@ -131,17 +132,6 @@ def _check_answer(uri: str, pid: int, deadline_s: float) -> None:
         raise MasterFailed(f"at {uri} does not answer ({error})") from None
     if answer != [1, "", pid]:
         raise MasterFailed(f"at {uri} is not the process {pid} that was started (it says {answer!r})")
-
-
-class _TimedTransport(xmlrpc.client.Transport):
-    def __init__(self, timeout_s: float) -> None:
-        super().__init__()
-        self._timeout_s = timeout_s
-
-    def make_connection(self, host: xmlrpc.client._HostType) -> HTTPConnection:
-        connection = super().make_connection(host)
-        connection.timeout = self._timeout_s
-        return connection
 
 
 def _end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
