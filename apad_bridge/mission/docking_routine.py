@@ -2,11 +2,16 @@
 
 A docking follows the paper: permit the aMussel to surface, wait until it floats, close the mechanism around it. An
 undocking opens the mechanism, tells the aMussel that it is clear to sink, and counts a service.
+
+Where the aMussel does not float within the catch radius, the aPad searches for it with go-tos, and tries the docking at
+each point: first at the place that is believed now, then along a square spiral about it, which moves with the belief.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 
@@ -20,10 +25,17 @@ from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.primitives import (
     DockMussel,
+    GoToPoint,
+    NothingCaught,
+    PrimitiveEnded,
     PrimitiveFailed,
     PrimitiveSucceeded,
     UndockMussel,
 )
+
+SEARCH_S = 120.0
+"""A search that has not caught its aMussel after so long is over."""
+NOT_FOUND = f"it was not found within the catch radius in a search of {SEARCH_S:g} s"
 
 
 class DockingStep(Enum):
@@ -34,6 +46,19 @@ class DockingStep(Enum):
     """It sent the permission to surface (again)."""
     CLOSE = auto()
     """The aMussel floats: it ordered the mechanism to close."""
+
+
+class Progress(Enum):
+    """What an outcome means for the routine."""
+
+    NOT_OURS = auto()
+    """The outcome is that of somebody else's primitive."""
+    GOES_ON = auto()
+    """The docking goes on with another primitive."""
+    ENDED = auto()
+    """The docking or undocking ended with this outcome."""
+    NOT_FOUND = auto()
+    """The search is over without the aMussel."""
 
 
 class GivenUp(Exception):
@@ -70,6 +95,47 @@ class SurfacingWait:
         return DockingStep.PERMIT
 
 
+def square_spiral() -> Iterator[tuple[int, int]]:
+    """The points (north, east) of the plane's square grid from the origin outwards, each next to the one before it."""
+    north, east = 0, 0
+    yield north, east
+    for turn in itertools.count():
+        steps, (to_north, to_east) = turn // 2 + 1, ((1, 0), (0, 1), (-1, 0), (0, -1))[turn % 4]
+        for _ in range(steps):
+            north, east = north + to_north, east + to_east
+            yield north, east
+
+
+class _Search:
+    """The points to try for an aMussel that the catch radius does not hold."""
+
+    def __init__(self, order: DockMussel, until_ms: int, pitch_m: float) -> None:
+        self.order = order
+        """The docking to try at each point."""
+        self.until_ms = until_ms
+        self._pitch_m = pitch_m
+        self._spiral = square_spiral()
+        self._centre_m: tuple[float, float] | None = None
+        self._heard_ms = 0
+        self.go_to_id: int | None = None
+        """The id of the go-to under way; None while a docking is tried."""
+
+    def next_point(self, belief: Belief, here: tuple[float, float]) -> tuple[float, float]:
+        """The next point (north, east) in metres. A report from elsewhere begins the spiral anew.
+
+        The aPad at `here` has tried the believed place already if it is there.
+        """
+        centre_m = (belief.north_m, belief.east_m)
+        is_new = belief.heard_ms != self._heard_ms
+        if self._centre_m is not None and is_new and math.dist(centre_m, self._centre_m) > self._pitch_m:
+            self._spiral = square_spiral()
+        self._centre_m, self._heard_ms = centre_m, belief.heard_ms
+        north, east = next(self._spiral)
+        if (north, east) == (0, 0) and math.dist(centre_m, here) < self._pitch_m / 2:
+            north, east = next(self._spiral)
+        return centre_m[0] + self._pitch_m * north, centre_m[1] + self._pitch_m * east
+
+
 class DockingRoutine:
     """Writes orders, notes and the count of services into the mission's book.
 
@@ -88,6 +154,7 @@ class DockingRoutine:
         self._wait: SurfacingWait | None = None
         self._next: DockMussel | None = None
         """The order to give when the aMussel of `_wait` floats; None while the aPad is on its way to it."""
+        self._search: _Search | None = None
         self.mechanism: DockMussel | UndockMussel | None = None
         """The order that the port carries out; another mission's routine goes on with it after a takeover."""
 
@@ -98,7 +165,7 @@ class DockingRoutine:
 
     def call_up(self, agent_id: int, now_ms: int) -> None:
         """Permits the aMussel to surface, and has `advance` repeat it while the aPad is on its way to it."""
-        self._next = None
+        self._next = self._search = None
         self._wait = SurfacingWait(agent_id, now_ms, permissions=1)
         self.permit_surfacing(agent_id)
 
@@ -108,14 +175,14 @@ class DockingRoutine:
         """Begins a docking where the aPad is; `advance` permits the aMussel to surface, waits, and closes the mechanism."""
         self._wait = SurfacingWait(agent_id, now_ms, int(agent_id == self._permitted))
         self._next = DockMussel(0, dock_index, agent_id, manoeuvre)
-        self._permitted = None
+        self._permitted = self._search = None
 
     def undock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Opens the mechanism that holds the aMussel.
 
         A service counts by the belief at this order: on the way down the aMussel draws from its battery again.
         """
-        self._wait = self._next = None
+        self._wait = self._next = self._search = None
         self._book.set(leaves_full=is_full(self._beliefs.get(agent_id), self._config))
         self.mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self.mechanism)
@@ -152,10 +219,15 @@ class DockingRoutine:
         if away_m > self._reach_m:
             raise OutOfReach(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
 
+    @property
+    def is_on_search(self) -> bool:
+        """A go-to of a search is under way."""
+        return self._search is not None and self._search.go_to_id is not None
+
     def pre_empt(self) -> bool:
-        """Ends the wait for an aMussel. True if a docking waited; an ordered mechanism is the port's to end."""
-        waited = self._next is not None
-        self._wait = self._next = None
+        """Ends the wait or the search for an aMussel. True if there was one; an ordered mechanism is the port's to end."""
+        waited = self._next is not None or self.is_on_search
+        self._wait = self._next = self._search = None
         return waited
 
     def paused_for(self, pause_ms: int) -> None:
@@ -163,14 +235,43 @@ class DockingRoutine:
         if self._wait is not None:
             self._wait.since_ms += pause_ms
 
-    def receive(self, outcome: PrimitiveSucceeded | PrimitiveFailed) -> bool:
-        """Takes the outcome of a primitive; False, and nothing happens, if it is not the mechanism's."""
-        if self.mechanism is None or outcome.primitive_id != self.mechanism.primitive_id:
-            return False
-        ended, self.mechanism = self.mechanism, None
-        if isinstance(ended, UndockMussel) and isinstance(outcome, PrimitiveSucceeded):
-            self.released(ended.agent_id)
-        return True
+    def receive(self, outcome: PrimitiveEnded, now_ms: int) -> Progress:
+        """Takes the outcome of a primitive; nothing happens if it is not the routine's."""
+        search, mechanism = self._search, self.mechanism
+        if search is not None and outcome.primitive_id == search.go_to_id:
+            search.go_to_id = None
+            if isinstance(outcome, PrimitiveFailed):
+                self._search = None
+                return Progress.ENDED
+            self._close(search.order)
+            return Progress.GOES_ON
+        if mechanism is None or outcome.primitive_id != mechanism.primitive_id:
+            return Progress.NOT_OURS
+        self.mechanism = None
+        if isinstance(outcome, NothingCaught) and isinstance(mechanism, DockMussel):
+            return self._search_on(mechanism, now_ms)
+        self._search = None
+        if isinstance(mechanism, UndockMussel) and isinstance(outcome, PrimitiveSucceeded):
+            self.released(mechanism.agent_id)
+        return Progress.ENDED
+
+    def _search_on(self, order: DockMussel, now_ms: int) -> Progress:
+        """Goes to the next point of the search, and begins a search if there is none."""
+        here, belief = self._book.pose, self._beliefs.get(order.agent_id)
+        assert here is not None  # a docking was ordered there
+        pitch_m = self._config.docking.catch_radius_m
+        if self._search is None:
+            self._search = _Search(order, now_ms + round(SEARCH_S * 1000), pitch_m)
+        if now_ms >= self._search.until_ms or belief is None or not floats(belief):
+            self._search = None
+            return Progress.NOT_FOUND
+        point_m = self._search.next_point(belief, here)
+        # The victory radius is less than half of the pitch, or the aPad would cut the spiral's corners.
+        radius_m = min(self._config.victory_radius_m, pitch_m / 2)
+        go_to = GoToPoint(self._book.next_id(), *point_m, self._config.speed_m_s, radius_m)
+        self._search.go_to_id = go_to.primitive_id
+        self._book.order(go_to)
+        return Progress.GOES_ON
 
     def released(self, agent_id: int) -> None:
         """Ends an undocking: the aMussel is free."""

@@ -13,7 +13,14 @@ from dataclasses import dataclass
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.docking_routine import DockingRoutine, DockingStep, GivenUp, OutOfReach
+from apad_bridge.mission.docking_routine import (
+    NOT_FOUND,
+    DockingRoutine,
+    DockingStep,
+    GivenUp,
+    OutOfReach,
+    Progress,
+)
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
@@ -121,10 +128,14 @@ class EnergyExchange(OrderBook):
         if isinstance(outcome, DockChanged):
             self._called_up.discard(outcome.agent_id)
             return self.take_orders()
-        self.docking_routine.receive(outcome)
+        progress = self.docking_routine.receive(outcome, now_ms)
         if leg is not None and outcome.primitive_id == leg.primitive_id:
             self._breakdown.go_to_ended(outcome)
-        if outcome.primitive_id == self.state.primitive_id:
+        if progress is Progress.GOES_ON:
+            return self.take_orders()
+        if progress is Progress.NOT_FOUND:
+            self._dock_again(NOT_FOUND, now_ms)
+        elif outcome.primitive_id == self.state.primitive_id:
             if isinstance(outcome, PrimitiveFailed):
                 if self.state.phase is Phase.DOCK:
                     self._dock_again(outcome.reason, now_ms)
@@ -154,6 +165,7 @@ class EnergyExchange(OrderBook):
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
             self.note("stands_down", reason=reason)
+            self.docking_routine.pre_empt()
             self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
         return self.take_orders()
 
@@ -163,6 +175,7 @@ class EnergyExchange(OrderBook):
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
         if self.state.phase is not Phase.ENDED:
+            self.docking_routine.pre_empt()
             self.hold_at_end()
             self._enter(Phase.ENDED, now_ms, ended_by=end)
         return self.take_orders()

@@ -14,7 +14,7 @@ from typing import Protocol
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.charging_watch import is_full
-from apad_bridge.mission.docking_routine import DockingRoutine, GivenUp, OutOfReach
+from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
@@ -30,7 +30,9 @@ from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,
     HoldPosition,
+    NothingCaught,
     Outcome,
+    PrimitiveEnded,
     PrimitiveFailed,
     PrimitiveSucceeded,
     UndockMussel,
@@ -98,6 +100,8 @@ class ManualMission(OrderBook):
                 self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
             case PrimitiveSucceeded():
                 self._end_primitive(outcome, Status.DONE, None)
+            case NothingCaught():
+                self._end_primitive(outcome, Status.FAILED, NOT_FOUND)
             case PrimitiveFailed(_, _, reason):
                 self._end_primitive(
                     outcome, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason
@@ -230,8 +234,10 @@ class ManualMission(OrderBook):
         self.order(TellClear(agent_id))
 
     def pause(self) -> None:
-        """Holds position. A go-to goes on later; a commanded mechanism is not stopped half-way."""
+        """Holds position. A go-to goes on later; a search ends; a commanded mechanism is not stopped half-way."""
         here = self._require_place()
+        if self._docking_routine.is_on_search:
+            self._pre_empt_docking()
         self.paused, self._paused_ms = True, self.now_ms
         if self.goto is Status.RUNNING:
             assert self._target is not None
@@ -284,15 +290,13 @@ class ManualMission(OrderBook):
         self.order(self._target)
         self.snapshot()
 
-    def _end_primitive(
-        self, outcome: PrimitiveSucceeded | PrimitiveFailed, status: Status, reason: str | None
-    ) -> None:
+    def _end_primitive(self, outcome: PrimitiveEnded, status: Status, reason: str | None) -> None:
         if self._target is not None and outcome.primitive_id == self._target.primitive_id:
             self._target = None
             self.goto = status
             self.events.record(self.now_ms, "goto", status=status, reason=reason)
             self.snapshot()
-        elif self._docking_routine.receive(outcome):
+        elif self._docking_routine.receive(outcome, self.now_ms) in (Progress.ENDED, Progress.NOT_FOUND):
             self._end_docking(status, reason)
 
     def _belief_of(self, agent_id: int) -> Belief:
@@ -332,7 +336,9 @@ class ManualMission(OrderBook):
             self._end_docking(Status.FAILED, str(given_up))
 
     def _pre_empt_docking(self) -> None:
-        """Ends the wait for an aMussel. Once the mechanism is ordered, the port decides instead."""
+        """Ends the wait or the search for an aMussel. Once the mechanism is ordered, the port decides instead."""
+        if self._docking_routine.is_on_search and self.pose is not None:
+            self.order(HoldPosition(self.next_id(), *self.pose))
         if self._docking_routine.pre_empt():
             self._end_docking(Status.PREEMPTED, PRE_EMPTED)
 

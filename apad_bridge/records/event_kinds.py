@@ -306,10 +306,12 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.PRIMITIVE,
-        "a primitive started, succeeded or failed",
+        "a primitive started, succeeded or failed, or a docking caught nothing within the catch radius",
         (
             Field("name", TEXT, "`go to point`, `hold position`, `dock` or `undock`"),
-            Field("phase", _one_of(["started", "succeeded", "failed"]), "what happened to it"),
+            Field(
+                "phase", _one_of(["started", "succeeded", "failed", "nothing_caught"]), "what happened to it"
+            ),
             _optional(_AGENT),
             _optional(_DOCK_FIELD),
             _optional(Field("north_m", NUMBER, "the goal, north", "m")),

@@ -213,6 +213,9 @@ class Docking:
     timeout_s: PositiveSeconds
     attempts: Annotated[int, Ge(1), Le(10)] = 1
     """The number of tries before the mission gives the aMussel up for this time."""
+    catch_radius_m: Positive = 0.5
+    """A virtual docking catches an aMussel that floats no farther than this from the aPad. Assumed: the mechanisms stand
+    0.4 m from its middle."""
     arm: ArmUse = ArmUse.ALONE
     servo: Servo | None = None
 

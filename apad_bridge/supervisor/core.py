@@ -46,10 +46,11 @@ from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,
     HoldPosition,
+    NothingCaught,
     Outcome,
     Primitive,
+    PrimitiveEnded,
     PrimitiveFailed,
-    PrimitiveSucceeded,
     UndockMussel,
 )
 from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
@@ -282,7 +283,7 @@ class Supervisor:
         waiting = deque(items)
         while waiting:
             item = waiting.popleft()
-            if isinstance(item, (PrimitiveSucceeded, PrimitiveFailed, DockChanged)):
+            if isinstance(item, PrimitiveEnded | DockChanged):
                 self._learn_from_dock(item)
                 actions += self._note_outcome(item)
                 actions += self._carry_out(self.mission.receive(item, now_ms), now_ms)
@@ -336,6 +337,8 @@ class Supervisor:
             self._stands_down.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):
             return [_primitive_note(primitive, "failed", outcome.reason)]
+        if isinstance(outcome, NothingCaught):
+            return [_primitive_note(primitive, "nothing_caught")]
         return [_primitive_note(primitive, "succeeded")]
 
 

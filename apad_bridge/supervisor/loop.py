@@ -7,12 +7,13 @@ anything.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import astuple
 
 from agents.coordinator import Died, Heard
-from agents.mussel.outputs import Dropped, SoundSent, WifiSent
+from agents.mussel.outputs import Dropped, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import (
     ContactClosed,
     ContactOpened,
@@ -43,11 +44,12 @@ from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle.guards.gate import GuardedVehicle
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
+from firmware_model.actions import Buoyancy
 from firmware_model.packets.wire import EVERYONE
 
 
 class Contacts:
-    """Turns the docks' contacts into stimuli of the bodies: closing, being carried, opening.
+    """Turns the docks' contacts into stimuli of the bodies: closing, being carried, opening; and knows who is within reach.
 
     Contacts belong to the simulated world, not to the mission. The last place of each docked aMussel is kept, so that
     only changes become stimuli.
@@ -56,6 +58,23 @@ class Contacts:
     def __init__(self, held: Iterable[int] = ()) -> None:
         self._places: dict[int, tuple[int, int] | None] = dict.fromkeys(held)
         """The last place by agent; None for an aMussel that was docked before the first stimulus here."""
+        self._bodies: dict[int, Truth] = {}
+        """The newest truth of each aMussel."""
+
+    def see(self, truths: Iterable[Truth]) -> None:
+        """Takes new truths, in the order of time."""
+        self._bodies.update((truth.agent_id, truth) for truth in truths)
+
+    def distance_m(self, agent_id: int, north_m: float, east_m: float) -> float | None:
+        """The distance from a place to an aMussel that floats; infinite for one that does not, None for an unknown one."""
+        truth = self._bodies.get(agent_id)
+        if truth is None:
+            return None
+        body = truth.physical
+        # An arrival at the surface is a truth of its own, so a body that still rises has a depth.
+        if body.docked or body.buoyancy is not Buoyancy.FLOAT or body.depth_um > 0:
+            return math.inf
+        return math.hypot(body.north_um / 1e6 - north_m, body.east_um / 1e6 - east_m)
 
     def take(self, fact: Carried | LetGo) -> Stimulus | None:
         """The stimulus for the aMussel's body; None when nothing changed for it."""
@@ -106,6 +125,7 @@ class Flight:
         self._fleet_ms = start_ms - 1
         self._watchers = (*context.watchers(supervisor), self._record_noticed, *watchers)
         self._contacts = Contacts(context.held)
+        supervisor.port.distance_m = self._distance_m
         self._stopped = StopSign()
         self._stop_end = MissionEnd(EndReason.OPERATOR)
 
@@ -266,7 +286,9 @@ class Flight:
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
                     self._recorder.event(now_ms, "packet", **self._fleet.packet_data(packet))
-        self._recorder.truths(self._fleet.take_truths())
+        truths = self._fleet.take_truths()
+        self._contacts.see(truths)
+        self._recorder.truths(truths)
 
     def _update_links(self, now_ms: int) -> None:
         changed = self._fleet.update_links()
@@ -315,6 +337,13 @@ class Flight:
                     self._stimulate(fact.agent_id, stimulus, now_ms)
             else:
                 self.supervisor.receive(fact)
+
+    def _distance_m(self, agent_id: int) -> float | None:
+        """The distance from the aPad to an aMussel of this fleet that is simulated now; None for any other."""
+        pose = self.supervisor.pose
+        if pose is None or not self._roster.is_simulated(agent_id):
+            return None
+        return self._contacts.distance_m(agent_id, pose.north_m, pose.east_m)
 
     def _stimulate(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
         agent_ms = self._fleet.receive(agent_id, stimulus, now_ms)

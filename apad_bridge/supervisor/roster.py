@@ -219,6 +219,9 @@ class Roster:
         self._requests = requests
         self._answers: list[tuple[RosterRequest, str | None]] = []
 
+    def is_simulated(self, agent_id: int) -> bool:
+        return agent_id in self.presences.simulated
+
     def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[tuple[int, Stimulus] | Note]:
         """Applies the requests since the last tick. No caller gets an answer before `answer`."""
         actions: list[tuple[int, Stimulus] | Note] = []
@@ -241,6 +244,9 @@ class Roster:
 
 class NoRoster:
     """The roster of a flight that nobody asks for changes."""
+
+    def is_simulated(self, agent_id: int) -> bool:
+        return True
 
     def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[tuple[int, Stimulus] | Note]:
         return []

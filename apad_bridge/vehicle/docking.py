@@ -4,6 +4,11 @@ The docking profiles live here, so that every stack behind the port behaves alik
 docking time before it commands the mechanism. `camera` and `visual` command the mechanism at once and leave
 the time to the vehicle. `camera` needs a vehicle that `sees_amussels`; on any other vehicle it is `virtual`.
 
+A virtual docking begins only if the aMussel floats within `docking.catch_radius_m` of the aPad. No published stack
+checks that: a perch of generation A succeeds from anywhere, and the docking of generation B finds by eye. So the
+bench does, at the docking's start: the mechanism then holds the aMussel, and the docking time passes. The search is
+the mission's, with go-tos, for a docking of generation A does not move the vehicle.
+
 `TABLE` alone decides what a primitive does next. The port drops and counts an event that the table does not
 name in the present phase and never raises: such an event is a late or wrong report from the vehicle.
 
@@ -14,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from enum import Enum, auto
 
 from apad_bridge.beliefs.input_ranges import out_of_range
@@ -41,6 +47,7 @@ from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,
     HoldPosition,
+    NothingCaught,
     Outcome,
     Primitive,
     PrimitiveFailed,
@@ -64,6 +71,8 @@ class Event(Enum):
     COMMAND_FAILED = auto()
     MECHANISM_DONE = auto()
     """The dock closed around, or opened for, the aMussel of the running primitive."""
+    NOTHING_CAUGHT = auto()
+    """The aMussel does not float within the catch radius."""
     WAIT_OVER = auto()
     TIMED_OUT = auto()
     REPLACED = auto()
@@ -73,6 +82,8 @@ class Event(Enum):
 class Effect(Enum):
     SUCCEED = auto()
     FAIL = auto()
+    END_EMPTY = auto()
+    """End a docking that caught nothing."""
     ACT = auto()
     """Command the mechanism."""
     QUEUE = auto()
@@ -91,6 +102,7 @@ TABLE: dict[tuple[Phase, Event], Effect] = {
     (Phase.HOLDING, Event.COMMAND_FAILED): Effect.FAIL,
     (Phase.HOLDING, Event.REPLACED): Effect.SUCCEED,
     (Phase.WAITING, Event.MECHANISM_DONE): Effect.SUCCEED,
+    (Phase.WAITING, Event.NOTHING_CAUGHT): Effect.END_EMPTY,
     (Phase.WAITING, Event.WAIT_OVER): Effect.ACT,
     (Phase.WAITING, Event.REPLACED): Effect.FAIL,
     (Phase.ACTING, Event.MECHANISM_DONE): Effect.SUCCEED,
@@ -191,6 +203,9 @@ class DockingPort:
         """Unusable reports of the vehicle, by reason."""
         self.first_failure: PrimitiveFailed | None = None
         """The first cause since a go-to, dock or undock last succeeded. A pre-emption does not count."""
+        self.distance_m: Callable[[int], float | None] = lambda agent_id: None
+        """The distance from the aPad to an aMussel that floats, infinite for one that does not, None if the bench does not
+        simulate it. A flight, which knows the bodies, replaces this."""
 
     @property
     def running(self) -> Primitive | None:
@@ -273,6 +288,9 @@ class DockingPort:
             # A second request would make the public simulator hold the aMussel twice.
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
             return
+        if isinstance(primitive, DockMussel) and not self._catches(primitive.agent_id):
+            self._apply(Event.NOTHING_CAUGHT, now_ms, actions)
+            return
         self._open_arm(primitive, actions)
         wait_s = self._docking.dock_s if isinstance(primitive, DockMussel) else self._docking.undock_s
         if not self._is_virtual(primitive.agent_id):
@@ -281,6 +299,11 @@ class DockingPort:
         self._deadline_ms = now_ms + round(self._docking.timeout_s * 1000)
         if self._act_ms == now_ms:
             self._apply(Event.WAIT_OVER, now_ms, actions)
+
+    def _catches(self, agent_id: int) -> bool:
+        """True for an aMussel within the catch radius, and for one that the bench does not catch itself."""
+        distance_m = self.distance_m(agent_id) if self._is_virtual(agent_id) else None
+        return distance_m is None or distance_m <= self._docking.catch_radius_m
 
     def _is_virtual(self, agent_id: int) -> bool:
         """A vehicle without a camera docks `camera` aMussels virtually, in the scenario's time."""
@@ -351,7 +374,7 @@ class DockingPort:
             self._command_mechanism(actions)
         elif effect is Effect.RETRY:
             self._try_again(event, at_ms, actions, reason)
-        elif effect in (Effect.SUCCEED, Effect.FAIL):
+        elif effect in (Effect.SUCCEED, Effect.FAIL, Effect.END_EMPTY):
             self._end(effect, event, at_ms, actions, reason)
 
     def _try_again(self, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
@@ -373,6 +396,8 @@ class DockingPort:
             actions.append(PrimitiveSucceeded(at_ms, ended.primitive_id))
             if not isinstance(ended, HoldPosition):
                 self.first_failure = None
+        elif effect is Effect.END_EMPTY:
+            actions.append(NothingCaught(at_ms, ended.primitive_id))
         else:
             failure = PrimitiveFailed(at_ms, ended.primitive_id, reason)
             actions.append(failure)

@@ -67,6 +67,14 @@ class PrimitiveFailed:
 
 
 @dataclass(frozen=True, slots=True)
+class NothingCaught:
+    """A docking ended before its mechanism moved, because the aMussel does not float within the catch radius."""
+
+    at_ms: int
+    primitive_id: int
+
+
+@dataclass(frozen=True, slots=True)
 class DockChanged:
     """A dock closed or opened, ordered or not. The vehicle reports time, dock and aMussel."""
 
@@ -78,4 +86,5 @@ class DockChanged:
     """The port's occupancy after the change."""
 
 
-Outcome = PrimitiveSucceeded | PrimitiveFailed | DockChanged
+PrimitiveEnded = PrimitiveSucceeded | PrimitiveFailed | NothingCaught
+Outcome = PrimitiveEnded | DockChanged

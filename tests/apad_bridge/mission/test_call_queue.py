@@ -1,6 +1,7 @@
 """Calls of other threads: run at a tick, answered, refused, or withdrawn when no tick comes."""
 
 import threading
+from collections.abc import Callable
 
 import pytest
 
@@ -14,10 +15,13 @@ from apad_bridge.mission.values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import Manoeuvre
+from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
     GoToPoint,
+    HoldPosition,
+    NothingCaught,
     PrimitiveFailed,
     PrimitiveSucceeded,
     UndockMussel,
@@ -118,6 +122,41 @@ def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Sce
     assert late.docking is Status.RUNNING
     late.advance(121_001)
     assert (late.docking, late.failure) == (Status.FAILED, "it does not come up")
+
+
+def search(mission: ManualMission) -> GoToPoint:
+    """A docking by hand that caught nothing: the go-to that its search orders."""
+    (order,) = (order for order in mission.take_orders() if isinstance(order, DockMussel))
+    orders = mission.receive(NothingCaught(1000, order.primitive_id), 1000)
+    (go_to,) = (order for order in orders if isinstance(order, GoToPoint))
+    assert mission.docking is Status.RUNNING
+    return go_to
+
+
+@pytest.mark.parametrize("stop", [ManualMission.hold, ManualMission.pause])
+def test_a_person_ends_a_search_by_a_hold_or_a_pause(
+    pool: Scenario, stop: Callable[[ManualMission], None]
+) -> None:
+    mission, believed = commanded(pool)
+    believed.state = State.FLOATING
+    mission.dock(0, 7)
+    go_to = search(mission)
+    stop(mission)
+    assert any(isinstance(order, HoldPosition) for order in mission.take_orders())
+    assert mission.docking is Status.PREEMPTED
+    mission.receive(PrimitiveFailed(1000, go_to.primitive_id, PRE_EMPTED), 1000)
+    assert not any(isinstance(order, GoToPoint | DockMussel) for order in mission.advance(2000))
+
+
+def test_a_search_by_hand_ends_with_the_docking(pool: Scenario) -> None:
+    mission, believed = commanded(pool)
+    believed.state = State.FLOATING
+    mission.dock(0, 7)
+    go_to = search(mission)
+    (again,) = mission.receive(PrimitiveSucceeded(3000, go_to.primitive_id), 3000)
+    assert isinstance(again, DockMussel)
+    mission.receive(PrimitiveSucceeded(18_000, again.primitive_id), 18_000)
+    assert mission.docking is Status.DONE
 
 
 def test_a_pause_is_no_part_of_the_time_that_an_amussel_has_to_come_up(pool: Scenario) -> None:

@@ -6,6 +6,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
@@ -19,6 +20,7 @@ from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,
     HoldPosition,
+    NothingCaught,
     Primitive,
     PrimitiveFailed,
     PrimitiveSucceeded,
@@ -349,6 +351,54 @@ def test_a_docking_that_missed_is_tried_again_at_once() -> None:
     bench.succeed()
     assert dict(bench.mission.state.docked) == {0: 1}
     assert bench.mission.state.failed_tries == ()
+
+
+def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked() -> None:
+    bench = Bench()
+    bench.tick()
+    float_beside_the_apad(bench)
+    for _ in range(3):
+        missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+        bench.orders = bench.mission.receive(missed, bench.now_ms)
+        assert isinstance(bench.primitive(), GoToPoint)
+        bench.tick(2)
+        assert not any(isinstance(order, Primitive) for order in bench.orders)  # its go-to goes on
+        bench.orders = bench.mission.receive(
+            PrimitiveSucceeded(bench.now_ms, bench.mission.state.primitive_id), bench.now_ms
+        )
+        assert isinstance(bench.primitive(), DockMussel)
+    bench.succeed()
+    assert dict(bench.mission.state.docked) == {0: 1}
+    assert bench.mission.state.plan.steps[0].agent_id == 2
+
+
+def test_a_search_in_vain_is_a_failed_docking() -> None:
+    bench = Bench()
+    bench.tick()
+    float_beside_the_apad(bench)
+    for _ in range(DOCKINGS_PER_STEP):
+        missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+        bench.orders = bench.mission.receive(missed, bench.now_ms)
+        bench.now_ms += round(SEARCH_S * 1000)
+        bench.succeed()
+        missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+        bench.orders = bench.mission.receive(missed, bench.now_ms)
+        if not bench.notes("given_up"):
+            bench.told.say(1, bench.now_ms, State.FLOATING, 0.5, *bench.mission.pose)
+            bench.tick()
+    assert bench.notes("given_up")[0] == {"agent": 1, "what": "collect", "reason": NOT_FOUND}
+    assert dict(bench.mission.state.failed_tries) == {1: 1}
+
+
+def test_an_ended_mission_searches_no_further() -> None:
+    bench = Bench()
+    bench.tick()
+    float_beside_the_apad(bench)
+    missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+    bench.orders = bench.mission.receive(missed, bench.now_ms)
+    go_to = bench.primitive()
+    bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)
+    assert bench.mission.receive(PrimitiveSucceeded(bench.now_ms, go_to.primitive_id), bench.now_ms) == []
 
 
 def miss_all(bench: Bench) -> None:

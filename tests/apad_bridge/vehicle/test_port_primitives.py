@@ -29,6 +29,7 @@ from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,
     HoldPosition,
+    NothingCaught,
     PrimitiveFailed,
     PrimitiveSucceeded,
     UndockMussel,
@@ -376,3 +377,31 @@ def test_for_a_vehicle_without_a_camera_the_camera_profile_is_virtual() -> None:
     port = DockingPort(replace(VIRTUAL, camera_ids=(9,)))
     assert port.receive(DockMussel(1, 2, 9), 0) == []
     assert port.advance(15_000) == [CloseDock(1, 2, 9)]
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "caught"), [(0.5, True), (0.51, False), (math.inf, False), (None, True)]
+)
+def test_a_virtual_docking_catches_what_floats_within_its_radius(distance_m, caught):
+    port = DockingPort(replace(VIRTUAL, catch_radius_m=0.5))
+    port.distance_m = {7: distance_m}.get
+    if caught:
+        assert port.receive(DockMussel(1, 0, 7), 0) == []
+        assert port.advance(15_000) == [CloseDock(1, 0, 7)]
+    else:
+        assert port.receive(DockMussel(1, 0, 7), 0) == [NothingCaught(0, 1)]
+        assert (port.running, port.first_failure) == (None, None)
+
+
+def test_a_vehicle_that_docks_by_its_own_eyes_is_not_asked_what_the_radius_holds():
+    port = DockingPort(VISUAL, capabilities=OF_B)
+    port.distance_m = lambda agent_id: math.inf
+    assert port.receive(DockMussel(1, 0, 7), 0) == [CloseDock(1, 0, 7)]
+
+
+def test_what_drifted_away_after_a_miss_is_not_caught_by_the_next_try():
+    port = DockingPort(replace(VIRTUAL, attempts=2))
+    port.receive(DockMussel(1, 0, 7), 0)
+    port.advance(15_000)
+    port.distance_m = lambda agent_id: 2.0
+    assert port.receive(CommandFailed(15_000, 1, "missed"), 15_000) == [NothingCaught(15_000, 1)]

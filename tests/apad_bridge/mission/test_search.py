@@ -1,0 +1,157 @@
+"""The search for an aMussel that the catch radius does not hold: by the mission, by hand, and its spiral."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import pytest
+from scenario_files import POOL_FILE
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.docking_routine import (
+    SEARCH_S,
+    DockingRoutine,
+    DockingStep,
+    Progress,
+    square_spiral,
+)
+from apad_bridge.mission.order_book import OrderBook
+from apad_bridge.mission.state import MissionState
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.primitives import (
+    DockMussel,
+    GoToPoint,
+    NothingCaught,
+    Primitive,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+)
+from firmware_model.states import State
+
+RADIUS_M = 0.5
+LEG_MS = 2000
+_POOL = load(POOL_FILE).mission
+MISSION = replace(_POOL, docking=replace(_POOL.docking, catch_radius_m=RADIUS_M))
+
+
+def test_the_spiral_visits_each_point_once_and_moves_by_one_at_a_time() -> None:
+    points = list(itertools.islice(square_spiral(), 49))
+    assert set(points) == set(itertools.product(range(-3, 4), repeat=2))
+    assert all(math.dist(a, b) == 1 for a, b in itertools.pairwise(points))
+
+
+class World:
+    """An aMussel that floats somewhere, and what the aPad was last told of it."""
+
+    def __init__(self, floats_at: tuple[float, float], believed_at: tuple[float, float] = (0.0, 0.0)) -> None:
+        self.floats_at = floats_at
+        self.beliefs: dict[int, Belief] = {}
+        self.now_ms = 0
+        self.hear(believed_at)
+        self.book = OrderBook(MissionState())
+        self.book.moved(*believed_at)
+        self.routine = DockingRoutine(MISSION, self, self.book, 1.0)
+        self.tried: list[tuple[float, float]] = []
+
+    def get(self, agent_id: int) -> Belief | None:
+        return self.beliefs.get(agent_id)
+
+    def all(self) -> list[Belief]:
+        return list(self.beliefs.values())
+
+    def hear(self, place: tuple[float, float], state: State = State.FLOATING) -> None:
+        self.beliefs[7] = Belief(7, self.now_ms, state, 0.5, 1.0, *place)
+
+    def order(self) -> Primitive:
+        (order,) = [order for order in self.book.take_orders() if isinstance(order, Primitive)]
+        return order
+
+    def begin(self) -> None:
+        self.routine.dock(0, 7, self.now_ms)
+        assert self.book.pose is not None
+        assert self.routine.advance(self.book.pose, self.now_ms) is DockingStep.CLOSE
+
+    def carry_out(self) -> Progress:
+        """Carries the order out, as port and vehicle do."""
+        order = self.order()
+        if isinstance(order, GoToPoint):
+            self.now_ms += LEG_MS
+            self.book.moved(order.north_m, order.east_m)
+            return self.routine.receive(PrimitiveSucceeded(self.now_ms, order.primitive_id), self.now_ms)
+        assert isinstance(order, DockMussel) and self.book.pose is not None
+        self.tried.append(self.book.pose)
+        caught = math.dist(self.book.pose, self.floats_at) <= RADIUS_M
+        ended = PrimitiveSucceeded if caught else NothingCaught
+        return self.routine.receive(ended(self.now_ms, order.primitive_id), self.now_ms)
+
+    def run(self) -> Progress:
+        progress = Progress.GOES_ON
+        while progress is Progress.GOES_ON:
+            progress = self.carry_out()
+        return progress
+
+
+@pytest.mark.parametrize("bearing_deg", range(0, 360, 15))
+@pytest.mark.parametrize("away_m", [0.0, 0.6, 1.2])
+def test_one_that_floats_near_its_believed_place_is_found(bearing_deg: int, away_m: float) -> None:
+    bearing = math.radians(bearing_deg)
+    world = World((away_m * math.cos(bearing), away_m * math.sin(bearing)))
+    world.begin()
+    assert world.run() is Progress.ENDED
+    assert len(world.tried) == 1 or away_m > 0
+    assert not world.routine.is_on_search
+
+
+def test_a_search_ends_after_its_time() -> None:
+    world = World((50.0, 50.0))
+    world.begin()
+    assert world.run() is Progress.NOT_FOUND
+    assert SEARCH_S * 1000 <= world.now_ms < SEARCH_S * 1000 + LEG_MS
+    assert len(set(world.tried)) == len(world.tried) == SEARCH_S * 1000 / LEG_MS + 1
+    # Another docking begins a search of its own.
+    world.book.moved(0.0, 0.0)
+    world.begin()
+    assert world.carry_out() is Progress.GOES_ON
+
+
+def test_a_report_from_elsewhere_moves_the_search_there() -> None:
+    world = World((6.0, 0.0))
+    world.begin()
+    world.carry_out()
+    world.now_ms += 1
+    world.hear((6.2, 0.0))
+    world.carry_out()  # the go-to that was under way
+    world.carry_out()
+    assert world.run() is Progress.ENDED
+    assert world.tried[-1] == (6.2, 0.0)
+    assert len(world.tried) == 3
+
+
+def test_one_that_is_known_to_sink_is_not_searched_for() -> None:
+    world = World((6.0, 0.0))
+    world.begin()
+    world.hear((0.0, 0.0), State.SINKING)
+    assert world.run() is Progress.NOT_FOUND
+
+
+def test_a_search_that_cannot_go_on_ends_with_its_go_to() -> None:
+    world = World((6.0, 0.0))
+    world.begin()
+    world.carry_out()
+    failed = PrimitiveFailed(world.now_ms, world.order().primitive_id, "stalled")
+    assert world.routine.receive(failed, world.now_ms) is Progress.ENDED
+    assert not world.routine.is_on_search
+    assert world.routine.receive(failed, world.now_ms) is Progress.NOT_OURS
+
+
+def test_a_pre_empted_search_takes_no_further_step() -> None:
+    world = World((6.0, 0.0))
+    world.begin()
+    world.carry_out()
+    go_to = world.order()
+    assert world.routine.pre_empt()
+    ended = PrimitiveSucceeded(world.now_ms, go_to.primitive_id)
+    assert world.routine.receive(ended, world.now_ms) is Progress.NOT_OURS
+    assert world.book.take_orders() == []
