@@ -40,6 +40,8 @@ _COMMANDS = (
     "beliefs",
     "mu",
     "fit",
+    "study",
+    "capacity",
     "layout",
     "doctor",
 )

@@ -13,6 +13,8 @@ from apad_bridge.commands.table import print_table
 from apad_bridge.mission.ending import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit, exit_of_all
+from apad_bridge.runs.studies.capacity import bounds_of
+from apad_bridge.scenario.loader import load
 
 
 def report(
@@ -31,7 +33,9 @@ def report(
         print(json.dumps({**summary, "run": str(directory.path), "events": list(messages)}))
     else:
         console = Console(markup=False)
-        print_table(console, name, flown_by, summary)
+        is_counted = summary["uptime_paper"] is not None
+        bounds = bounds_of([load(directory.scenario)], summary["mission_s"]) if is_counted else None
+        print_table(console, name, flown_by, summary, bounds)
         console.print(
             f"the run's files: {directory.path}   (see it: musselbed replay {directory.path})",
             highlight=False,

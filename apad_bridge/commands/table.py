@@ -7,6 +7,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.runs.studies.capacity import Bounds
+
 # Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
 # The Greedy rows are left out: their Active column contradicts their Avg (it should be N * Avg / 100).
 _CAUTIOUS = ("74.37", "87.38", "59.88", "307.17", "8.92")
@@ -18,8 +20,10 @@ _PAPER = {
 """The paper's rows by scenario and collection strategy: only the shipped pool is the paper's."""
 
 
-def print_table(console: Console, name: str, collection: str, summary: dict[str, Any]) -> None:
-    """Prints the row, the paper's row if there is one for comparison, and the figures outside the row."""
+def print_table(
+    console: Console, name: str, collection: str, summary: dict[str, Any], bounds: Bounds | None = None
+) -> None:
+    """Prints the row, the paper's row if there is one for comparison, the bounds of any strategy, and other figures."""
     table = Table(title=f"{name}: a row of the paper's Table II")
     for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
         table.add_column(column, justify="left" if not column else "right")
@@ -36,6 +40,8 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     if table.row_count > 0:
         console.print(table)
+        if bounds is not None:
+            console.print(bounds.text, highlight=False, soft_wrap=True)
     console.print(
         f"cost: {summary['planned_m']:.2f} m in straight legs, as the paper counts; {summary['cost_m']:.2f} m driven",
         highlight=False,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from agents.mussel.outputs import Truth
 from apad_bridge.mission.ending import EndReason
@@ -49,6 +49,10 @@ class Figures:
     services: int
     ended_by: str
     end_reason: EndReason | None
+
+
+COLUMNS = tuple(field.name for field in fields(Figures))[:13]
+"""The columns of every table of strategies, in this order."""
 
 
 class SamplingGaps:

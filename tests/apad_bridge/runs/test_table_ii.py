@@ -5,12 +5,15 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.runs.in_memory import fly_in_memory
+from apad_bridge.runs.studies.models import Model, fly
+from apad_bridge.runs.studies.runner import fly_study
 from apad_bridge.runs.studies.table_two import (
-    PAPER_CAUTIOUS,
-    PAPER_NO_CHARGING,
-    configurations,
+    COLUMNS,
+    PAPER,
+    contradictions,
     percentile_of,
-    row_of,
+    table_two,
+    table_two_study,
 )
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
@@ -32,23 +35,62 @@ def stepped_uptimes(charges: list[float], theta: int, steps: int) -> list[float]
 
 def test_no_charging_is_the_paper_s_row_and_an_independent_stepper_s() -> None:
     scenario = load(SCENARIOS / "no-charging.yaml")
-    figures, _ = fly_in_memory(scenario)
-    row = row_of(figures)
-    for key, paper in PAPER_NO_CHARGING.items():
-        assert row[key] == pytest.approx(paper, abs=0.05), key
-    assert row["cost_m"] == 0
+    flown = fly(scenario, Model.EVENT_DRIVEN)
+    paper = next(row for row in PAPER if row.collection == "none")
+    assert flown.uptime_paper_mean == pytest.approx(paper.mean, abs=0.05)
+    assert flown.uptime_paper_max == pytest.approx(paper.max, abs=0.05)
+    assert flown.uptime_paper_min == pytest.approx(paper.min, abs=0.05)
+    assert flown.active_mean == pytest.approx(paper.active_mean, abs=0.05)
+    assert flown.metres == 0
     uptimes = stepped_uptimes([start.primary for start in starts_of(scenario)], 30, 2400)
     # One step is 0.042 points; the flight's own battery may differ from the stepper's floats by one step at most.
-    assert row["mean"] == pytest.approx(sum(uptimes) / len(uptimes), abs=0.05)
-    assert row["max"] == pytest.approx(max(uptimes), abs=0.05)
-    assert row["min"] == pytest.approx(min(uptimes), abs=0.05)
+    assert flown.uptime_paper_mean == pytest.approx(sum(uptimes) / len(uptimes), abs=0.05)
+    assert flown.uptime_paper_max == pytest.approx(max(uptimes), abs=0.05)
+    assert flown.uptime_paper_min == pytest.approx(min(uptimes), abs=0.05)
 
 
-def test_cautious_on_random_configurations_has_the_paper_s_row_inside_its_central_90_percent() -> None:
+def test_cautious_on_random_configurations_has_the_paper_s_row_inside_its_central_90_percent(
+    tmp_path: Path,
+) -> None:
     """Speed 0.5 m/s, 20 s for dock and undock together and a cluster of 28 x 21 m are the shipped pool-12's."""
-    rows = list(configurations(load(SCENARIOS / "pool-12.yaml"), 30))
-    for key, paper in PAPER_CAUTIOUS.items():
-        assert 5 <= percentile_of(paper, [row[key] for row in rows]) <= 95, key
+    plan = table_two_study(30)
+    compared = table_two(plan, fly_study(plan, tmp_path, 2))
+    assert [(it["row"], it["column"]) for it in compared] == [
+        (row.name, column) for row in PAPER for column in COLUMNS
+    ]
+    for it in compared:
+        if it["row"] == "Cautious":
+            assert 5 <= it["percentile"] <= 95, it["column"]
+
+
+def test_the_two_greedy_rows_contradict_themselves() -> None:
+    assert [row.name for row in PAPER if row.contradicts_itself] == ["Greedy", "Greedy (bay)"]
+    first, second = contradictions()
+    assert "1.032 times 12 x 72.27 / 100" in first and "0.940 times 24 x 71.98 / 100" in second
+
+
+def test_at_theta_1_nothing_is_compared_with_the_paper(tmp_path: Path) -> None:
+    plan = table_two_study(1, theta=1)
+    assert {setting.theta for setting in plan.settings} == {1}
+    scenario = plan.scenario(0, 0, 1)
+    assert scenario.duration_s == 30 * 2400  # 20 hours of the aMussels, as at theta 30
+    rows = [
+        {
+            "setting": index,
+            "strategy": strategy,
+            "seed": 1,
+            **dict.fromkeys(
+                ("uptime_paper_mean", "uptime_paper_max", "uptime_paper_min", "metres", "active_mean"), 1.0
+            ),
+        }
+        for index in (0, 1)
+        for strategy in plan.strategies
+    ]
+    assert {it["percentile"] for it in table_two(plan, rows)} == {None}
+
+
+def test_a_percentile_is_the_share_at_or_below() -> None:
+    assert [percentile_of(value, [3.0, 1.0, 2.0, 4.0]) for value in (0.0, 2.0, 2.5, 9.0)] == [0, 50, 50, 100]
 
 
 def test_the_shipped_pool_loses_no_mussel_and_drives_what_it_planned() -> None:

@@ -1,0 +1,46 @@
+"""`musselbed capacity`: what no strategy can exceed in a scenario, and how many aMussels its aPads sustain."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.scenario.errors import ScenarioError
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "capacity",
+        help="upper bounds on a scenario's uptime, activity and samples, and on the fleet that its docks sustain",
+        description="Prints bounds that follow from the batteries, the docks and the duty cycle alone: no strategy exceeds "
+        "them, because travel, docking and waiting are left out. The derivation is in docs/studies.md.",
+        epilog="example: musselbed capacity launch_scripts/scenarios/bay-24.yaml --agents 12. "
+        f"exit codes: {EXITS}",
+    )
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    parser.add_argument("--theta", type=int, metavar="N", help="the aMussels' time runs N times the aPad's")
+    parser.add_argument("--agents", type=int, metavar="N", help="another number of aMussels")
+    parser.add_argument("--seed", type=int, metavar="N", help="another seed")
+    parser.add_argument(
+        "--json", action="store_true", help="print the bounds as JSON on stdout, nothing else"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from apad_bridge.runs.studies.capacity import bounds_of
+    from apad_bridge.scenario.loader import load, with_overrides
+
+    try:
+        scenario = with_overrides(
+            load(arguments.scenario), theta=arguments.theta, agents=arguments.agents, seed=arguments.seed
+        )
+        bounds = bounds_of([scenario])
+    except ScenarioError as error:
+        raise UserError(str(error)) from error
+    print(json.dumps(asdict(bounds)) if arguments.json else f"{scenario.name}: {bounds.text}")
+    return Exit.DONE

@@ -1,0 +1,208 @@
+"""`musselbed study`: compares strategies on many configurations, or repeats the paper's Table II on them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.scenario.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from apad_bridge.runs.studies.report import Comparison
+    from apad_bridge.runs.studies.specification import Plan
+
+TABLE_TWO = "table2"
+_OUT = Path("studies")
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "study",
+        help="compare strategies on many random configurations, with confidence intervals",
+        description="Flies strategies x scenarios x seeds x parameters, each strategy on the same configurations, and "
+        "prints means, paired differences and what nobody can exceed. A study that was ended goes on from its missions "
+        f"when the same command is given again. `musselbed study {TABLE_TWO}` repeats the paper's Table II. Results: "
+        "results.parquet with a row for each mission, report.html with figures.",
+        epilog="examples: musselbed study my-study.yaml; musselbed study my-study.yaml --seeds 1000 --json; "
+        f"musselbed study {TABLE_TWO}; musselbed study {TABLE_TWO} --theta 1 --seeds 50. See docs/studies.md. "
+        f"exit codes: {EXITS}",
+    )
+    parser.add_argument("study", metavar="STUDY.yaml", help=f"the study's file, or {TABLE_TWO}")
+    parser.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N, in place of the study's")
+    parser.add_argument(
+        "--theta", type=int, metavar="N", help=f"of {TABLE_TWO} alone: another theta than the paper's 30"
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes that fly (default: one for each processor)"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help=f"where its files go (default: {_OUT}/NAME); one study each"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the results as JSON on stdout, nothing else"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    # Imported here: a study's parts are many, and the other commands start without them.
+    from apad_bridge.runs.studies.report import (
+        REPORT,
+        RESULTS,
+        as_data,
+        comparisons,
+        write_parquet,
+        write_report,
+    )
+    from apad_bridge.runs.studies.runner import AnotherStudy, StudyFailed, fly_study
+    from apad_bridge.runs.studies.table_two import apad_energy, contradictions, table_two
+
+    if find_spec("pyarrow") is None:
+        raise UserError("pyarrow is missing, which writes the results: run launch_scripts/install")
+    plan = _plan_of(arguments)
+    workers = _workers(arguments)
+    is_table_two = arguments.study == TABLE_TWO
+    stem = (
+        plan.study.name
+        if not is_table_two or arguments.theta is None
+        else f"{TABLE_TWO}-theta{arguments.theta}"
+    )
+    directory: Path = arguments.out or _OUT / stem
+    try:
+        with _progress(arguments.json) as progress:
+            task = progress.add_task(plan.study.name, total=plan.missions)
+            rows = fly_study(plan, directory, workers, lambda missions: progress.advance(task, missions))
+    except AnotherStudy as error:
+        raise UserError(str(error)) from error
+    except StudyFailed as error:
+        print(f"musselbed study: {error}", file=sys.stderr)
+        return Exit.PEER_FAILED
+    except OSError as error:
+        raise UserError(f"{directory}: {error.strerror}: say another place with --out") from error
+    found = comparisons(plan, rows)
+    write_parquet(directory / RESULTS, plan, rows)
+    write_report(directory / REPORT, plan, rows, found)
+    compared = table_two(plan, rows) if is_table_two else []
+    if arguments.json:
+        paper = {"table2": compared, "contradictions": contradictions()} if is_table_two else {}
+        print(json.dumps({**as_data(plan, found), **paper, "files": str(directory)}))
+        return Exit.DONE
+    console = Console(markup=False, highlight=False)
+    if is_table_two:
+        _print_table_two(console, compared, contradictions(), apad_energy(plan, rows))
+    for each in found:
+        _print_comparison(console, each, plan.baseline)
+    console.print(f"results: {directory / RESULTS}, {directory / REPORT}", soft_wrap=True)
+    return Exit.DONE
+
+
+def _plan_of(arguments: argparse.Namespace) -> Plan:
+    from apad_bridge.runs.studies.specification import load_study, with_seeds
+    from apad_bridge.runs.studies.table_two import THETA, table_two_study
+
+    if arguments.seeds is not None and arguments.seeds < 1:
+        raise UserError(f"--seeds {arguments.seeds}: must be 1 or more")
+    try:
+        if arguments.study == TABLE_TWO:
+            return table_two_study(arguments.seeds or 200, arguments.theta or THETA)
+        if arguments.theta is not None:
+            raise UserError(f"--theta is of {TABLE_TWO} alone: give a study `parameters: {{theta: [...]}}`")
+        plan = load_study(Path(arguments.study))
+        return plan if arguments.seeds is None else with_seeds(plan, arguments.seeds)
+    except ScenarioError as error:
+        raise UserError(str(error)) from error
+
+
+def _workers(arguments: argparse.Namespace) -> int:
+    if arguments.workers is None:
+        return len(os.sched_getaffinity(0))
+    if arguments.workers < 1:
+        raise UserError(f"--workers {arguments.workers}: must be 1 or more")
+    return int(arguments.workers)
+
+
+def _progress(is_quiet: bool) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("missions"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True, quiet=is_quiet),
+        transient=True,
+    )
+
+
+def _print_comparison(console: Console, found: Comparison, baseline: str) -> None:
+    """Prints a line for each column, so that the strategies fit beside each other on a narrow terminal."""
+    from apad_bridge.runs.studies.figures import COLUMNS
+    from apad_bridge.runs.studies.report import HEADINGS, NO_ENERGY, difference_text, estimate_text
+
+    others = [it for it in found.standings if it.differences]
+    tables = [(f"{found.setting.label}, best first", found.standings)]
+    if others:
+        tables.append((f"minus {baseline}, on the same configurations", others))
+    for title, shown in tables:
+        table = _table(title, ["", *(it.strategy for it in shown)])
+        for column in COLUMNS:
+            table.add_row(
+                HEADINGS[column],
+                *(
+                    estimate_text(it.columns[column])
+                    if shown is found.standings
+                    else difference_text(it.differences[column])
+                    for it in shown
+                ),
+            )
+        console.print(table)
+    console.print(found.bounds.text, soft_wrap=True)
+    if found.setting.theta != 1:
+        console.print(f"{NO_ENERGY}.", soft_wrap=True)
+    console.print()
+
+
+def _print_table_two(
+    console: Console, compared: Sequence[dict[str, Any]], notes: Sequence[str], energy: str | None
+) -> None:
+    from apad_bridge.runs.studies.table_two import COLUMNS, PAPER, THETA
+
+    is_papers = any(it["percentile"] is not None for it in compared)
+    title = "the paper's Table II beside ours, and the percentile of each of its values among ours"
+    if not is_papers:
+        title = f"Table II at another theta: the paper's figures are at {THETA}, and these stand apart"
+    table = _table(title, ["", *COLUMNS.values()])
+    shown = {"median": "ours, median", "p5": "ours, 5 %", "p95": "ours, 95 %"}
+    if is_papers:
+        shown = {"paper": "paper", **shown, "percentile": "percentile of the paper"}
+    for row in PAPER:
+        mark = " *" if row.contradicts_itself and is_papers else ""
+        table.add_row(f"{row.name}{mark}", style="bold")
+        cells = {it["column"]: it for it in compared if it["row"] == row.name}
+        for key, heading in shown.items():
+            values = [cells[column][key] for column in COLUMNS]
+            table.add_row(f"  {heading}", *("–" if it is None else f"{it:.2f}" for it in values))
+    console.print(table)
+    for note in notes if is_papers else ():
+        console.print(f"* {note}", soft_wrap=True)
+    if energy is not None:
+        console.print(energy, soft_wrap=True)
+    console.print()
+
+
+def _table(title: str, headings: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for heading in headings:
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    return table

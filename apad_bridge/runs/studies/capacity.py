@@ -1,0 +1,155 @@
+"""Upper bounds for a scenario: what no strategy can exceed, however cleverly it collects.
+
+An aMussel i starts with the charge u_i, loses d_i an agent minute while it is active (in its duty cycle: the mean over a
+whole cycle), and gains at most c_i, the steepest part of its charging curve, while docked. In a mission of T minutes with D
+docks, its active time a_i and its docked time y_i obey
+
+    d_i a_i <= u_i + c_i y_i        (it cannot spend what it does not have)
+    a_i + y_i <= T                  (it is active in the water only)
+    sum of y_i <= D T               (each dock holds one)
+
+The largest sum of a_i is a linear programme. Without docks, a_i = min(T, u_i / d_i). Each docked minute adds c_i / d_i
+active ones, up to y_i = (d_i T - u_i) / (c_i + d_i), from where it costs one. So the docks' time goes to the largest
+c_i / d_i first.
+
+For ever, u_i / T vanishes: an aMussel that is never empty is active for the share c / (c + d) and docked for d / (c + d),
+so one aPad sustains D (1 + c / d) aMussels. A fleet that sleeps needs kf times the charge of one that is always awake, and
+the number is D (1 + (c / d) / kf). For the paper's aMussels, always awake, and four docks it is 15.2 when only the fast end
+of the curve is used, and 11.9 when each charge begins at empty.
+
+Travel, docking, surfacing and waiting are left out, so every flight stays below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from statistics import fmean
+
+from apad_bridge.assembly.estimator import schedules
+from apad_bridge.scenario.firmware_config import board_config, spread_of, takes_samples
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from firmware_model.config import BoardConfig
+from firmware_model.power.charge import FULL
+from firmware_model.power.rails import rails_of
+from firmware_model.states import State
+
+_MS_PER_MIN = 60_000
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """An aMussel's charge on [0, 1]: `start`, and the rates an agent minute of its drain and of its charger."""
+
+    start: float
+    drain: float
+    charge: float
+    """On the steepest part of the curve."""
+    full_charge_min: float
+    """The minutes from empty to full."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Bounds of a mission, as means over the configurations, and of a fleet that lives for ever."""
+
+    amussels: int
+    docks: int
+    uptime_percent: float
+    active: float
+    """aMussels that are active at a time, on average."""
+    samples: float | None
+    """None for boards with a low level, at which they take samples besides their schedule."""
+    sustained: float
+    """aMussels that the docks keep from ever being empty, each charge on the steepest part of the curve."""
+    sustained_from_empty: float
+    """The same if each charge goes from empty to full."""
+    uptime_for_ever_percent: float
+
+    @property
+    def text(self) -> str:
+        samples = "" if self.samples is None else f", {self.samples:.0f} samples"
+        return (
+            f"no strategy exceeds {self.uptime_percent:.1f} % uptime, {self.active:.2f} aMussels active{samples} here; for "
+            f"ever {self.uptime_for_ever_percent:.1f} %. {self.docks} docks sustain at most {self.sustained:.1f} aMussels "
+            f"for ever ({self.sustained_from_empty:.1f} if each charge begins at empty): there are {self.amussels}"
+        )
+
+
+def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) -> Bounds:
+    """The bounds of missions that differ in their seeds alone; `duration_s` is another mission time than the scenarios'."""
+    fleets = [rates_of(scenario) for scenario in scenarios]
+    scenario, amussels, docks = scenarios[0], len(fleets[0]), _docks_of(scenarios[0])
+    mission_s = scenario.duration_s if duration_s is None else duration_s
+    minutes = mission_s * scenario.theta / 60
+    if not amussels or not minutes:
+        return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
+    each = [rates for fleet in fleets for rates in fleet]
+    drain, charge = min(it.drain for it in each), max(it.charge for it in each)
+    slow = 1 / min(it.full_charge_min for it in each)
+    without_start = [replace(it, start=0.0) for it in fleets[0]]
+    return Bounds(
+        amussels,
+        docks,
+        100 * active / amussels,
+        active,
+        _samples(scenario, active, mission_s),
+        docks * (1 + charge / drain),
+        docks * (1 + slow / drain),
+        100 * active_minutes(without_start, 1.0, docks) / amussels,
+    )
+
+
+def active_minutes(fleet: Sequence[Rates], minutes: float, docks: int) -> float:
+    """The largest sum of active time of a fleet, in agent minutes: the linear programme of this module's docstring."""
+    total, left = 0.0, docks * minutes
+    for it in sorted(fleet, key=lambda rates: -rates.charge / rates.drain):
+        docked = min(left, max(0.0, (it.drain * minutes - it.start) / (it.charge + it.drain)))
+        left -= docked
+        total += min(minutes - docked, (it.start + it.charge * docked) / it.drain)
+    return total
+
+
+def rates_of(scenario: Scenario) -> list[Rates]:
+    """Each aMussel's rates, in its own duty cycle."""
+    nominal, spread = board_config(scenario.board, scenario.seed), spread_of(scenario)
+    found = []
+    for start in starts_of(scenario):
+        board = spread.applied(replace(nominal, agent_id=start.agent_id))
+        segments = board.charge.segments_by_two or board.charge.segments
+        per_min = [(end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments]
+        ends = [0.0, *(end for end, _ in per_min)]
+        full_min = sum((end - low) / rate for (end, rate), low in zip(per_min, ends, strict=False))
+        drain = _drain_per_min(board, scenario.fleet.all_ids)
+        found.append(Rates(start.primary, drain, max(rate for _, rate in per_min), full_min))
+    return found
+
+
+def _drain_per_min(board: BoardConfig, all_ids: Sequence[int]) -> float:
+    """The mean drain of an aMussel at work, over its duty cycle."""
+    whole = board.whole
+    if whole is None:
+        return board.charge.discharge * _MS_PER_MIN / FULL
+    cycle = schedules(whole, all_ids, [board.agent_id])[board.agent_id].cycle
+    if cycle is not None:
+        return cycle.in_all * _MS_PER_MIN / cycle.period_ms
+    loads = whole.power.loads.total(rails_of(State.ACTIVE, whole.power.kept_on, True, 0))
+    return loads * _MS_PER_MIN / FULL
+
+
+def _docks_of(scenario: Scenario) -> int:
+    return scenario.apad.docks * (1 + len(scenario.apads))
+
+
+def _samples(scenario: Scenario, active: float, mission_s: float) -> float | None:
+    """Samples of the fleet: one a time step of an aMussel that never sleeps, else one an alarm, the first at 0."""
+    if not takes_samples(scenario.board):
+        return active * mission_s
+    whole = scenario.board.whole
+    assert whole is not None and whole.cycle is not None
+    if whole.power.low_level > 0:
+        return None
+    alarms = int(mission_s * scenario.theta // whole.cycle.alarm_s) + 1
+    return float(len(scenario.fleet.ids) * alarms)

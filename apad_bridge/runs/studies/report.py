@@ -1,0 +1,233 @@
+"""A study's results: `results.parquet` with a row for each mission, and `report.html` with tables and figures.
+
+Only this module needs the packages of `musselbed[studies]`, and imports them when it writes.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.runs.studies.capacity import Bounds, bounds_of
+from apad_bridge.runs.studies.figures import COLUMNS
+from apad_bridge.runs.studies.runner import Row
+from apad_bridge.runs.studies.specification import Plan, Setting
+from apad_bridge.runs.studies.statistics import Difference, Estimate, Standing, standings
+from apad_bridge.scenario.loader import write_atomically
+
+RESULTS, REPORT = "results.parquet", "report.html"
+HEADINGS = {
+    "amussels_lost": "lost",
+    "samples_taken": "samples",
+    "longest_gap_h": "longest gap h",
+    "uptime_submerged_mean": "submerged %",
+    "uptime_submerged_min": "least",
+    "uptime_paper_mean": "uptime %",
+    "uptime_paper_min": "least",
+    "metres": "metres",
+    "metres_per_service": "m/service",
+    "apad_wh": "aPad Wh",
+    "apad_cycles": "aPad cycles",
+    "dead_time_h": "dead h",
+    "final_charge_mean": "final charge",
+}
+"""The columns of a table of strategies, in their order, as people read them."""
+NO_ENERGY = "aPad Wh and aPad cycles stand at theta 1 alone: at any other an aMussel charges faster than the aPad spends"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One setting's strategies, best first, and what nobody can exceed there."""
+
+    setting: Setting
+    standings: list[Standing]
+    bounds: Bounds
+
+
+def comparisons(plan: Plan, rows: Sequence[Row]) -> list[Comparison]:
+    """Compares the strategies of each setting; settings do not compare with each other."""
+    study = plan.study
+    return [
+        Comparison(
+            setting,
+            standings(
+                [row for row in rows if row["setting"] == index],
+                plan.strategies,
+                plan.baseline,
+                study.primary,
+                study.confidence,
+            ),
+            bounds_of([plan.scenario(index, 0, seed) for seed in plan.seeds]),
+        )
+        for index, setting in enumerate(plan.settings)
+    ]
+
+
+def as_data(plan: Plan, found: Sequence[Comparison]) -> dict[str, Any]:
+    """The comparisons as plain data for `--json`; NaN becomes None."""
+    return {
+        "study": plan.study.name,
+        "model": plan.study.model.value,
+        "missions": plan.missions,
+        "seeds": len(plan.seeds),
+        "baseline": plan.baseline,
+        "primary": plan.study.primary,
+        "confidence": plan.study.confidence,
+        "settings": [
+            {
+                "setting": each.setting.label,
+                "bounds": asdict(each.bounds),
+                "ranking": [standing.strategy for standing in each.standings],
+                "strategies": [_known(asdict(standing)) for standing in each.standings],
+            }
+            for each in found
+        ],
+    }
+
+
+def _known(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _known(inner) for key, inner in value.items()}
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def write_parquet(path: Path, plan: Plan, rows: Sequence[Row]) -> None:
+    """Writes a row for each mission: setting, parameters, strategy, seed and figures. It appears whole or not at all."""
+    import pyarrow
+    from pyarrow import parquet
+
+    table = pyarrow.Table.from_pylist([_record(plan, row) for row in rows])
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    os.close(descriptor)
+    try:
+        parquet.write_table(table, temporary)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def _record(plan: Plan, row: Row) -> dict[str, Any]:
+    setting = plan.settings[row["setting"]]
+    parameters = {
+        key: value if not isinstance(value, list) else str(value) for key, value in setting.parameters
+    }
+    head = {"scenario": setting.scenario, "theta": setting.theta, **parameters}
+    return {**head, **{key: value for key, value in row.items() if key != "setting"}}
+
+
+def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Comparison]) -> None:
+    """Writes one page that needs no other file."""
+    study = plan.study
+    parts = [
+        f"<h1>{escape(study.name)}</h1>",
+        f"<p>{plan.missions} missions on {len(plan.seeds)} configurations, flown by the model "
+        f"<em>{escape(study.model)}</em>. Means with intervals of {100 * study.confidence:g} %. The order is by aMussels "
+        f"lost, then samples, then metres. Differences are to <em>{escape(plan.baseline)}</em>, paired by configuration; "
+        f"the primary column is {escape(study.primary)}, all other p-values are adjusted by Holm.</p>",
+    ]
+    for index, each in enumerate(found):
+        parts += [
+            f"<h2>{escape(each.setting.label)}</h2>",
+            f"<p>{escape(each.bounds.text)}</p>",
+            _table(["strategy", *HEADINGS.values()], _mean_rows(each.standings)),
+        ]
+        if any(standing.differences for standing in each.standings):
+            parts += [
+                f"<h3>Minus {escape(plan.baseline)}</h3>",
+                _table(["strategy", *HEADINGS.values()], _difference_rows(each.standings)),
+            ]
+        if each.setting.theta != 1:
+            parts.append(f"<p>{NO_ENERGY}.</p>")
+        parts.append(_figure([row for row in rows if row["setting"] == index], plan, each.bounds))
+    write_atomically(path, _PAGE.format(title=escape(study.name), body="\n".join(parts)))
+
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
+<style>body {{font: 15px/1.4 sans-serif; margin: 2em}} table {{border-collapse: collapse}}
+td, th {{padding: .2em .6em; text-align: right; border-bottom: 1px solid #ccc; white-space: nowrap}}
+td:first-child, th:first-child {{text-align: left}} svg {{max-width: 100%; height: auto}}</style></head>
+<body>
+{body}
+</body></html>
+"""
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(it)}</th>" for it in headings)
+    lines = ["<tr>" + "".join(f"<td>{escape(it)}</td>" for it in row) + "</tr>" for row in rows]
+    return f"<table><tr>{head}</tr>{''.join(lines)}</table>"
+
+
+def _mean_rows(found: Sequence[Standing]) -> list[list[str]]:
+    return [[it.strategy, *(estimate_text(it.columns[column]) for column in COLUMNS)] for it in found]
+
+
+def _difference_rows(found: Sequence[Standing]) -> list[list[str]]:
+    return [
+        [it.strategy, *(difference_text(it.differences[column]) for column in COLUMNS)]
+        for it in found
+        if it.differences
+    ]
+
+
+def estimate_text(estimate: Estimate | None) -> str:
+    """`71.87 ± 0.42`; a dash for an unknown figure."""
+    if estimate is None:
+        return "–"
+    half = (estimate.high - estimate.low) / 2
+    return _number(estimate.mean) if math.isnan(half) else f"{_number(estimate.mean)} ± {_number(half)}"
+
+
+def difference_text(difference: Difference | None) -> str:
+    """`+1.20 ± 0.42, p 0.003`; a dash for an unknown figure."""
+    if difference is None:
+        return "–"
+    sign = "+" if difference.estimate.mean >= 0 else ""
+    p = (
+        ""
+        if math.isnan(difference.p)
+        else f" (p {difference.p:.3f})"
+        if difference.p >= 0.001
+        else " (p < 0.001)"
+    )
+    return f"{sign}{estimate_text(difference.estimate)}{p}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.1f}" if abs(value) >= 100 else f"{value:.2f}"
+
+
+def _figure(rows: Sequence[Row], plan: Plan, bounds: Bounds) -> str:
+    """Box plots of the three figures that rank, and the way against the uptime, as SVG."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib.figure import Figure
+
+    drawing = Figure(figsize=(13, 4), layout="constrained")
+    axes = drawing.subplots(1, 3)
+    by_strategy = [[row for row in rows if row["strategy"] == name] for name in plan.strategies]
+    for axis, column in zip(axes[:2], ("samples_taken", "uptime_submerged_mean"), strict=True):
+        axis.boxplot([[row[column] for row in own] for own in by_strategy], tick_labels=list(plan.strategies))
+        axis.set_title(HEADINGS[column])
+        axis.tick_params(axis="x", rotation=20)
+    axes[1].axhline(bounds.uptime_percent, linestyle="--", color="grey")
+    for name, own in zip(plan.strategies, by_strategy, strict=True):
+        x, y = ([row[column] for row in own] for column in ("metres", "uptime_paper_mean"))
+        axes[2].scatter(x, y, s=8, label=name)
+    axes[2].set_xlabel("metres")
+    axes[2].set_title("uptime %")
+    axes[2].legend()
+    text = io.StringIO()
+    drawing.savefig(text, format="svg", metadata={"Date": None})
+    svg = text.getvalue()
+    return svg[svg.index("<svg") :]

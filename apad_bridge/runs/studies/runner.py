@@ -1,0 +1,190 @@
+"""Flies a study's missions in processes of its own, and keeps each finished block in a journal.
+
+`trials.jsonl` begins with the study's fingerprint; each further line is a block: one configuration with every strategy. A
+study that was ended, by whatever means, goes on from its lines. A torn last line is cut off and flown again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import pickle
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
+from pathlib import Path
+from selectors import EVENT_READ, DefaultSelector
+from subprocess import PIPE, Popen
+from typing import IO, Any
+
+from agents.hosting.started import environment
+from apad_bridge.records.run_directory import PRIVATE
+from apad_bridge.runs.studies.models import StrategyFailed, fly
+from apad_bridge.runs.studies.specification import Plan
+
+JOURNAL = "trials.jsonl"
+Row = dict[str, Any]
+"""One mission: setting (its index), strategy, seed, and the fields of `Figures`."""
+Worker = Popen[bytes]
+
+
+class StudyFailed(Exception):
+    """The study cannot go on; the text is one line with the mend."""
+
+
+class AnotherStudy(ValueError):
+    """The directory holds the rows of another study; the text is one line with the mend."""
+
+
+def fly_study(
+    plan: Plan, directory: Path, workers: int, on_flown: Callable[[int], None] = lambda missions: None
+) -> list[Row]:
+    """Flies the missions that the directory does not hold yet; returns the rows of all, in the study's order.
+
+    `on_flown` is told the number of missions of each finished block, and first of those that were there. Raises
+    AnotherStudy, or StudyFailed for a strategy that fails and for a worker that is killed.
+    """
+    with _opened(directory, plan.fingerprint) as (journal, rows_of):
+        wanted = list(plan.blocks)
+        on_flown(len(plan.strategies) * sum(block in rows_of for block in wanted))
+        missing = [block for block in wanted if block not in rows_of]
+        for block, rows in _fly_blocks(plan, missing, workers):
+            journal.write(json.dumps({"block": block, "rows": rows}) + "\n")
+            journal.flush()
+            rows_of[block] = rows
+            on_flown(len(rows))
+    return [row for block in wanted for row in rows_of[block]]
+
+
+@contextmanager
+def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[IO[str], dict[tuple[int, int], list[Row]]]]:
+    """The journal, locked and open for writing behind its last whole line, and the rows in it by block."""
+    directory.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+    path = directory / JOURNAL
+    with open(path, "a+", encoding="utf-8") as journal:
+        try:
+            fcntl.flock(journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise AnotherStudy(
+                f"{directory}: another process flies this study: wait for it, or say another --out"
+            ) from error
+        journal.seek(0)
+        text = journal.read()
+        whole = text[: text.rfind("\n") + 1]
+        lines = [json.loads(line) for line in whole.splitlines()]
+        if lines and lines[0].get("study") != fingerprint:
+            raise AnotherStudy(
+                f"{directory}: holds the missions of another study, or of another version of this one: say another --out, "
+                f"or remove {path}"
+            )
+        journal.truncate(len(whole.encode()))
+        if not lines:
+            journal.write(json.dumps({"study": fingerprint}) + "\n")
+            journal.flush()
+        yield journal, {tuple(line["block"]): line["rows"] for line in lines[1:]}
+
+
+def fly_block(plan: Plan, setting: int, seed: int) -> list[Row]:
+    """Flies every strategy on one configuration."""
+    rows = []
+    for index, strategy in enumerate(plan.strategies):
+        try:
+            figures = fly(plan.scenario(setting, index, seed), plan.study.model)
+        except StrategyFailed as failed:
+            where = f"{plan.settings[setting].label}, seed {seed}"
+            raise StudyFailed(
+                f"{failed} ({strategy} in {where}): mend the strategy; the study goes on from there"
+            ) from failed
+        rows.append({"setting": setting, "strategy": strategy, "seed": seed, **asdict(figures)})
+    return rows
+
+
+def _fly_blocks(
+    plan: Plan, blocks: list[tuple[int, int]], workers: int
+) -> Iterator[tuple[tuple[int, int], list[Row]]]:
+    """Flies blocks as processes become free; yields each when it is done."""
+    if workers == 1 or len(blocks) == 1:
+        for block in blocks:
+            yield block, fly_block(plan, *block)
+        return
+    waiting = blocks[::-1]
+    with _started_workers(plan, min(workers, len(blocks))) as processes, DefaultSelector() as selector:
+        flying: dict[int, tuple[int, int]] = {}
+        for process in processes:
+            selector.register(process.stdout, EVENT_READ, process)  # type: ignore[arg-type]
+            flying[process.pid] = _order(process, waiting.pop())
+        while flying:
+            for key, _ in selector.select():
+                process = key.data
+                block, rows = flying.pop(process.pid), _answer(process)
+                if waiting:
+                    flying[process.pid] = _order(process, waiting.pop())
+                yield block, rows
+
+
+def _order(process: Worker, block: tuple[int, int]) -> tuple[int, int]:
+    assert process.stdin is not None
+    with suppress(BrokenPipeError):  # its missing answer tells of its end
+        pickle.dump(block, process.stdin)
+        process.stdin.flush()
+    return block
+
+
+def _answer(process: Worker) -> list[Row]:
+    assert process.stdout is not None
+    try:
+        answer: list[Row] | StudyFailed = pickle.load(process.stdout)
+    except EOFError as error:
+        raise StudyFailed(
+            f"a worker ended with status {process.wait()}, perhaps for want of memory: the same command goes on from there"
+        ) from error
+    if isinstance(answer, StudyFailed):
+        raise answer
+    return answer
+
+
+@contextmanager
+def _started_workers(plan: Plan, count: int) -> Iterator[list[Worker]]:
+    """Processes that run this module, and that end with this one, whatever ends it."""
+    command = [sys.executable, "-m", "agents.hosting.started", __name__]
+    processes: list[Worker] = []
+    try:
+        for _ in range(count):
+            process = Popen(command, stdin=PIPE, stdout=PIPE, env={**os.environ, **environment()})
+            processes.append(process)
+            assert process.stdin is not None
+            pickle.dump(plan, process.stdin)
+        yield processes
+    finally:
+        for process in processes:
+            process.kill()
+        for process in processes:
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    with suppress(BrokenPipeError):
+                        pipe.close()
+
+
+def main() -> None:
+    """A worker: reads the study and then blocks, and answers each with its rows. Prints of a strategy go to stderr."""
+    answers, orders = os.fdopen(os.dup(1), "wb"), sys.stdin.buffer
+    os.dup2(2, 1)
+    plan = pickle.load(orders)
+    while True:
+        try:
+            block = pickle.load(orders)
+        except EOFError:
+            return
+        try:
+            answer: list[Row] | StudyFailed = fly_block(plan, *block)
+        except StudyFailed as failed:
+            answer = failed
+        pickle.dump(answer, answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+"""A study: strategies on scenarios, with parameters, each on the same random configurations, one for each seed.
+
+`load_study` checks everything before a mission is flown: each scenario with each strategy and parameter.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt, Le, Lt, MinLen
+from pydantic import TypeAdapter, ValidationError
+
+from apad_bridge.planning import registry
+from apad_bridge.runs.studies.event_driven import model_gap
+from apad_bridge.runs.studies.figures import COLUMNS
+from apad_bridge.runs.studies.models import Model
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.quantities import FileName, frozen
+from apad_bridge.scenario.schema import RandomStart, Scenario
+from apad_bridge.scenario.yaml_text import parse_yaml
+
+PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})
+"""The interval of the paper's starting charges (section V-A)."""
+_Value = bool | int | float | str | list[Any] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Strategy:
+    """Keys of the scenario's block `mission`, under a name for the tables."""
+
+    name: str
+    mission: dict[str, Any]
+
+
+@frozen
+class Study:
+    """The study as its file has it. The baseline is the strategy with which the others are compared."""
+
+    name: FileName
+    scenarios: Annotated[tuple[str, ...], MinLen(1)]
+    """Files, relative to the study's."""
+    strategies: Annotated[tuple[str | dict[str, Any], ...], MinLen(1)]
+    """Names of collection strategies, or mappings of the keys of `mission`, and `name` for the tables."""
+    seeds: Annotated[int, Ge(1), Le(1_000_000)] | Annotated[tuple[Annotated[int, Ge(0)], ...], MinLen(1)]
+    """Seeds, or the number of seeds from 1 on. A seed decides starts, drift and misses, for each strategy alike."""
+    parameters: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
+    """Values by key of the scenario, as `mission.batch`; each combination is flown."""
+    start: RandomStart | Literal["scenario"] = PAPER_START
+    """`scenario` keeps the scenario's own starts."""
+    baseline: str | None = None
+    """None: the first strategy."""
+    primary: str = "samples_taken"
+    """The column of the one comparison that was planned; the others' p-values are adjusted by Holm."""
+    confidence: Annotated[float, Gt(0.5), Lt(1)] = 0.95
+    model: Model = Model.EVENT_DRIVEN
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A scenario with one value for each parameter: the missions that compare with each other."""
+
+    scenario: str
+    parameters: tuple[tuple[str, Any], ...]
+    theta: int
+
+    @property
+    def label(self) -> str:
+        """The setting in words; theta is part of it, because figures at different thetas do not compare."""
+        parameters = dict(self.parameters) | {"theta": self.theta}
+        return ", ".join([self.scenario, *(f"{key} {value}" for key, value in parameters.items())])
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A checked study: for each setting, the scenario of each strategy as plain data, and the seeds."""
+
+    study: Study
+    settings: tuple[Setting, ...]
+    strategies: tuple[str, ...]
+    scenarios: tuple[tuple[dict[str, Any], ...], ...]
+    """By setting, then by strategy."""
+    seeds: tuple[int, ...]
+
+    @property
+    def blocks(self) -> Iterator[tuple[int, int]]:
+        """(index of the setting, seed) of the blocks; a block flies all strategies on one configuration."""
+        return itertools.product(range(len(self.settings)), self.seeds)
+
+    @property
+    def missions(self) -> int:
+        return len(self.settings) * len(self.seeds) * len(self.strategies)
+
+    @property
+    def baseline(self) -> str:
+        return self.study.baseline or self.strategies[0]
+
+    def scenario(self, setting: int, strategy: int, seed: int) -> Scenario:
+        """The scenario of one mission."""
+        data = self.scenarios[setting][strategy]
+        return from_data({**data, "seed": seed}, f"{self.settings[setting].label}, seed {seed}")
+
+    @property
+    def fingerprint(self) -> str:
+        """A digest of everything that decides a mission's figures; a study resumes the rows of the same digest alone."""
+        text = json.dumps([self.scenarios, self.strategies, self.study.model, version("musselbed")])
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+_STUDY = TypeAdapter(Study)
+
+
+def load_study(path: Path) -> Plan:
+    """Reads and checks a study's file. ScenarioError with a line for each mistake, before anything is flown."""
+    try:
+        data = parse_yaml(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ScenarioError([f"{path}: {error.strerror}"]) from error
+    except ValueError as error:
+        raise ScenarioError([f"{path}: {error}"]) from error
+    return plan_of(data, str(path), path.parent)
+
+
+def plan_of(data: Any, source: str, directory: Path) -> Plan:
+    """Builds a study from plain data; the scenarios' files are relative to `directory`. ScenarioError as `load_study`."""
+    try:
+        study = _STUDY.validate_json(json.dumps(data), strict=True)
+    except ValidationError as error:
+        lines = (f"{source}: {'.'.join(map(str, it['loc']))}: {it['msg']}" for it in error.errors())
+        raise ScenarioError(dict.fromkeys(lines)) from error
+    strategies = [_strategy_of(given) for given in study.strategies]
+    names = tuple(strategy.name for strategy in strategies)
+    _check_names(study, names, source)
+    scenarios = [load(directory / file) for file in study.scenarios]
+    settings, rows, mistakes = [], [], []
+    for scenario, values in itertools.product(scenarios, itertools.product(*study.parameters.values())):
+        parameters = tuple(zip(study.parameters, values, strict=True))
+        row = []
+        for strategy in strategies:
+            try:
+                row.append(_checked(_changed(scenario, study, parameters, strategy), study, source))
+            except ScenarioError as error:
+                mistakes += str(error).splitlines()
+        rows.append(tuple(row))
+        theta = row[0]["theta"] if row else scenario.theta
+        settings.append(Setting(scenario.name, tuple(it for it in parameters if it[0] != "theta"), theta))
+    if mistakes:
+        raise ScenarioError(dict.fromkeys(mistakes))
+    labels = [setting.label for setting in settings]
+    if len(set(labels)) < len(labels):
+        raise ScenarioError([f"{source}: scenarios: two of them have the same name: rename one"])
+    seeds = tuple(range(1, study.seeds + 1)) if isinstance(study.seeds, int) else study.seeds
+    return Plan(study, tuple(settings), names, tuple(rows), seeds)
+
+
+def with_seeds(plan: Plan, seeds: int) -> Plan:
+    """The same study on the seeds 1 to `seeds`; missions that were flown count for both."""
+    return replace(plan, seeds=tuple(range(1, seeds + 1)))
+
+
+def _strategy_of(given: str | dict[str, Any]) -> Strategy:
+    if isinstance(given, str):
+        return Strategy(name=given, mission={"collection": given})
+    mission = dict(given)
+    name = mission.pop("name", None) or ", ".join(f"{key} {value}" for key, value in mission.items())
+    return Strategy(name=str(name), mission=mission)
+
+
+def _check_names(study: Study, names: Sequence[str], source: str) -> None:
+    if len(set(names)) < len(names):
+        raise ScenarioError([f"{source}: strategies: a name stands there twice: give one another `name`"])
+    if study.baseline is not None and study.baseline not in names:
+        raise ScenarioError(
+            [f"{source}: baseline: {study.baseline} is none of the strategies: {', '.join(names)}"]
+        )
+    if study.primary not in COLUMNS:
+        raise ScenarioError(
+            [f"{source}: primary: {study.primary} is no column; columns are {', '.join(COLUMNS)}"]
+        )
+    if not isinstance(study.seeds, int) and len(set(study.seeds)) < len(study.seeds):
+        raise ScenarioError([f"{source}: seeds: one stands there twice"])
+
+
+def _changed(
+    scenario: Scenario, study: Study, parameters: Sequence[tuple[str, Any]], strategy: Strategy
+) -> dict[str, Any]:
+    """The scenario's data with the study's starts, one value of each parameter, and the strategy's keys."""
+    data = resolve(scenario)
+    if isinstance(study.start, RandomStart):
+        data["fleet"]["start"] = {"charge": list(study.start.charge)}
+    for key, value in [*parameters, *((f"mission.{key}", value) for key, value in strategy.mission.items())]:
+        *blocks, last = key.split(".")
+        place: Any = data
+        for block in blocks:
+            place = place.get(block) if isinstance(place, dict) else None
+        if not isinstance(place, dict):
+            raise ScenarioError([f"parameters: {key}: the scenario {scenario.name} has no such block"])
+        place[last] = value
+    if "fleet.count" in dict(parameters):
+        data["fleet"]["agent_ids"] = []
+    return data
+
+
+def _checked(data: dict[str, Any], study: Study, source: str) -> dict[str, Any]:
+    scenario = from_data(data, source)
+    try:
+        registry.collection(scenario.mission.collection)
+        registry.redeployment(scenario.mission.redeployment)
+    except ValueError as error:
+        raise ScenarioError([f"{source}: {error}"]) from error
+    if scenario.apads:
+        raise ScenarioError([f"{source}: {scenario.name} has several aPads: a study flies one"])
+    gap = model_gap(scenario) if study.model is Model.EVENT_DRIVEN else None
+    if gap is not None:
+        raise ScenarioError(
+            [f"{source}: {scenario.name}: the event-driven model leaves out {gap}. Say `model: mission`"]
+        )
+    return resolve(scenario)

@@ -1,0 +1,212 @@
+"""Studies: what a file may say, how a study goes on after a kill, and what its results hold."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scenario_files import POOL_FILE, WHOLE_FILE
+
+from apad_bridge.commands.main import main
+from apad_bridge.runs.studies import runner
+from apad_bridge.runs.studies.figures import COLUMNS
+from apad_bridge.runs.studies.runner import JOURNAL, AnotherStudy, StudyFailed, fly_study
+from apad_bridge.runs.studies.specification import Plan, load_study, plan_of, with_seeds
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import write_resolved
+
+SHIPPED = Path(__file__).parents[4] / "launch_scripts/studies"
+STUDY = {
+    "name": "short",
+    "scenarios": [str(POOL_FILE)],
+    "strategies": ["cautious", "greedy"],
+    "seeds": 4,
+    "parameters": {"duration_s": [300.0]},
+}
+
+
+def plan(**changes: Any) -> Plan:
+    return plan_of({**STUDY, **changes}, "test", Path("/"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"strategies": ["gready"]}, "unknown strategy 'gready'; known: .*greedy"),
+        ({"strategies": ["greedy", "greedy"]}, "a name stands there twice"),
+        ({"baseline": "none"}, "baseline: none is none of the strategies: cautious, greedy"),
+        ({"primary": "joy"}, "primary: joy is no column; columns are amussels_lost, samples_taken"),
+        ({"parameters": {"mission.batsch": [1]}}, "mission.batsch"),
+        ({"parameters": {"misson.batch": [1]}}, "no such block"),
+        ({"parameters": {"mission.batch": [9]}}, "9 aMussels do not fit into 4 docks"),
+        (
+            {"scenarios": [str(WHOLE_FILE)]},
+            r"the event-driven model leaves out board.whole.* Say `model: mission`",
+        ),
+        ({"seeds": 0}, "seeds"),
+        ({"colour": "red"}, "colour"),
+    ],
+)
+def test_a_mistake_is_one_line_before_anything_is_flown(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        plan(**changes)
+
+
+@pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.yaml")), ids=lambda file: file.stem)
+def test_a_shipped_study_is_right(file: Path) -> None:
+    assert load_study(file).missions > 0
+
+
+def test_a_run_needs_no_package_of_studies_and_prints_what_nobody_can_exceed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    scenario = tmp_path / "short.yaml"
+    write_resolved(scenario, plan().scenario(0, 0, 1))
+    arguments = ["--time", "asap", "--hosting", "one_process", "--out", str(tmp_path / "run")]
+    assert main(["run", str(scenario), *arguments]) == 0
+    assert "4 docks sustain at most 15.2 aMussels for ever" in capsys.readouterr().out
+
+
+def test_without_pyarrow_a_study_says_how_to_get_it_before_it_flies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("apad_bridge.commands.study.find_spec", lambda name: None)
+    assert main(["study", "table2", "--out", str(tmp_path / "out")]) == 2
+    assert "pyarrow is missing" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_study_multiplies_settings_strategies_and_seeds() -> None:
+    found = plan(
+        parameters={"duration_s": [300.0], "theta": [1, 30], "mission.batch": [1, 4]},
+        strategies=["greedy", {"collection": "cautious", "full_threshold": 0.9}],
+    )
+    assert found.missions == 4 * 2 * 4 == len(found.settings) * len(found.strategies) * len(found.seeds)
+    assert found.settings[0].label == "pool, duration_s 300.0, mission.batch 1, theta 1"
+    one = found.scenario(1, 1, 3)
+    assert (one.seed, one.theta, one.mission.batch, one.mission.full_threshold) == (3, 1, 4, 0.9)
+    assert found.strategies[1] == "collection cautious, full_threshold 0.9"
+
+
+def test_a_mission_of_a_whole_board_is_flown_tick_by_tick_where_asked(tmp_path: Path) -> None:
+    (row,) = fly_study(
+        plan(scenarios=[str(WHOLE_FILE)], strategies=["cautious"], seeds=1, model="mission"), tmp_path, 1
+    )
+    assert row["samples_taken"] > 0 and 0 < row["longest_gap_h"] <= 300 * 30 / 3600
+
+
+class _Killed(BaseException):
+    pass
+
+
+def test_a_study_that_was_killed_goes_on_from_its_whole_lines(tmp_path: Path) -> None:
+    study, told = plan(), []
+
+    def kill_after_two_blocks(missions: int) -> None:
+        told.append(missions)
+        if len(told) == 3:  # the first call tells what was there
+            raise _Killed
+
+    with pytest.raises(_Killed):
+        fly_study(study, tmp_path / "killed", 1, kill_after_two_blocks)
+    journal = tmp_path / "killed" / JOURNAL
+    kept = journal.read_text()
+    journal.write_text(kept + '{"block": [0, 3], "rows": [{"se')
+    told.clear()
+    rows = fly_study(study, tmp_path / "killed", 1, told.append)
+    assert told == [4, 2, 2]
+    assert journal.read_text().startswith(kept)
+    assert rows == fly_study(study, tmp_path / "whole", 1)
+
+
+def test_more_seeds_add_to_a_study_and_another_study_is_refused(tmp_path: Path) -> None:
+    few = fly_study(with_seeds(plan(), 2), tmp_path, 1)
+    told: list[int] = []
+    assert fly_study(with_seeds(plan(), 3), tmp_path, 1, told.append)[:4] == few
+    assert told == [4, 2]
+    with pytest.raises(AnotherStudy, match=r"holds the missions of another study.*--out"):
+        fly_study(plan(strategies=["greedy"]), tmp_path, 1)
+
+
+def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = plan()
+    started: list[runner.Worker] = []
+    order = runner._order
+    monkeypatch.setattr(
+        runner, "_order", lambda process, block: (started.append(process), order(process, block))[1]
+    )
+
+    def kill_a_worker(missions: int) -> None:
+        if missions and len({process.pid for process in started}) == 2:
+            os.kill(started[0].pid, signal.SIGKILL)
+            os.kill(started[1].pid, signal.SIGKILL)
+
+    with pytest.raises(StudyFailed, match="a worker ended with status -9"):
+        fly_study(with_seeds(study, 12), tmp_path / "two", 2, kill_a_worker)
+    assert all(process.poll() is not None for process in started)
+    monkeypatch.undo()
+    assert fly_study(study, tmp_path / "two", 2) == fly_study(study, tmp_path / "one", 1)
+
+
+def test_the_command_writes_a_row_for_each_mission_and_a_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pyarrow import parquet
+
+    file = tmp_path / "study.yaml"
+    file.write_text(json.dumps(STUDY))
+    out = tmp_path / "out"
+    assert main(["study", str(file), "--seeds", "3", "--workers", "1", "--out", str(out), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    (setting,) = result["settings"]
+    assert setting["ranking"] == [it["strategy"] for it in setting["strategies"]]
+    table = parquet.read_table(out / "results.parquet").to_pylist()
+    assert [(row["strategy"], row["seed"]) for row in table] == [
+        (strategy, seed) for seed in (1, 2, 3) for strategy in ("cautious", "greedy")
+    ]
+    assert set(COLUMNS) <= table[0].keys()
+    for standing in setting["strategies"]:
+        own = [row["metres"] for row in table if row["strategy"] == standing["strategy"]]
+        assert standing["columns"]["metres"]["mean"] == pytest.approx(sum(own) / 3)
+    page = (out / "report.html").read_text()
+    assert "<svg" in page and "no strategy exceeds" in page
+    assert main(["study", str(file), "--seeds", "3", "--workers", "1", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    places = [
+        shown.index(f"\n {heading}")
+        for heading in ("lost", "samples", "longest gap h", "submerged %", "metres")
+    ]
+    assert places == sorted(places)
+
+
+def test_a_strategy_of_a_package_is_flown_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two processes import it as this one does."""
+    info = tmp_path / "lab-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[musselbed.strategies]\nlast = lab:Last\n")
+    (tmp_path / "lab.py").write_text(
+        "from apad_bridge.planning.greedy import Greedy\n\n\nclass Last(Greedy):\n    pass\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    rows = fly_study(plan(strategies=["last", "greedy"], seeds=2), tmp_path / "out", 2)
+    ours, greedy = (
+        [{**row, "strategy": ""} for row in rows if row["strategy"] == name] for name in ("last", "greedy")
+    )
+    assert ours == greedy and len(ours) == 2
+
+
+def test_no_figure_is_nan(tmp_path: Path) -> None:
+    for row in fly_study(plan(strategies=["none"], seeds=1), tmp_path, 1):
+        assert not [key for key, value in row.items() if isinstance(value, float) and math.isnan(value)]
