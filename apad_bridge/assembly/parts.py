@@ -204,7 +204,7 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
     return EnergyExchange(
         scenario.mission,
         beliefs,
-        registry.collection(scenario.mission.collection),
+        registry.collection(scenario.mission.collection, scenario.mission.costs),
         registry.redeployment(scenario.mission.redeployment),
         state,
     )

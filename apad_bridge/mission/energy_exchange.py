@@ -223,6 +223,11 @@ class EnergyExchange(OrderBook):
         batch = self._pool.batch_of(pool, self._left_alone)
         if not batch:
             return
+        if self._plan_collection(pool, batch, now_ms):
+            self._go_collect(now_ms)
+
+    def _plan_collection(self, pool: list[Belief], batch: int, now_ms: int) -> bool:
+        """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now."""
         situation = self._situation(pool, {})
         name = self._config.collection
         solution = plan_or_reason(
@@ -230,10 +235,11 @@ class EnergyExchange(OrderBook):
         )
         if isinstance(solution, str):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
-        elif solution.steps:
+            return False
+        if solution.steps:
             self._orders.append(plan_note("collect", name, solution, situation, self._config.costs))
             self.set(plan=solution)
-            self._go_collect(now_ms)
+        return bool(solution.steps)
 
     def _go_collect(self, now_ms: int) -> None:
         belief = self._beliefs.get(self._step.agent_id)
@@ -353,8 +359,21 @@ class EnergyExchange(OrderBook):
         self._finish_step(now_ms)
 
     def _finish_step(self, now_ms: int) -> None:
-        self.set(plan=Solution(self.state.plan.steps[1:]))
-        self._next_step(now_ms)
+        finished, left = self._step, self.state.plan.steps[1:]
+        self.set(plan=Solution(left))
+        if finished.kind is StepKind.COLLECT and left and getattr(self._collection, "pre_empts", False):
+            self._plan_rest_of_batch(len(left), now_ms)
+        if self.state.phase is not Phase.ENDED:
+            self._next_step(now_ms)
+
+    def _plan_rest_of_batch(self, count: int, now_ms: int) -> None:
+        """Chooses the aMussels for the docks that are left anew, from the pool as it is now."""
+        # An aMussel that was docked just now was last heard afloat.
+        pool = [
+            it for it in self._pool.candidates(now_ms, self._left_alone) if not self._is_held(it.agent_id)
+        ]
+        if pool:
+            self._plan_collection(pool, count, now_ms)
 
     def _next_step(self, now_ms: int) -> None:
         if not self.state.plan.steps:

@@ -13,54 +13,77 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any, cast
 
+from apad_bridge.planning.blend import BestOfPool, Blend
 from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.costs import CostScales, Scales
+from apad_bridge.planning.earliest_deadline import EarliestDeadline
+from apad_bridge.planning.exact import Exact
 from apad_bridge.planning.greedy import Greedy
 from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
+from apad_bridge.planning.nearest_job_next import NearestJobNext
 from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.shortest_order import ShortestOrder
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 
 GROUP = "musselbed.strategies"
 
 _BUILT_IN: dict[str, Callable[[], Any]] = {
+    "best-of-pool": BestOfPool,
     "cautious": Cautious,
+    "edf": EarliestDeadline,
     "greedy": Greedy,
     "greedy-redeploy": GreedyRedeploy,
+    "njnp": NearestJobNext,
     "none": NoCollection,
+    "shortest-order": ShortestOrder,
 }
+_SCALED: dict[str, Callable[[Scales], Any]] = {"blend": Blend, "exact": Exact}
+"""Built-in strategies that weigh distance and energy by the scenario's scale factors."""
 
 
 def known_names() -> list[str]:
     """Returns every strategy's name, sorted, without loading the strategies of packages."""
-    return sorted({*_BUILT_IN, *(entry.name for entry in _entries())})
+    return sorted({*_BUILT_IN, *_SCALED, *(entry.name for entry in _entries())})
 
 
-def collection(name: str) -> CollectionStrategy:
-    """Creates a collection strategy by name. Raises ValueError if there is none, or it cannot be used."""
-    return cast(CollectionStrategy, _create(name, StepKind.COLLECT))
+def collection(name: str, scales: Scales | None = None) -> CollectionStrategy:
+    """Creates a collection strategy by name. Raises ValueError if there is none, or it cannot be used.
+
+    `scales` are the factors of distance and energy, 1 by default, for the strategies that weigh the two.
+    """
+    return cast(CollectionStrategy, _create(name, StepKind.COLLECT, scales or CostScales()))
 
 
 def redeployment(name: str) -> RedeploymentStrategy:
     """Creates a redeployment strategy by name. Raises ValueError if there is none, or it cannot be used."""
-    return cast(RedeploymentStrategy, _create(name, StepKind.DEPLOY))
+    return cast(RedeploymentStrategy, _create(name, StepKind.DEPLOY, CostScales()))
 
 
-def _create(name: str, kind: StepKind) -> object:
+def _create(name: str, kind: StepKind, scales: Scales) -> object:
     entries = tuple(entry for entry in _entries() if entry.name == name)
-    sources = ["musselbed itself"] * (name in _BUILT_IN) + [_package(entry) for entry in entries]
+    sources = ["musselbed itself"] * (name in _BUILT_IN or name in _SCALED) + [
+        _package(entry) for entry in entries
+    ]
     if not sources:
         raise ValueError(f"unknown strategy {name!r}; known: {', '.join(known_names())}")
     if len(sources) > 1:
         raise ValueError(
             f"strategy {name!r} is brought by each of {', '.join(sources)}: rename or remove one"
         )
-    strategy: object = _BUILT_IN[name]() if name in _BUILT_IN else _load(entries[0])
+    strategy: object = _built_in(name, scales) or _load(entries[0])
     if getattr(strategy, "plans", None) is not kind or not callable(getattr(strategy, "plan", None)):
         raise ValueError(
             f"strategy {name!r} (from {sources[0]}) is no {kind} strategy: "
             f"that needs `plans = StepKind.{kind.name}` and a method `plan`"
         )
     return strategy
+
+
+def _built_in(name: str, scales: Scales) -> object | None:
+    if name in _SCALED:
+        return cast(object, _SCALED[name](scales))
+    return cast(object, _BUILT_IN[name]()) if name in _BUILT_IN else None
 
 
 def _entries() -> EntryPoints:

@@ -15,7 +15,11 @@ from apad_bridge.planning.solution import Solution, Step, StepKind
 
 
 class CollectionStrategy(Protocol):
-    """Chooses the agents to collect, and their order."""
+    """Chooses the agents to collect, and their order.
+
+    A strategy may have an attribute `pre_empts`: if it is True, the mission plans the rest of a batch anew after each
+    docking.
+    """
 
     @property
     def plans(self) -> StepKind:

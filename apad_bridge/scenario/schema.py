@@ -254,7 +254,7 @@ class FullWhen(StrEnum):
 @frozen
 class Mission:
     collection: str
-    """Name of a collection strategy: `none`, `greedy`, `cautious`, or one from a user's package."""
+    """Name of a collection strategy: one of docs/studies.md, as `cautious`, or one from a user's package."""
     redeployment: str = "greedy-redeploy"
     pool_threshold: Fraction
     batch: Annotated[int, Ge(1), Le(MAX_DOCKS)]

@@ -570,6 +570,26 @@ def test_a_resumed_step_of_one_that_stays_silent_is_given_up() -> None:
     assert bench.notes("given_up")[0]["agent"] == 3
 
 
+@pytest.mark.parametrize(("collection", "second"), [("njnp", 5), ("greedy", 2)])
+def test_a_strategy_that_pre_empts_takes_a_nearer_request_that_came_on_the_way(
+    collection: str, second: int
+) -> None:
+    bench = Bench(agents=5, collection=collection)
+    bench.told.say(5, 0, State.ACTIVE, 0.9, 10.0, 1.0)
+    bench.tick()
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.succeed()  # it has come to aMussel 1
+    bench.told.say(5, 0, State.ACTIVE, 0.7)
+    bench.told.say(1, 0, State.FLOATING, 0.5)
+    bench.tick()
+    assert isinstance(bench.succeed(), DockMussel)
+    (goto,) = (order for order in bench.orders if isinstance(order, GoToPoint))
+    assert (goto.north_m, goto.east_m) == (bench.told[second].north_m, bench.told[second].east_m)
+    steps = bench.mission.state.plan.steps
+    assert len(steps) == 3 and {step.agent_id for step in steps} <= {2, 3, 4, 5}
+    assert {step.dock_index for step in steps} == {1, 2, 3}
+
+
 class Raises:
     plans = "collect"
 

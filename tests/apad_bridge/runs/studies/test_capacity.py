@@ -76,7 +76,9 @@ def test_the_closed_form_is_the_linear_programme(fleet: list[Rates], minutes: fl
 @settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(1, 10**6),
-    strategy=st.sampled_from(["cautious", "greedy", "none"]),
+    strategy=st.sampled_from(
+        ["cautious", "greedy", "none", "njnp", "edf", "shortest-order", "best-of-pool", "blend"]
+    ),
     count=st.integers(1, 16),
     batch=st.integers(1, 4),
     theta=st.sampled_from([30, 120]),

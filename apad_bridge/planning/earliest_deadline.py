@@ -1,0 +1,28 @@
+"""Earliest deadline first (EDF), the other usual baseline of on-demand mobile charging.
+
+Source: C. L. Liu, J. W. Layland, "Scheduling Algorithms for Multiprogramming in a Hard-Real-Time Environment", JACM 1973.
+It fails where the charger is overloaded: it runs after the most urgent, wherever they are.
+
+An aMussel's deadline is when it is lost, with both batteries empty. All boards of a fleet drain alike as far as the mission
+knows, so the order is by the charge of both batteries together. In the paper's worst case every secondary is full, and the
+order is that of Cautious.
+"""
+
+from __future__ import annotations
+
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.solution import Solution, StepKind
+from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+
+
+class EarliestDeadline:
+    """Chooses the agents with the least charge in both batteries together, of equal ones the lowest id."""
+
+    plans = StepKind.COLLECT
+
+    def plan(self, situation: Situation, batch: int) -> Solution:
+        count = docks_to_fill(situation, batch)
+        by_deadline = sorted(
+            situation.candidates, key=lambda agent: (agent.charge + agent.secondary, agent.agent_id)
+        )
+        return collect_in_order(by_deadline[:count], situation)
