@@ -12,3 +12,5 @@ LEAST, GREATEST = 1e-9, 1e9
 Positive = Annotated[float, Ge(LEAST), Le(GREATEST)]
 NotNegative = Annotated[float, Ge(0), Le(GREATEST)]
 OpenFraction = Annotated[float, Gt(0), Lt(1)]
+Decibels = Annotated[float, Ge(-300), Le(300)]
+Count = Annotated[int, Ge(1), Le(1_000_000_000)]

@@ -14,7 +14,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from agents.water.bounds import NotNegative, OpenFraction, Positive
+from agents.water.bounds import Count, Decibels, NotNegative, OpenFraction, Positive
 
 _CERTAIN = 700
 """Log odds beyond which the exponential overflows a float."""
@@ -40,8 +40,8 @@ class ErrorCurve:
     A payload beyond the sizes counts as the nearest size.
     """
 
-    snrs_db: tuple[float, ...]
-    sizes: tuple[Annotated[int, Ge(1)], ...]
+    snrs_db: tuple[Decibels, ...]
+    sizes: tuple[Count, ...]
     rates: tuple[tuple[OpenFraction, ...], ...]
 
     def __post_init__(self) -> None:

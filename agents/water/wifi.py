@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, inf, log10
 
-from agents.water.bounds import Positive
+from agents.water.bounds import Decibels, Positive
 from agents.water.chance import fates
 
 _LANE = b"wifi"
@@ -23,8 +23,8 @@ class Wifi:
     `sensitivity_dbm`."""
 
     frequency_mhz: Positive = 2440.0
-    transmit_dbm: float = 20.0
-    sensitivity_dbm: float = -85.0
+    transmit_dbm: Decibels = 20.0
+    sensitivity_dbm: Decibels = -85.0
     mussel_antenna_m: Positive = 0.05
     """Height of a floating aMussel's antenna above the water; the next field is the aPad's."""
     apad_antenna_m: Positive = 1.5

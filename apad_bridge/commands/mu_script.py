@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from apad_bridge.scenario.explained import abbreviated, explain
+from apad_bridge.scenario.quantities import Fraction, NotNegative, Positive
+from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.yaml_text import parse_yaml
 from firmware_model.actions import Dropped, LogSample
 from firmware_model.bench import Bench
 from firmware_model.config import BoardConfig, LastResort
@@ -22,7 +26,6 @@ from firmware_model.power.rails import Rail, bits
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import CYCLES, METERING, board, power
 
-Fraction = Annotated[float, Ge(0), Le(1)]
 Fact = Literal[
     "permission",
     "release",
@@ -46,7 +49,7 @@ class ScriptError(ValueError):
 class MuScript:
     """Hours are agent time from power-on; charges are the paper's scaled voltage."""
 
-    hours: Annotated[float, Gt(0), Le(1e6)]
+    hours: Annotated[float, Ge(1e-6), Le(1e6)]
     sleep: Literal["never", "hourly", "field"]
     """`never`; `hourly`: Table I's 10 s an hour; `field`: Fig. 4's wakes of several minutes."""
     primary: Fraction
@@ -54,19 +57,19 @@ class MuScript:
     last_resort: Literal["wait", "call", "surface"] = "wait"
     kept_on: tuple[str, ...] = ()
     """Names of rails that are never switched off."""
-    capacity_mwh: Annotated[float, Gt(0)] | None = None
+    capacity_mwh: Positive | None = None
     """The capacity of each battery; without it energy is printed as a fraction of one battery."""
     metered: bool = False
     """The board takes levels from readings, which sag under load and rise with a charger, instead of from the charge."""
     low_level: Fraction = 0.0
     """The level at which a sleeping board wakes; 0 for no such level."""
-    cycles: Annotated[int, Ge(0)] = 0
+    cycles: Annotated[int, Ge(0), Le(1_000_000)] = 0
     """The number of full charge cycles of the batteries so far."""
-    years: Annotated[float, Ge(0)] = 0.0
+    years: NotNegative = 0.0
     """The age of the batteries."""
     clock_drift_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
     """The gain of the board's clock; a beacon sets the clock."""
-    tell: tuple[tuple[Annotated[float, Ge(0)], Fact], ...] = field(default=())
+    tell: tuple[tuple[NotNegative, Fact], ...] = field(default=())
     """(hours, stimulus), in any order."""
 
     def __post_init__(self) -> None:
@@ -104,15 +107,18 @@ class Budget:
 def read_script(path: Path) -> MuScript:
     """Reads a script from a YAML file; ScriptError names every fault and its key."""
     try:
-        raw = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ScriptError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+        data = parse_yaml(read_text(path))
+    except OSError as error:
+        raise ScriptError(f"{path}: {error.strerror}") from None
+    except ValueError as error:  # no UTF-8, or no YAML
+        raise ScriptError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(data, dict):
+        raise ScriptError(f"{path}: a script is a mapping of keys to values, not {abbreviated(data)}")
     try:
-        return TypeAdapter(MuScript).validate_python(raw)
+        # JSON on the way, as for a scenario: the strict mode takes no text for a number.
+        return TypeAdapter(MuScript).validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
-        faults = (
-            f"{'.'.join(map(str, fault['loc'])) or 'the script'}: {fault['msg']}" for fault in error.errors()
-        )
+        faults = dict.fromkeys(explain(MuScript, it, it["loc"]) for it in error.errors())
         raise ScriptError(f"{path}: " + "; ".join(faults)) from None
 
 

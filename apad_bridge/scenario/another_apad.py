@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from annotated_types import Ge
-
+from agents.water.bounds import Count
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.scenario.quantities import Fraction, RosName, frozen
+from apad_bridge.scenario.quantities import Fraction, Place, RosName, frozen
 
 
 @frozen
@@ -15,7 +12,7 @@ class AnotherAPad:
     """An aPad that equals `apad` in all keys that are left out."""
 
     name: RosName
-    start_m: tuple[float, float]
+    start_m: Place
     battery_start_fraction: Fraction | None = None
     """The charge of its battery at the start."""
     fault: Fault | None = None
@@ -28,5 +25,5 @@ class Sharing:
 
     transfers: bool = True
     """False: the allocation stays as planned at the start, and nobody serves the aMussels of an aPad that stands down."""
-    failed_go_tos: Annotated[int, Ge(1)] = 3
+    failed_go_tos: Count = 3
     """An aPad stands down after this number of failed go-tos in a row."""

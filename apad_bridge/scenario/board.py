@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from annotated_types import Ge
+from typing import Literal
 
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
+    Milliseconds,
     NotNegativeSeconds,
     PositiveSeconds,
     RatePerMinute,
@@ -23,14 +22,14 @@ class Board:
     profile: Literal["worst-case", "mu"] | None = None
     discharge_per_min: RatePerMinute | None = None
     charge_segments: ChargeSegments | None = None
-    pin_debounce_ms: Annotated[int, Ge(0)]
-    pin_chatter_ms: Annotated[int, Ge(1)] = 2000
+    pin_debounce_ms: Milliseconds
+    pin_chatter_ms: Milliseconds = 2000
     """A charger's pin that bounces for this long takes the level that it had for the greater part of that time."""
     pin_check_s: PositiveSeconds = 60.0
     """The board reads the pin's level at whole multiples of this, to find a missed edge."""
     coil_alignment_s: NotNegativeSeconds = 0.0
     """The time from a dock's closing until the charger starts."""
-    boot_ms: Annotated[int, Ge(0)]
+    boot_ms: Milliseconds
     surfacing_s: PositiveSeconds
     sinking_s: PositiveSeconds
     float_timeout_s: PositiveSeconds

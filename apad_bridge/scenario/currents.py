@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from agents.water.stream import Stream, parse_stream
 from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.text_file import read_text
 
 NORTH_NAMES = ("north_m_s", "vo", "v", "northward_sea_water_velocity", "sea_water_y_velocity")
 EAST_NAMES = ("east_m_s", "uo", "u", "eastward_sea_water_velocity", "sea_water_x_velocity")
@@ -36,7 +37,7 @@ def current_text(path: Path, frame: LocalFrame) -> str:
     Time counts from the file's first; the current over land is 0. Raises OSError, or ValueError with the problem.
     """
     if path.suffix not in _SUFFIXES:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     try:
         import netCDF4
     except ImportError:

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from apad_bridge.scenario.local_frame import LocalFrame, OriginLike
 from apad_bridge.scenario.polygon import Point, area_m2, is_simple
+from apad_bridge.scenario.text_file import read_text
 
 Corners = tuple[Point, ...]
 
@@ -78,7 +79,7 @@ def _zones_of(path: Path, frame: LocalFrame) -> tuple[Corners, ...]:
 def _polygons_of(path: Path, frame: LocalFrame) -> list[tuple[Corners, ...]]:
     """The rings of each polygon in a GeoJSON file, the outer one first."""
     try:
-        found = _rings_of(json.loads(path.read_text(encoding="utf-8")))
+        found = _rings_of(json.loads(read_text(path)))
         polygons = [
             tuple(tuple(frame.to_local(float(it[1]), float(it[0])) for it in ring[:-1]) for ring in rings)
             for rings in found

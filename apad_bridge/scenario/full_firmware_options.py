@@ -14,6 +14,7 @@ from pydantic import AfterValidator
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
     Fraction,
+    Milliseconds,
     NotNegative,
     NotNegativeSeconds,
     Positive,
@@ -76,7 +77,7 @@ class Metering:
 class Ageing:
     """The past of the batteries, alike for both."""
 
-    cycles: Annotated[int, Ge(0)]
+    cycles: Annotated[int, Ge(0), Le(1_000_000)]
     years: NotNegative
 
     def __post_init__(self) -> None:
@@ -96,7 +97,7 @@ class BoardPower:
     path: Fraction
     """The fraction of the load that reaches the feeding battery while that battery is charged."""
     motor_run_s: PositiveSeconds
-    receive_ms: Annotated[int, Ge(0)]
+    receive_ms: Milliseconds
     """The time for which the modem draws its receiving load for a packet."""
     switch_back: Fraction
     """The board returns to the charging primary battery when it holds this charge."""
@@ -167,9 +168,9 @@ class FullFirmwareOptions:
     cycle: SleepCycle | None
     """None: never asleep."""
     last_resort: LastResort
-    transmit_ms: Annotated[int, Gt(0)]
+    transmit_ms: Annotated[Milliseconds, Gt(0)]
     """The time that the modem takes to send a status."""
-    turnaround_ms: Annotated[int, Ge(0)] = 500
+    turnaround_ms: Milliseconds = 500
     """The time from the end of a ping to the board's answer."""
     hover_period_s: PositiveSeconds
     """The time between the motor runs that hold a depth."""

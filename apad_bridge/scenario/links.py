@@ -6,6 +6,7 @@ from pathlib import Path
 
 from agents.water.sea_events import APAD
 from agents.water.topology import Topology, parse_topology
+from apad_bridge.scenario.text_file import read_text
 
 APAD_NAME = "apad"
 """The name of the aPad in a file of links."""
@@ -13,7 +14,7 @@ APAD_NAME = "apad"
 
 def read_links(path: Path, theta: int) -> Topology:
     """Reads a file whose seconds are mission time. Raises OSError, or ValueError, `line N: ...`."""
-    return parse_topology(path.read_text(encoding="utf-8"), {APAD_NAME: APAD}, 1000 * theta)
+    return parse_topology(read_text(path), {APAD_NAME: APAD}, 1000 * theta)
 
 
 def problem_with_links(path: Path) -> str:

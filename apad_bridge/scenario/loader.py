@@ -18,11 +18,12 @@ from pydantic_core import ErrorDetails
 
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.id_ranges import in_ranges
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.schema import MAX_DOCKS, PAPER_DOCKS, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
-from apad_bridge.scenario.unknown_keys import explain_unknown_key
+from apad_bridge.scenario.text_file import read_text
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 _SCENARIO = TypeAdapter(Scenario)
@@ -47,10 +48,8 @@ def load(path: Path) -> Scenario:
 
     Raises ScenarioError with a line for each mistake, also if there is no such file.
     """
-    if path.is_char_device() or path.is_block_device():
-        raise ScenarioError([f"{path}: is a device, and not a file"])
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         raise ScenarioError([f"{path}: {reason}"]) from error
@@ -68,9 +67,7 @@ def from_data(data: Any, source: str) -> Scenario:
     Raises ScenarioError with all mistakes of form or, if there are none, with all contradictions.
     """
     if not isinstance(data, dict):
-        raise ScenarioError(
-            [f"{source}: a scenario is a mapping of keys to values, not {_abbreviated(data)}"]
-        )
+        raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {abbreviated(data)}"])
     try:
         # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
         scenario = _SCENARIO.validate_json(
@@ -78,7 +75,7 @@ def from_data(data: Any, source: str) -> Scenario:
         )
     except ValidationError as error:
         lines = [
-            _error_line(source, data, details)
+            _error_line(source, details)
             for details in _without_profile_keys(_of_meant_union_member(error.errors(), data))
         ]
         raise ScenarioError(dict.fromkeys(lines)) from error
@@ -239,23 +236,8 @@ def _ids_of_file(fleet: dict[str, Any]) -> list[int] | None:
         return []  # what is wrong with the file is told when the starts are read
 
 
-def _error_line(source: str, data: Any, details: ErrorDetails) -> str:
+def _error_line(source: str, details: ErrorDetails) -> str:
     path = details["loc"]
     if path[:2] in _VALUES_OR_FILES:
         path = path[:2] + path[3:]
-    dotted = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
-    where = f"{source}: {dotted}" if dotted else source
-    if details["type"] == "unexpected_keyword_argument":
-        return f"{where}: {explain_unknown_key(Scenario, path)}"
-    if details["type"] == "missing":
-        return f"{where}: this key is missing"
-    message = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-    message = message.replace("must be an object", "must be a mapping").replace("String should", "must")
-    if isinstance(details["input"], dict | list):
-        return f"{where}: {message}"
-    return f"{where}: {message}, not {_abbreviated(details['input'])}"
-
-
-def _abbreviated(value: Any) -> str:
-    text = repr(value) if isinstance(value, str) else json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return f"{source}: {explain(Scenario, details, path)}"

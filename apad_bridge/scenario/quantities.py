@@ -41,6 +41,12 @@ Positive = Annotated[float, Gt(0), Le(GREATEST), AfterValidator(_not_tiny)]
 NotNegative = Annotated[float, Ge(0), Le(GREATEST)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
+Quantity = Annotated[float, Ge(-GREATEST), Le(GREATEST)]
+Place = tuple[Annotated[float, Ge(-1e5), Le(1e5)], Annotated[float, Ge(-1e5), Le(1e5)]]
+"""(north, east) of the origin, in metres. Farther away a plane is no chart of the sea, and a packet has no room for it."""
+Speed = Annotated[float, Ge(-20), Le(20)]
+"""A velocity's component, in m/s."""
+Milliseconds = Annotated[int, Ge(0), Le(1_000_000_000)]
 Fraction = Annotated[float, Ge(0), Le(1)]
 RatePerMinute = Annotated[float, Gt(0), Le(1000), AfterValidator(_ten_decimals)]
 """Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""

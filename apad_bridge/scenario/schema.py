@@ -13,25 +13,29 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
+from agents.water.bounds import Count
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
-from apad_bridge.scenario.fence import Corners, check_corners
+from apad_bridge.scenario.fence import check_corners
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.quantities import (
     FileName,
     Fraction,
     NotNegative,
     NotNegativeSeconds,
+    Place,
     Positive,
     PositiveSeconds,
     RosNamespace,
+    Speed,
     frozen,
 )
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 from apad_bridge.scenario.water import Water
 
+AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
 PAPER_DOCKS = 4
 MAX_DOCKS = 16
 """More would not fit around a hull of the paper's size."""
@@ -48,15 +52,15 @@ class Origin:
 @frozen
 class Area:
     origin: Origin
-    polygon_m: tuple[tuple[float, float], ...]
+    polygon_m: tuple[Place, ...]
     """Corners as (north, east), in order, not closed; three or more."""
     depth_m: Positive
-    fence: Corners | str | None = None
+    fence: tuple[Place, ...] | str | None = None
     """The waters that no order may take the aPad out of: corners as in `polygon_m`, or a GeoJSON file with one polygon.
     None, for a simulated aPad alone: there is no fence."""
-    keep_out: tuple[Corners, ...] | str = ()
+    keep_out: tuple[tuple[Place, ...], ...] | str = ()
     """Zones inside the fence that no way may touch: a list of polygons, or a GeoJSON file."""
-    home_m: tuple[float, float] | None = None
+    home_m: Place | None = None
     """(north, east) of the place to which the aPad's battery must always suffice; None: `apad.start_m`."""
 
     def __post_init__(self) -> None:
@@ -120,14 +124,14 @@ class Spread:
 @frozen
 class Fleet:
     count: Annotated[int, Ge(0), Le(20000)]
-    first_id: Annotated[int, Ge(1)] = 1
-    agent_ids: tuple[Annotated[int, Ge(1), Le(MAX_AGENT_ID)], ...] = ()
+    first_id: AgentId = 1
+    agent_ids: tuple[AgentId, ...] = ()
     """The ids, rising, where they have gaps; empty for `count` ids from `first_id` on. The loader takes these three from
     the file that `start` names if a scenario leaves `count` out."""
     start: RandomStart | str = "starts.csv"
     """A mapping for a random start, the name of a CSV (id, lat, lon or north, east, battery), or a former run's directory.
     Names are relative to the scenario file; the loader makes them absolute."""
-    share: tuple[Annotated[int, Ge(1)], ...] = ()
+    share: tuple[AgentId, ...] = ()
     """The ids that this aPad serves if it is one of several; empty for all."""
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
@@ -141,6 +145,10 @@ class Fleet:
             raise ValueError(
                 f"agent_ids names {len(ids)} aMussels from {ids[0]} on, first_id and count say {self.count} from "
                 f"{self.first_id} on: leave fleet.count and fleet.first_id out"
+            )
+        if self.first_id + self.count - 1 > MAX_AGENT_ID:
+            raise ValueError(
+                f"first_id: an aMussel's id is {MAX_AGENT_ID} at most, not {self.first_id + self.count - 1}"
             )
         if list(self.share) != sorted(set(self.share)) or not set(self.share) <= set(self.all_ids):
             raise ValueError("share must name some of the fleet's ids, each once and rising")
@@ -204,9 +212,9 @@ class Servo:
 @frozen
 class Docking:
     profile: DockingProfile
-    virtual_ids: tuple[int, ...] = ()
-    camera_ids: tuple[int, ...] = ()
-    visual_ids: tuple[int, ...] = ()
+    virtual_ids: tuple[AgentId, ...] = ()
+    camera_ids: tuple[AgentId, ...] = ()
+    visual_ids: tuple[AgentId, ...] = ()
     """These three keys list the aMussels that are docked otherwise than by `profile`."""
     dock_s: NotNegativeSeconds
     undock_s: NotNegativeSeconds
@@ -269,10 +277,10 @@ class Mission:
     """The mission ends when the aPad's battery falls to this."""
     permission_repeat_s: PositiveSeconds
     """The mission repeats an unanswered permission to surface after this time."""
-    surfacing_attempts: Annotated[int, Ge(1)]
+    surfacing_attempts: Count
     silence_timeout_s: PositiveSeconds
     """The mission stops waiting for an aMussel that has been silent for this long, and goes on without it."""
-    collection_attempts: Annotated[int, Ge(1)] = 5
+    collection_attempts: Count = 5
     """The mission leaves an aMussel alone after so many tries in a row that did not help it."""
 
 
@@ -316,7 +324,7 @@ class APad:
     """A YAML file with the laboratory's own topics, relative to the scenario file; None for musselbed's topics."""
     docks: Annotated[int, Ge(1), Le(MAX_DOCKS)] = PAPER_DOCKS
     """The number of its docking mechanisms. Where on the hull they are follows from its software."""
-    start_m: tuple[float, float]
+    start_m: Place
     max_speed_m_s: Positive
     max_acceleration_m_s2: Positive
     max_yaw_rate_rad_s: Positive
@@ -325,7 +333,7 @@ class APad:
     """Quadratic drag: newtons at 1 m/s."""
     thruster_max_n: Positive
     thruster_w_per_n: NotNegative
-    drift_m_s: tuple[float, float] = (0.0, 0.0)
+    drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
     """Velocity (north, east) of the drift while the controllers are off; running controllers compensate for it."""
     fault: Fault = Fault.NONE
     """The misbehaviour of the simulated aPad's ROS node."""

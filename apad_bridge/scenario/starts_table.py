@@ -16,10 +16,11 @@ from pathlib import Path
 
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.text_file import read_text
 
 STARTS_NAME = "starts.csv"
 ENDS_NAME = "ends.csv"
-MAX_AGENT_ID = 2**31 - 1  # ids travel as int32 in ROS messages
+MAX_AGENT_ID = 0xFFFF  # a packet has two bytes for an id
 
 _ALIASES = {
     "id": "id",
@@ -99,10 +100,8 @@ def read_table(path: Path, frame: LocalFrame) -> list[Row]:
 
 def _read(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
     """Returns the columns, and the lines below them with their numbers."""
-    if path.is_char_device() or path.is_block_device():
-        raise ScenarioError([f"{path}: is a device, and not a file"])
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         raise ScenarioError([f"{path}: {reason}"]) from error

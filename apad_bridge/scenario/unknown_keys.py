@@ -65,9 +65,11 @@ def keys_at(schema: type, path: Path) -> list[str]:
     """Returns the keys of the dataclass at `path` of `schema`; none if there is no dataclass."""
     place: Any = schema
     for item in path:
+        if isinstance(item, int):
+            continue  # of a list, whose items `place` is
         if not is_dataclass(place):
             return []
-        place = _dataclass_in(get_type_hints(place, include_extras=True).get(str(item)))
+        place = _dataclass_in(get_type_hints(place, include_extras=True).get(item))
     return [field.name for field in fields(place)] if is_dataclass(place) else []
 
 
@@ -99,10 +101,10 @@ def all_keys(schema: type, prefix: str = "") -> Iterator[str]:
 
 
 def _dataclass_in(hint: Any) -> Any:
-    """Returns the dataclass that a field of this type may hold, or None."""
+    """Returns the dataclass that a field of this type may hold, by itself or in a list, or None."""
     if get_origin(hint) is Annotated:
         return _dataclass_in(get_args(hint)[0])
-    if get_origin(hint) in (Union, UnionType):
+    if get_origin(hint) in (Union, UnionType, tuple):
         return next((found for found in map(_dataclass_in, get_args(hint)) if found is not None), None)
     return hint if isinstance(hint, type) and is_dataclass(hint) else None
 

@@ -14,13 +14,14 @@ from apad_bridge.scenario.quantities import (
     Fraction,
     NotNegative,
     NotNegativeSeconds,
+    Place,
     Positive,
     PositiveSeconds,
+    Quantity,
+    Speed,
     frozen,
 )
 from firmware_model.sampling.sensors import SENSORS, Sensor
-
-Speed = Annotated[float, Ge(-20), Le(20)]
 
 
 @frozen
@@ -81,7 +82,7 @@ def _with_quantities(
 
 
 @frozen
-@_with_quantities(lambda sensor: ((NotNegative if sensor.low >= 0 else float) | None, None))
+@_with_quantities(lambda sensor: ((NotNegative if sensor.low >= 0 else Quantity) | None, None))
 class Patch:
     """A patch of changed water that grows and drifts, in agent time.
 
@@ -90,7 +91,7 @@ class Patch:
 
     begins_s: NotNegativeSeconds
     growing_s: PositiveSeconds
-    place_m: tuple[float, float]
+    place_m: Place
     """(north, east) of its centre when it begins."""
     drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
     radius_m: Positive
@@ -98,7 +99,7 @@ class Patch:
     """The patch lies at this depth and below."""
 
 
-Depths = tuple[tuple[NotNegative, float], ...]
+Depths = tuple[tuple[NotNegative, Quantity], ...]
 
 
 @frozen

@@ -22,6 +22,7 @@ from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.text_file import read_text
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.rendezvous import (
     AS_FAST_AS_POSSIBLE,
@@ -45,7 +46,7 @@ class ScriptError(ValueError):
 def read_script(path: Path) -> CodeType:
     """Compiles the file. Raises ScriptError with the number of the wrong line."""
     try:
-        return compile(path.read_text(encoding="utf-8"), str(path), "exec")
+        return compile(read_text(path), str(path), "exec")
     except OSError as error:
         raise ScriptError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:

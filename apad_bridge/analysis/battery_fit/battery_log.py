@@ -18,6 +18,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from apad_bridge.scenario.text_file import read_text
+
 Floats = npt.NDArray[np.float64]
 
 MINUTES_IN = {"ns": 1 / 60e9, "ms": 1 / 60e3, "s": 1 / 60, "min": 1.0, "h": 60.0}
@@ -63,7 +65,7 @@ class BatteryLog:
 def read_log(path: Path, log_format: LogFormat) -> BatteryLog:
     """Reads a CSV file (comma, semicolon or tab; with or without a line of names). LogError names the file's line."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -93,6 +95,10 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 def _log(path: Path, rows: list[tuple[int, list[str]]], log_format: LogFormat) -> BatteryLog:
     names = rows[0][1]
+    if len(names) < 2:
+        raise LogError(
+            "has one column only, and a log needs two: time and voltage, between them a comma, ; or a tab"
+        )
     named = not any(_is_number(cell) or _stamp(cell) is not None for cell in names)
     if not named:
         names = [f"{n}" for n in range(1, len(names) + 1)]
@@ -125,14 +131,13 @@ def _column(
             raise LogError(f"no column is called {given!r}; there are {', '.join(names)}")
         return names.index(given)
     if default is not None:
-        if default >= len(names):
-            raise LogError("needs two columns, time and voltage")
         return default
     found = [n for n, name in enumerate(names) if n != but and known.search(name.lower().replace("_", " "))]
     if len(found) != 1 and option == "--value-column" and len(names) == 2:
         return 1 - but
     if not found:
-        raise LogError(f"no column looks like it: say which by {option}, one of {', '.join(names)}")
+        what = "time" if option == "--time-column" else "a battery's voltage or charge"
+        raise LogError(f"no column looks like {what}: say which by {option}, one of {', '.join(names)}")
     if len(found) > 1 and option == "--value-column":
         several = ", ".join(names[n] for n in found)
         raise LogError(f"{several}: say by {option} which of them is fitted")

@@ -18,13 +18,15 @@ from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BeforeValidator, ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from agents.packet_medium import Medium
+from apad_bridge.scenario.explained import explain
 from apad_bridge.scenario.lab_interface.fields import path_steps, read
 from apad_bridge.scenario.lab_interface.messages import MessageKind
+from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.yaml_text import parse_yaml
 
 frozen = dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 Topic = Annotated[str, StringConstraints(pattern=r"^/?[A-Za-z{][A-Za-z0-9_{}/]*$")]
@@ -139,13 +141,10 @@ _NAMES = TypeAdapter(Names)
 def load_names(path: Path = DEFAULT) -> Names:
     """Loads a laboratory's names. Raises ValueError with every mistake, OSError if there is no such file."""
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = parse_yaml(read_text(path))
         return _NAMES.validate_json(json.dumps(data if data is not None else {}))
     except ValidationError as error:
-        lines = [
-            f"{'.'.join(str(it) for it in details['loc'])}: {details['msg'].removeprefix('Value error, ')}"
-            for details in error.errors()
-        ]
+        lines = [explain(Names, details, details["loc"]) for details in error.errors()]
         raise ValueError("; ".join(dict.fromkeys(lines))) from error
-    except (yaml.YAMLError, UnicodeDecodeError, TypeError, re.error) as error:
+    except (UnicodeDecodeError, TypeError, re.error) as error:
         raise ValueError(" ".join(str(error).split())) from error

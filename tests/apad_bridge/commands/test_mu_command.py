@@ -85,10 +85,27 @@ def test_the_pi_kept_on_draws_its_share(tmp_path: Path) -> None:
         ("{hours: 0, sleep: never, primary: 1, secondary: 1}", "hours"),
         ("{hours: 1, sleep: never, primary: 1.2, secondary: 1}", "primary"),
         ("{hours: 1, sleep: never, primary: 1, secondary: 1, kept_on: [laser]}", "laser"),
-        ("{hours: 1, sleep: never, primary: 1, secondary: 1, tell: [[1, sing]]}", "tell.0.1"),
+        (
+            "{hours: 1, sleep: never, primary: 1, secondary: 1, tell: [[1, sing]]}",
+            "tell[0][1]: must be 'permission'",
+        ),
         ("{hours: 1, sleep: never, primary: 1, secondary: 1, colour: red}", "colour"),
         ("hours: [", "cannot be read"),
-        ("", "script"),
+        ("", "a script is a mapping of keys to values, not null"),
+        ("[1]", "a script is a mapping of keys to values, not [1]"),
+        ("{hours: 2, sleep: never}", "primary: this key is missing; secondary: this key is missing"),
+        ("{hour: 2, sleep: never, primary: 1, secondary: 1}", "hour: unknown key: did you mean hours?"),
+        ("{hours: x, sleep: never, primary: 1, secondary: 1}", "hours: must be a valid number, not 'x'"),
+        ("{hours: 1e-300, sleep: never, primary: 1, secondary: 1}", "hours: must be greater than"),
+        ("{hours: 1, sleep: never, primary: 1, secondary: 1, years: 1e308}", "years: must be less than"),
+        (
+            "{hours: 1, sleep: never, primary: 1, secondary: 1, cycles: 9223372036854775808}",
+            "cycles: must be less",
+        ),
+        (
+            "{hours: 1, sleep: never, primary: 1, secondary: 1, tell: [[1e308, ping]]}",
+            "tell[0][0]: must be less",
+        ),
     ],
 )
 def test_a_script_with_a_mistake_is_one_line_that_names_it(

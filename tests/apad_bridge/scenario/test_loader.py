@@ -244,6 +244,22 @@ def test_a_key_like_no_other_is_told_those_there_are(refusals: Refusals) -> None
     ]
 
 
+def test_a_key_in_an_item_of_a_list_is_told_those_of_the_item(refusals: Refusals) -> None:
+    another = "theta: 30\napads: [{name: apad2, start_m: [5, 5], zz: 1}]"
+    assert refusals(("theta: 30", another)) == [
+        "apads[0].zz: unknown key; known here: name, start_m, battery_start_fraction, fault"
+    ]
+    assert refusals(("theta: 30", another.replace("zz", "start_s"))) == [
+        "apads[0].start_s: unknown key: did you mean start_m? (it is in metres, not seconds)"
+    ]
+
+
+def test_ids_have_room_in_a_packet(refusals: Refusals) -> None:
+    assert refusals(("  count: 12", "  count: 12\n  first_id: 65525")) == [
+        "fleet: first_id: an aMussel's id is 65535 at most, not 65536"
+    ]
+
+
 def test_all_mistakes_are_listed_at_once(refusals: Refusals) -> None:
     lines = refusals(
         ("theta: 30", "theta: no"), ("  batch: 4", "  batch: 17"), ("hotel_w: 25", "hotel_w: -1")

@@ -18,6 +18,7 @@ from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario, Spread
 from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
+from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 
 ORIGIN = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
 POOL = Area(origin=ORIGIN, polygon_m=((0, 0), (28, 0), (28, 21), (0, 21)), depth_m=3)
@@ -168,7 +169,7 @@ charges = st.floats(0, 1)
 
 @given(
     st.lists(
-        st.builds(Start, st.integers(1, 2**31 - 1), st.floats(0, 28), st.floats(0, 21), charges, charges),
+        st.builds(Start, st.integers(1, MAX_AGENT_ID), st.floats(0, 28), st.floats(0, 21), charges, charges),
         unique_by=lambda start: start.agent_id,
     )
 )
@@ -231,7 +232,7 @@ def test_a_fleet_takes_its_files_ids(tmp_path: Path) -> None:
     assert with_gaps(tmp_path, GAPS, start=str(tmp_path)).fleet.ids == GAPS
 
 
-@given(ids=st.sets(st.integers(1, 2**31 - 1), max_size=30), agents=st.integers(0, 30))
+@given(ids=st.sets(st.integers(1, MAX_AGENT_ID), max_size=30), agents=st.integers(0, 30))
 def test_the_lowest_ids_of_any_file_fly(
     tmp_path_factory: pytest.TempPathFactory, ids: set[int], agents: int
 ) -> None:

@@ -55,14 +55,16 @@ def test_every_form_of_a_log_says_the_same(tmp_path: Path, text: str, how: dict[
         ),
         ("time_s,u\n0,0.1\n2,0.2\n1,0.3\n", {}, "line 4: time goes back"),
         ("time_s,u\n0,0.1\n2\n", {}, "line 3: has 1 columns only"),
-        ("0\n1\n", {}, "needs two columns"),
+        ("0\n1\n", {}, "has one column only, and a log needs two"),
+        ("voltage\n1\n2\n", {}, "has one column only, and a log needs two"),
         (
             "time_s,battery\n0,3.7\n1,55\n",
             {},
             "does not say the unit of its values, which run from 3.7 to 55",
         ),
         ("time_s,primary,secondary\n0,1,1\n", {}, "primary, secondary: say by --value-column"),
-        ("a,b,c\n0,1,1\n", {}, "say which by --time-column, one of a, b, c"),
+        ("a,b,c\n0,1,1\n", {}, "no column looks like time: say which by --time-column, one of a, b, c"),
+        ("time_s,b,c\n0,1,1\n", {}, "looks like a battery's voltage or charge: say which by --value-column"),
         ("a,b\n0,1\n", {"time_column": "t"}, "no column is called 't'; there are a, b"),
     ],
 )

@@ -61,16 +61,19 @@ def test_a_broadcast_is_for_everyone() -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("hear: [{what: docked, topic: 1base}]", "hear.0.topic"),
-        ("hear: [{what: dokced, topic: /base}]", "hear.0.what"),
-        ("hear: [{what: docked, topic: /base, idd: data}]", "hear.0.idd"),
+        ("hear: [{what: docked, topic: 1base}]", r"hear\[0\]\.topic: must match"),
+        ("hear: [{what: dokced, topic: /base}]", r"hear\[0\]\.what: must be 'docked'"),
+        (
+            "hear: [{what: docked, topic: /base, idd: data}]",
+            r"hear\[0\]\.idd: unknown key: did you mean id\?",
+        ),
         ("hear: [{what: permission, topic: /base}]", "whom it is for must be said"),
         ("hear: [{what: wifi, topic: /base, id: data}]", "wifi can be told and not heard"),
         ("hear: [{what: packet, topic: /base, id: data}]", "a packet needs bytes"),
         ("hear: [{what: docked, topic: /base, id: 'a b'}]", "is no path to a field"),
         ("hear: [{what: docked, topic: /base, id: {field: data, pattern: 'x'}}]", "must have one group"),
         ("hear: [{what: docked, topic: /base, id: {field: data, pattern: '('}}]", "unterminated"),
-        ("tell: [{what: docked, topic: /base, type: Bool}]", "tell.0.type"),
+        ("tell: [{what: docked, topic: /base, type: Bool}]", r"tell\[0\]\.type: must match"),
         ("hear: {", "expected"),
     ],
 )
