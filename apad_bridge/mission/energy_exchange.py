@@ -127,6 +127,8 @@ class EnergyExchange(OrderBook):
         self.note_outcome(outcome)
         if isinstance(outcome, DockChanged):
             self._called_up.discard(outcome.agent_id)
+            if not outcome.closed:
+                self._forget_failed_undockings(outcome.agent_id)
             return self.take_orders()
         progress = self.docking_routine.receive(outcome, now_ms)
         if leg is not None and outcome.primitive_id == leg.primitive_id:
@@ -215,12 +217,12 @@ class EnergyExchange(OrderBook):
             self._finish_service(now_ms)
 
     def _consider_collecting(self, now_ms: int) -> None:
-        if self.state.docked:
+        if self._to_release:
             # Docked by hand, or before a crash: charge the docked aMussels first.
             self._start_charging(now_ms)
             return
         pool = self._pool.candidates(now_ms, self._left_alone)
-        batch = self._pool.batch_of(pool, self._left_alone)
+        batch = min(self._pool.batch_of(pool, self._left_alone), self.docks.count(None))
         if not batch:
             return
         if self._plan_collection(pool, batch, now_ms):
@@ -290,7 +292,7 @@ class EnergyExchange(OrderBook):
         self._enter(Phase.CHARGE, now_ms, plan=Solution(()))
 
     def _consider_deploying(self, now_ms: int) -> None:
-        docked = {agent_id: dock_index for dock_index, agent_id in self.state.docked}
+        docked = self._to_release
         beliefs = {agent_id: self._beliefs.get(agent_id) for agent_id in docked}
         for agent_id, reason in self._charging.give_up_stalled(beliefs, now_ms):
             self.note("given_up", agent=agent_id, what="charge", reason=reason)
@@ -346,11 +348,28 @@ class EnergyExchange(OrderBook):
         if tries[agent_id] == self._config.collection_attempts:
             self.note("left_alone", agent=agent_id, tries=tries[agent_id], reason=reason)
 
+    def _count_failed_undocking(self, agent_id: int, reason: str) -> None:
+        tries = dict(self.state.failed_undockings)
+        tries[agent_id] = tries.get(agent_id, 0) + 1
+        self.set(failed_undockings=tuple(sorted(tries.items())))
+        if tries[agent_id] == self._config.collection_attempts:
+            self.note(
+                "left_alone",
+                agent=agent_id,
+                tries=tries[agent_id],
+                reason=f"its dock does not open: {reason}",
+            )
+
+    def _forget_failed_undockings(self, agent_id: int) -> None:
+        self.set(failed_undockings=tuple(it for it in self.state.failed_undockings if it[0] != agent_id))
+
     def _give_up(self, reason: str, now_ms: int) -> None:
         step = self._step
         if step.kind is StepKind.COLLECT and self._breakdown.failed <= 1:
             # Of go-tos that fail in a row only the first may be the aMussel's fault.
             self._count_failed_try(step.agent_id, reason)
+        elif self.state.phase is Phase.UNDOCK:
+            self._count_failed_undocking(step.agent_id, reason)
         self.note("given_up", agent=step.agent_id, what=step.kind.value, reason=reason)
         is_beside_it = self.state.phase in (Phase.AWAIT_SURFACING, Phase.DOCK)
         if not (is_beside_it and self._floats(step.agent_id)):
@@ -377,8 +396,8 @@ class EnergyExchange(OrderBook):
 
     def _next_step(self, now_ms: int) -> None:
         if not self.state.plan.steps:
-            # Docks that could not be opened are charged and tried again.
-            if self.state.docked:
+            # Docks that could not be opened are charged and tried again, so often as `collection_attempts` says.
+            if self._to_release:
                 self._start_charging(now_ms)
             else:
                 self._idle(now_ms)
@@ -396,8 +415,16 @@ class EnergyExchange(OrderBook):
     @property
     def _left_alone(self) -> frozenset[int]:
         """The aMussels whose tries are used up."""
-        attempts = self._config.collection_attempts
-        return frozenset(agent_id for agent_id, tries in self.state.failed_tries if tries >= attempts)
+        return self._used_up(self.state.failed_tries) | self._used_up(self.state.failed_undockings)
+
+    def _used_up(self, counts: tuple[tuple[int, int], ...]) -> frozenset[int]:
+        return frozenset(agent_id for agent_id, tries in counts if tries >= self._config.collection_attempts)
+
+    @property
+    def _to_release(self) -> dict[int, int]:
+        """The dock of each docked aMussel but for those whose dock does not open."""
+        kept = self._used_up(self.state.failed_undockings)
+        return {agent_id: dock_index for dock_index, agent_id in self.state.docked if agent_id not in kept}
 
     @property
     def _here(self) -> tuple[float, float]:

@@ -78,6 +78,8 @@ class MissionState:
     """The aMussel being undocked was believed full at the order, which counts because sinking costs charge."""
     failed_tries: tuple[tuple[int, int], ...] = ()
     """(agent, number of tries to serve it that failed since one last helped), by agent; only those above 0."""
+    failed_undockings: tuple[tuple[int, int], ...] = ()
+    """(agent, number of failed tries to open the dock that holds it), by agent; only those above 0."""
     ended_by: MissionEnd | None = None
 
     def phase_text(self, *, place_is_known: bool) -> str:
@@ -116,6 +118,9 @@ class MissionState:
                 "phase": Phase(data["phase"]),
                 "plan": Solution.decode(data["plan"]),
                 "failed_tries": tuple((agent_id, tries) for agent_id, tries in data.get("failed_tries", ())),
+                "failed_undockings": tuple(
+                    (agent_id, tries) for agent_id, tries in data.get("failed_undockings", ())
+                ),
                 "docked": tuple((dock_index, agent_id) for dock_index, agent_id in data["docked"]),
                 "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
                 "ended_by": None if text is None else MissionEnd.restored(text, reason),

@@ -107,7 +107,11 @@ class Takeover:
         if manual.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
         self._change(
-            self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), failed_tries=())),
+            self._planned(
+                replace(
+                    self.state, phase=Phase.IDLE, plan=Solution(()), failed_tries=(), failed_undockings=()
+                )
+            ),
             taken=False,
         )
         return ""

@@ -1,5 +1,6 @@
 """The energy-exchange mission, with beliefs and port answers set by the test."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -303,6 +304,58 @@ def test_one_that_never_gains_charge_is_left_alone() -> None:
         assert dict(bench.mission.state.failed_tries) == {1: attempt}
     bench.tick(int(MISSION.silence_timeout_s) + 1)
     assert [order for order in bench.orders if isinstance(order, Primitive)] == []
+
+
+def with_jammed_dock() -> tuple[Bench, list[Order]]:
+    """A mission after 200 s in which the dock of aMussel 1 failed to open as often as it was tried; and its orders."""
+    bench, ordered = ready_for_a_round(), list[Order]()
+    for agent_id in range(1, 5):
+        bench.told.say(agent_id, bench.now_ms, State.CHARGING, 1.0)
+    for _ in range(200):
+        ordered += bench.tick()
+        while bench.mission.state.phase in (Phase.GO_DEPLOY, Phase.UNDOCK):
+            order = bench.primitive()
+            if isinstance(order, UndockMussel) and order.agent_id == 1:
+                bench.fail("the dock did not open")
+            else:
+                bench.succeed()
+            if isinstance(order, UndockMussel) and order.agent_id != 1:
+                bench.told.say(order.agent_id, bench.now_ms, State.ACTIVE, 0.9)
+            ordered += bench.orders
+    return bench, ordered
+
+
+def test_a_dock_that_never_opens_is_given_up_and_the_others_go_on() -> None:
+    bench, ordered = with_jammed_dock()
+    tried = [it.agent_id for it in ordered if isinstance(it, UndockMussel)]
+    assert sorted(tried) == [1] * MISSION.collection_attempts + [2, 3, 4]
+    (left,) = [it.data for it in ordered if isinstance(it, Note) and it.kind == "left_alone"]
+    assert left == {
+        "agent": 1,
+        "tries": MISSION.collection_attempts,
+        "reason": "its dock does not open: the dock did not open",
+    }
+    assert bench.mission.state.phase is Phase.IDLE
+    assert bench.mission.state.docked == ((0, 1),)
+    # The three others are a batch: nobody else can be collected. Their docks are those that are free.
+    for agent_id in (2, 3, 4):
+        bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.5)
+    bench.tick()
+    assert [(it.agent_id, it.dock_index) for it in bench.mission.state.plan.steps] == [(2, 1), (3, 2), (4, 3)]
+
+
+def test_a_resumed_mission_does_not_try_a_jammed_dock_again_until_it_opens() -> None:
+    bench, _ = with_jammed_dock()
+    data = json.loads(json.dumps(bench.mission.state.to_json()))
+    resumed = Bench(state=MissionState.from_json(data))
+    resumed.told.say(1, 0, State.CHARGING, 1.0)
+    for _ in range(20):
+        assert not [it for it in resumed.tick() if isinstance(it, UndockMussel)]
+    # A person opens it by hand.
+    resumed.mission.receive(DockChanged(resumed.now_ms, 0, 1, False, ()), resumed.now_ms)
+    assert resumed.mission.state.failed_undockings == ()
+    del data["failed_undockings"]  # as a journal of a former version has it
+    assert MissionState.from_json(data).failed_undockings == ()
 
 
 def test_a_try_that_helps_forgets_those_that_failed() -> None:

@@ -27,9 +27,9 @@ hearing: {mode: paper, report_period_s: 5}
 """
 POOL = """
 mission: {pool_threshold: 0.9, batch: 2}
+area: {fence: [[-50, -50], [80, -50], [80, 80], [-50, 80]], keep_out: [[[60, 60], [70, 60], [70, 70]]], home_m: [14, 10]}
+guards: {leg_m: 500, leg_s: 600, speed_limit_m_s: 5, battery_reserve: 0.1, amussel_depth_m: 50}
 apads: [{name: apad2, start_m: [5, 5], battery_start_fraction: 0.9}]
-area: {fence: [[-60, -60], [90, -60], [90, 90], [-60, 90]], keep_out: [[[50, 50], [60, 50], [60, 60]]], home_m: [5, 5]}
-guards: {leg_m: 500, leg_s: 2000, speed_limit_m_s: 2, battery_reserve: 0.2, amussel_depth_m: 30}
 """
 SOUND = """
 fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: physical}, hosting: one_process}
@@ -75,7 +75,7 @@ def base(name: str) -> Scenario:
     data = yaml.safe_load((SCENARIO_FILES / f"{name}.yaml").read_text())
     for text in (FLIGHT, BASES[name]):
         for key, value in yaml.safe_load(text).items():
-            data[key] = {**data[key], **value} if key in ("mission", "area") else value
+            data[key] = {**data[key], **value} if key in ("area", "mission") else value
     data["mission"]["docking"]["servo"] = SERVO
     if name == "whole":
         data["board"]["whole"] |= yaml.safe_load(METERED)
