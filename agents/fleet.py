@@ -209,14 +209,16 @@ def drift_of(seed: int, agent_id: int, bound_ppb: int) -> int:
 def resting_on_bottom(
     north_m: float, east_m: float, depth_m: float, primary: float, secondary: float
 ) -> Physical:
-    """A new aMussel at agent time 0, its primary battery in use."""
+    """A new aMussel at agent time 0, its primary battery in use; its GPS had an exact fix when it was put there."""
+    place_um = round(north_m * 1e6), round(east_m * 1e6)
     return Physical(
         primary=Battery(0, grains(primary), Flow.DISCHARGING),
         secondary=Battery(0, grains(secondary), Flow.RESTING),
-        north_um=round(north_m * 1e6),
-        east_um=round(east_m * 1e6),
+        north_um=place_um[0],
+        east_um=place_um[1],
         depth_anchor_ms=0,
         depth_um=round(depth_m * 1e6),
         buoyancy=Buoyancy.SINK,
         docked=False,
+        fix_um=place_um,
     )

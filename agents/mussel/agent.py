@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from agents.modem.frames import SHORT_MS
-from agents.mussel.body import Body, WaterConfig
+from agents.mussel.body import Body, WaterConfig, gps_fix_um
 from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
@@ -91,6 +91,7 @@ class Agent:
             now_ms,
             physical.pin_due_ms,
             physical.hover_um,
+            physical.fix_um,
         )
         self.board = board_of(
             config.board, self._codec, physical.primary, physical.secondary, now_ms, physical.kept
@@ -137,6 +138,7 @@ class Agent:
             body.hover_um,
             0 if log is None else log.next_sequence,
             0 if log is None else log.acknowledged,
+            body.fix_um,
             board.kept,
         )
 
@@ -267,7 +269,10 @@ class Agent:
 
     def _placed(self, at: Placed, now_ms: int) -> Physical:
         """The physical state of an aMussel that was just put there; it keeps the log of its samples."""
-        former = self.physical
+        former, water, agent_id = self.physical, self.config.water, self.config.board.agent_id
+        place_um, deviation_um = (at.north_um, at.east_um), water.body.gps_deviation_um
+        if deviation_um is not None:
+            place_um = gps_fix_um(water.seed, agent_id, now_ms // water.step_ms, place_um, deviation_um)
         return Physical(
             Battery(now_ms, at.primary, Flow.DISCHARGING),
             Battery(now_ms, at.secondary, Flow.RESTING),
@@ -279,6 +284,7 @@ class Agent:
             docked=False,
             samples=former.samples,
             acknowledged=former.acknowledged,
+            fix_um=place_um,
         )
 
     def _report_after(self, now_ms: int) -> int:

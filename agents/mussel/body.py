@@ -1,4 +1,4 @@
-"""The body in the water around a board: its place, its depth and its contact with a dock. Agent time, micrometres."""
+"""The body in the water around a board: its place, its depth, its GPS and its contact with a dock. Agent time, um."""
 
 from __future__ import annotations
 
@@ -29,6 +29,21 @@ def drift_step_um(seed: int, agent_id: int, n: int, amplitude_um: int) -> tuple[
     return (north * width >> 64) - amplitude_um, (east * width >> 64) - amplitude_um
 
 
+def gps_fix_um(
+    seed: int, agent_id: int, n: int, place_um: tuple[int, int], deviation_um: int
+) -> tuple[int, int]:
+    """The fix (north, east) of a GPS receiver at `place_um` in mission second `n`.
+
+    Both errors are normal with `deviation_um`, a keyed hash of (seed, agent id, n), so independent from second to second:
+    what changes slowly is alike for an aPad nearby, and cancels in what matters, where the one is from the other.
+    """
+    # Imported here: no agent of the paper's experiments has a receiver.
+    from agents.water.chance import fates
+
+    north, east = (fates(seed, agent_id, n, 0, axis)[2] for axis in (b"gps north", b"gps east"))
+    return place_um[0] + round(deviation_um * north), place_um[1] + round(deviation_um * east)
+
+
 @dataclass(frozen=True, slots=True)
 class BodyConfig:
     """The numbers of every body of a fleet."""
@@ -41,6 +56,8 @@ class BodyConfig:
     """The velocity (north, east) that the wind adds to a body at the surface, beside the current's."""
     coil_alignment_ms: int = 0
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
+    gps_deviation_um: int | None = None
+    """The standard deviation of a GPS fix along one axis; None for bodies that know their true place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +91,7 @@ class Body:
         now_ms: int,
         pin_due_ms: int = 0,
         hover_um: int = 0,
+        fix_um: tuple[int, int] = (0, 0),
     ) -> None:
         self.agent_id = agent_id
         self.water = water
@@ -89,6 +107,8 @@ class Body:
         """When its dock's coils will be aligned; 0 if they are, or if no dock holds it."""
         self.hover_um = hover_um
         """The depth at which it hovers, or to which it moves, while its buoyancy is HOVER; otherwise 0."""
+        self.fix_um = fix_um
+        """The last GPS fix (north, east); unused by bodies that know their true place."""
         self._step = now_ms // water.step_ms
         """The last drift step that it took, or missed while docked."""
 
@@ -111,12 +131,27 @@ class Body:
             way_um, over_ms = sinking.bottom_um - self.depth_um, sinking.sinking_ms
         return None if way_um == 0 else self.depth_anchor_ms - (-way_um * over_ms // sinking.bottom_um)
 
+    def known_place_um(self, now_ms: int) -> tuple[int, int]:
+        """The place (north, east) as the aMussel knows it: by GPS at the surface, and below by the last fix from there."""
+        if self._config.gps_deviation_um is None:
+            return self.north_um, self.east_um
+        self._take_fix(now_ms)
+        return self.fix_um
+
+    def _take_fix(self, now_ms: int) -> None:
+        """Takes a fix if the body is at the surface and has a receiver."""
+        deviation_um = self._config.gps_deviation_um
+        if deviation_um is not None and self.depth_at_um(now_ms) == 0:
+            n, place_um = now_ms // self.water.step_ms, (self.north_um, self.east_um)
+            self.fix_um = gps_fix_um(self.water.seed, self.agent_id, n, place_um, deviation_um)
+
     def settle_depth(self, now_ms: int) -> None:
         self.depth_um = self.depth_at_um(now_ms)
         self.depth_anchor_ms = now_ms
 
     def run_buoyancy(self, to: Buoyancy, now_ms: int, depth_mm: int | None = None) -> None:
         """`depth_mm` is the depth at which to hover, at most the bottom's; None is its present depth."""
+        self._take_fix(now_ms)
         self._miss_steps(now_ms)
         self.settle_depth(now_ms)
         self.buoyancy = to

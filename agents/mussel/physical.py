@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?QqII?QQIIIIIHiQQQ")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?QqIIqq?QQIIIIIHiQQQ")
 
     primary: Battery
     secondary: Battery
@@ -38,6 +38,8 @@ class Physical:
     """The number of samples ever taken; like `acknowledged`, in a register that outlives a reset."""
     acknowledged: int = 0
     """The log's records below this sequence were acknowledged."""
+    fix_um: tuple[int, int] = (0, 0)
+    """The last GPS fix (north, east), kept in flash: a reset on the bottom leaves it. Unused without a receiver."""
     kept: StoredSettings | None = None
     """Its clock and its settings; None until a command changes them."""
 
@@ -63,6 +65,7 @@ class Physical:
             self.hover_um,
             self.samples,
             self.acknowledged,
+            *self.fix_um,
             *_packed(self.kept),
         )
 
@@ -71,9 +74,8 @@ class Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
         fields = cls.FORMAT.unpack(data)
         a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
-        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, hover_um, samples, acknowledged, *kept = (
-            body
-        )
+        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, hover_um, *registers = body
+        samples, acknowledged, fix_north, fix_east, *kept = registers
         return cls(
             Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
             Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
@@ -87,6 +89,7 @@ class Physical:
             hover_um,
             samples,
             acknowledged,
+            (fix_north, fix_east),
             _unpacked(*kept),
         )
 

@@ -71,6 +71,7 @@ class Reporter:
     def _basic(self, now_ms: int) -> StatusPacket:
         body, board = self._body, self._board
         primary, secondary = board.readings(now_ms)
+        north_um, east_um = body.known_place_um(now_ms)
         self._sequence += 1
         return StatusPacket(
             board.config.agent_id,
@@ -78,8 +79,8 @@ class Reporter:
             board.state,
             fraction(primary),
             fraction(secondary),
-            body.north_um / 1e6,
-            body.east_um / 1e6,
+            north_um / 1e6,
+            east_um / 1e6,
             body.depth_at_um(now_ms) / 1e6,
             board.clock_ms(now_ms),
         )

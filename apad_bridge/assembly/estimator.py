@@ -22,7 +22,7 @@ from apad_bridge.beliefs.twin_parameters import (
     Water,
 )
 from apad_bridge.scenario.estimator_options import TwinModel
-from apad_bridge.scenario.schema import DriftMode, Scenario
+from apad_bridge.scenario.schema import DriftMode, Positioning, Scenario
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
 from firmware_model.power.charge import FULL, ChargeModel, Segments
 from firmware_model.power.rails import Rail, rails_of
@@ -128,7 +128,14 @@ def twin_parameters(
             plan_deviation=0.0,
             seen_before=1.0,
         ),
-        water=Water(step_m**2 / 3, model.current_deviation_m_s, _STEADY_CURRENT_S, model.fix_deviation_m),
+        water=Water(
+            step_m**2 / 3,
+            model.current_deviation_m_s,
+            _STEADY_CURRENT_S,
+            model.fix_deviation_m,
+            is_ground_truth=scenario.hearing.positioning is Positioning.GROUND_TRUTH,
+            way_down_s=body.sinking.sinking_ms / (1000 * theta),
+        ),
         drain_deviation=math.hypot(model.drain_deviation, _CAPACITY_DEVIATION),
         ageing_per_day=_AGEING_PER_DAY,
         clock=ClockParameters(1000.0, 20.0, 1000.0 * theta),

@@ -13,7 +13,7 @@ from apad_bridge.assembly.acoustics import AcousticsConfig, acoustics_config
 from apad_bridge.assembly.estimator import TwinConfig, twin_config
 from apad_bridge.assembly.water import leeway_um_s
 from apad_bridge.scenario.firmware_config import board_config, sinking_of
-from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
+from apad_bridge.scenario.schema import DriftMode, Hearing, HearingMode, Positioning, Scenario
 from firmware_model.config import BoardConfig, Timeslots
 
 
@@ -56,6 +56,7 @@ def flight_config(scenario: Scenario) -> FlightConfig:
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
         leeway_um_s=leeway_um_s(scenario),
         coil_alignment_ms=round(scenario.board.coil_alignment_s * 1000),
+        gps_deviation_um=gps_deviation_um(scenario.hearing),
     )
     reports = ReportConfig(
         round(scenario.hearing.report_period_s * 1000) * theta,
@@ -71,3 +72,10 @@ def flight_config(scenario: Scenario) -> FlightConfig:
         None if water is None else acoustics_config(scenario, water, board.whole),
         twin_config(scenario, board, body, reports),
     )
+
+
+def gps_deviation_um(hearing: Hearing) -> int | None:
+    """Returns the standard deviation of the aMussels' GPS fixes; None if they know their true places."""
+    if hearing.positioning is Positioning.GROUND_TRUTH:
+        return None
+    return round(hearing.gps_deviation_m * 1e6)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.host import Host
+from agents.mussel.body import gps_fix_um
 from agents.mussel.physical import Physical
 from agents.water.patches import CALM
 from agents.water.sea import Sea
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
-from apad_bridge.assembly.flight_config import FlightConfig
+from apad_bridge.assembly.flight_config import FlightConfig, gps_deviation_um
 from apad_bridge.assembly.water import current_config, waters_config
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -88,14 +90,17 @@ def fleet_of(
 
 
 def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
-    """Returns the physical state of every agent at time 0, by id: resting on the bottom."""
-    depth_m = scenario.area.depth_m
-    return {
-        start.agent_id: resting_on_bottom(
-            start.north_m, start.east_m, depth_m, start.primary, start.secondary
-        )
-        for start in starts
-    }
+    """Returns the physical state of every agent at time 0, by id: resting on the bottom, put there from the surface."""
+    depth_m, deviation_um = scenario.area.depth_m, gps_deviation_um(scenario.hearing)
+
+    def resting(start: Start) -> Physical:
+        physical = resting_on_bottom(start.north_m, start.east_m, depth_m, start.primary, start.secondary)
+        if deviation_um is None:
+            return physical
+        fix_um = gps_fix_um(scenario.seed, start.agent_id, 0, physical.fix_um, deviation_um)
+        return replace(physical, fix_um=fix_um)
+
+    return {start.agent_id: resting(start) for start in starts}
 
 
 def misses(scenario: Scenario) -> Misses:

@@ -72,6 +72,10 @@ def _within_a_wake(reading: Reading, schedule: Schedule, agent_ms: int) -> Readi
     return reading
 
 
+def _is_at_surface(packet: StatusPacket) -> bool:
+    return packet.depth_m <= 0
+
+
 class Twin:
     """An `Estimator`. `schedules` are the commanded ones, by agent id; an aMussel without one follows its usual habits."""
 
@@ -112,7 +116,8 @@ class Twin:
                 )
             case Released(_, north_m, east_m):
                 twin_state = self._released(twin_state, belief.agent_id)
-                place = Place.at(north_m, east_m, _DOCK_VARIANCE_M2, self.parameters.water)
+                variance_m2 = _DOCK_VARIANCE_M2 + self.parameters.water.way_down_variance_m2
+                place = Place.at(north_m, east_m, variance_m2, self.parameters.water)
                 twin_state = replace(twin_state, place=place, place_ms=at_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from | Source.RELEASE)
             case Fixed(_, north_m, east_m, variance_m2):
@@ -236,11 +241,13 @@ class Twin:
             raise Rejected("a status that a newer one overtook")
         at_ms = max(at_ms, belief.at_ms)
         twin_state = replace(self._propagated(belief, at_ms), packet=(packet.sequence, packet.agent_ms))
-        if self._is_independent(twin_state, belief.agent_id, reading.mode):
+        is_independent = self._is_independent(twin_state, belief.agent_id, reading.mode)
+        if is_independent or not self.parameters.water.is_ground_truth:
+            # A fix has an error of its own, however near the last reading of the charge is.
+            twin_state = self._fixed(twin_state, packet, at_ms)
+        if is_independent:
             if twin_state.at_ms - twin_state.clock_ms >= _CLOCK_APART_MS:
                 twin_state = self._read_clock(twin_state, packet, at_ms)
-            if at_ms - twin_state.place_ms >= _FIX_APART_MS:
-                twin_state = self._fixed(twin_state, packet, at_ms)
             twin_state = self._weigher.weigh(twin_state, self._schedule(belief.agent_id), reading)
         return self._belief_after_status(belief, twin_state, reading, at_ms)
 
@@ -282,7 +289,8 @@ class Twin:
         )
         if abs(ahead_ms) > _NEVER_SET_DEVIATIONS * math.hypot(usual.offset_ms, usual.reading_ms):
             clock = self._clock_set(packet.agent_ms, at_ms)
-        place = Place.at(packet.north_m, packet.east_m, parameters.water.fix_deviation_m**2, parameters.water)
+        variance_m2 = self._variance_of_place_m2(packet)
+        place = Place.at(packet.north_m, packet.east_m, variance_m2, parameters.water)
         twin_state = TwinState(
             nominal_ms + round(clock.offset_ms),
             (Anchor(1.0, mean, cov),),
@@ -295,6 +303,7 @@ class Twin:
             clock,
             nominal_ms,
             (packet.sequence, packet.agent_ms),
+            stated_m=(packet.north_m, packet.east_m),
         )
         schedule = self._schedule(packet.agent_id)
         twin_state = self._weigher.corrected(twin_state, schedule, [Anchor(1.0, mean, cov)], reading)
@@ -313,9 +322,24 @@ class Twin:
         return replace(twin_state, clock=clock, clock_ms=nominal_ms)
 
     def _fixed(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
-        water = self.parameters.water
-        variance_m2 = water.fix_deviation_m**2
+        """Takes a packet's place as a fix.
+
+        Below it is the last fix from the surface, which says nothing of the way down, and nothing new when it is repeated.
+        """
+        water, stated_m = self.parameters.water, (packet.north_m, packet.east_m)
+        if water.is_ground_truth or _is_at_surface(packet):
+            is_new = at_ms - twin_state.place_ms >= _FIX_APART_MS
+        else:
+            is_new = stated_m != twin_state.stated_m
+        twin_state = replace(twin_state, stated_m=stated_m)
+        if not is_new:
+            return twin_state
         place = self._place(twin_state, at_ms).corrected_by_fix(
-            packet.north_m, packet.east_m, variance_m2, water
+            *stated_m, self._variance_of_place_m2(packet), water
         )
         return replace(twin_state, place=place, place_ms=at_ms)
+
+    def _variance_of_place_m2(self, packet: StatusPacket) -> float:
+        water = self.parameters.water
+        came_down = not (water.is_ground_truth or _is_at_surface(packet))
+        return water.fix_deviation_m**2 + came_down * water.way_down_variance_m2

@@ -145,6 +145,15 @@ class Water:
     current_lasts_s: float
     fix_deviation_m: float
     """Deviation of a place that a packet states, along one axis."""
+    is_ground_truth: bool = True
+    """Packets from below state the present place; otherwise the last one from the surface."""
+    way_down_s: float = 0.0
+    """Duration of the way between the surface and the bottom."""
+
+    @property
+    def way_down_variance_m2(self) -> float:
+        """Variance along one axis of how far a current carries an aMussel on its way down."""
+        return (self.current_deviation_m_s * self.way_down_s) ** 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,6 +79,8 @@ class TwinState:
     """The number of observations of each mode of `SUBMERGED`."""
     day: tuple[tuple[Mode, int] | None, ...] = ()
     """The mode observed last, and its decision's number, for each decision of a day; empty if habits are not daily."""
+    stated_m: tuple[float, float] | None = None
+    """The place (north, east) that the newest packet with a place stated."""
     measured_ms: int = -1
     measured_mode: Mode | None = None
     gated: int = 0

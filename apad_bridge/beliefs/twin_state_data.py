@@ -41,6 +41,7 @@ def state_to_data(twin_state: TwinState) -> Plain:
         "seen": twin_state.seen,
         "pending": None if pending is None else [*astuple(pending)[:-1], pending.mode.name],
         "day": [None if heard is None else [heard[0].name, heard[1]] for heard in twin_state.day],
+        "stated_m": twin_state.stated_m,
         "measured_ms": twin_state.measured_ms,
         "measured_mode": _name(twin_state.measured_mode),
         "gated": twin_state.gated,
@@ -53,6 +54,7 @@ def state_from_data(data: Plain) -> TwinState:
     first, second = data["from_secondary"]
     asleep, idle, high = data["seen"]
     sequence, agent_ms = data["packet"]
+    stated_m = data["stated_m"]
     return TwinState(
         at_ms=data["at_ms"],
         anchors=tuple(
@@ -73,6 +75,7 @@ def state_from_data(data: Plain) -> TwinState:
         pending=None if pending is None else _pending_of(pending),
         seen=(asleep, idle, high),
         day=tuple(None if heard is None else (Mode[heard[0]], heard[1]) for heard in data["day"]),
+        stated_m=None if stated_m is None else (stated_m[0], stated_m[1]),
         measured_ms=data["measured_ms"],
         measured_mode=_mode(data["measured_mode"]),
         gated=data["gated"],

@@ -171,11 +171,22 @@ class HearingMode(StrEnum):
     PHYSICAL = "physical"
 
 
+class Positioning(StrEnum):
+    """The place in a status packet. `gps`: at the surface a GPS fix, below the last fix from there, whatever moved the
+    aMussel since. `ground_truth`: always where it is, as in the paper's simulation."""
+
+    GPS = "gps"
+    GROUND_TRUTH = "ground_truth"
+
+
 @frozen
 class Hearing:
     mode: HearingMode
     report_period_s: PositiveSeconds
     """Mission seconds between Wi-Fi reports."""
+    positioning: Positioning = Positioning.GPS
+    gps_deviation_m: NotNegative = 0.5
+    """Standard deviation of a fix along one axis, beside the slow errors that the aPad's receiver shares. Assumed."""
     codec: str = "musselbed-1"
 
 

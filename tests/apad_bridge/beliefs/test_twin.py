@@ -534,3 +534,43 @@ def test_the_gate_stands_between_four_deviations_and_seven(deviations: float, ga
     sd = (state_of(due).cov[0, 0] + 0.015**2) ** 0.5
     odd = twin.update(due, heard(6 * HOUR, State.SLEEPING, due.primary + deviations * sd, 6))
     assert odd is not None and state_of(odd).gated == gated
+
+
+GPS = replace(KNOWLEDGE, water=Water(0.0, 0.1, 3600.0, 0.5, is_ground_truth=False, way_down_s=60.0))
+
+
+def from_below(at_ms: int, sequence: int, north_m: float = 3.0) -> Heard:
+    status = StatusPacket(1, sequence, State.SLEEPING, 0.9, 1.0, north_m, 4.0, 3.0, at_ms)
+    return Heard(at_ms, status)
+
+
+def from_the_surface(at_ms: int, sequence: int, north_m: float = 3.0) -> Heard:
+    status = StatusPacket(1, sequence, State.FLOATING, 0.9, 1.0, north_m, 4.0, 0.0, at_ms)
+    return Heard(at_ms, status)
+
+
+def test_a_place_repeated_from_below_makes_nobody_surer() -> None:
+    twin = Twin(GPS, ALWAYS_ASLEEP)
+    first = told(twin, from_below(0, 0))
+    # The error of the fix, and 0.1 m/s for the minute of the way down.
+    assert first.place_cov[0] == pytest.approx(0.5**2 + 6.0**2)
+    repeated = told(twin, *(from_below(n * HOUR, n) for n in range(10)))
+    assert repeated.place_cov[0] == pytest.approx(first.place_cov[0])
+
+
+def test_fixes_at_the_surface_make_surer_and_the_way_down_does_not() -> None:
+    twin = Twin(GPS, ALWAYS_ASLEEP)
+    reports = [from_the_surface(n * 10_000, n) for n in range(5)]
+    afloat = told(twin, *reports)
+    assert afloat.place_cov[0] < 0.5**2
+    # The fix as it left the surface, which no packet had stated.
+    below = told(twin, *reports, from_below(120_000, 5, north_m=3.4))
+    assert 3.0 < below.north_m < 3.4
+    released = told(twin, from_the_surface(0, 0), Docked(1000), Released(HOUR, 3.0, 4.0))
+    assert released.place_cov[0] == pytest.approx(1.0 + 6.0**2)
+
+
+def test_a_twin_whose_aMussel_states_where_it_is_takes_every_place() -> None:
+    truthful = replace(GPS, water=replace(GPS.water, is_ground_truth=True))
+    belief = told(Twin(truthful, ALWAYS_ASLEEP), *(from_below(n * HOUR, n) for n in range(10)))
+    assert belief.place_cov[0] < 0.5**2 / 5

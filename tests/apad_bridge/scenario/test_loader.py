@@ -95,7 +95,11 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
         ("[28, 21]", "[28, x]", "area.polygon_m[2][1]: must be a valid number, not 'x'"),
         ("[28, 0], [28, 21]", "[28, 21], [28, 0]", "area: polygon_m crosses or touches itself"),
         ("[28, 0], [28, 21], [0, 21]]", "[28, 0]]", "area: polygon_m needs three corners or more"),
-        ("hearing: {mode: paper, report_period_s: 1}", "hearing: 1", "hearing: must be a mapping, not 1"),
+        (
+            "hearing: {mode: paper, positioning: ground_truth, report_period_s: 1}",
+            "hearing: 1",
+            "hearing: must be a mapping, not 1",
+        ),
         (
             "report_period_s: 1",
             "report_period_s: 0.0005",

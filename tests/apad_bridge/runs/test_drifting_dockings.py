@@ -1,0 +1,37 @@
+"""Whole flights in a wind: the aPad comes to where an aMussel was heard, and finds it farther on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from scenario_files import SOUND_FILE
+
+from apad_bridge.runs.in_memory import fly_in_memory
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.water import Wind
+
+
+def in_wind(speed_m_s: float, seed: int) -> Scenario:
+    """What floats drifts to the north at `speed_m_s`."""
+    sound = load(SOUND_FILE)
+    assert sound.water is not None and sound.beliefs.twin is not None
+    wind = Wind(north_m_s=speed_m_s / 0.03, east_m_s=0.0)
+    twin = replace(sound.beliefs.twin, current_deviation_m_s=speed_m_s)
+    return replace(
+        sound,
+        seed=seed,
+        duration_s=2700.0,
+        water=replace(sound.water, wind=wind),
+        beliefs=replace(sound.beliefs, twin=twin),
+    )
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_in_a_drift_of_a_tenth_of_a_metre_a_second_they_are_found_and_charged(seed: int) -> None:
+    figures, recorder = fly_in_memory(in_wind(0.1, seed))
+    events = [(kind, data) for _, kind, data in recorder.events]
+    assert any(data["phase"] == "nothing_caught" for kind, data in events if kind == "primitive")
+    assert figures["services"] >= 4
+    assert not any(kind == "left_alone" for kind, _ in events)
