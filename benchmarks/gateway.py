@@ -159,6 +159,8 @@ def flown() -> dict[str, Any]:
     """The pool scenario with more aMussels, for less time."""
     scenario: dict[str, Any] = yaml.safe_load(SCENARIO.read_text())
     scenario["duration_s"] = FLOWN_S
+    scenario["area"] |= {"fence": [[-50, -50], [80, -50], [80, 80], [-50, 80]], "home_m": [14, 10.5]}
+    scenario["guards"] = {"battery_reserve": 0.1}
     scenario["fleet"] |= {"count": FLOWN_AGENTS, "start": {"charge": [0.5, 0.9]}}
     return scenario
 

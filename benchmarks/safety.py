@@ -353,7 +353,7 @@ class Bench:
         self, generation: Generation, drift_m_s: Place = (0.0, 0.0), *, is_real: bool = True
     ) -> None:
         flown = scenario(generation, drift_m_s)
-        safety = safety_of(flown, is_real=is_real)
+        safety = safety_of(flown, needs_person=is_real)
         battery = flown.apad.battery
         battery_v = (battery.empty_v, battery.full_v)
         capabilities = stack_of(generation).capabilities(4)

@@ -42,8 +42,8 @@ _S_PER_HOUR = 3600
 _PULLED_BACK_M = PULL_BACK_M_S * PULL_BACK_MS / 1000
 
 
-def safety_of(scenario: Scenario, *, is_real: bool = False) -> Safety:
-    """Builds the parts that keep the scenario's aPad safe. A real one that had to be stopped waits for a person's word."""
+def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
+    """Builds the parts that keep the scenario's aPad safe. One that `needs_person` waits for one after it was stopped."""
     if scenario.guards is None and scenario.area.fence is None:
         return plain_safety()
     options = scenario.guards or GuardOptions()
@@ -61,7 +61,7 @@ def safety_of(scenario: Scenario, *, is_real: bool = False) -> Safety:
         Monitor(_checks(scenario, options, waters)),
         waters,
         scenario.mission.speed_m_s,
-        needs_person=is_real,
+        needs_person=needs_person,
     )
 
 

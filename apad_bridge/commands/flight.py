@@ -29,7 +29,7 @@ from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.summary import Flown, combined_summary
-from apad_bridge.scenario.cross_checks import warnings
+from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
@@ -136,11 +136,18 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
                 )
 
 
+def check_real_vehicle(options: RunOptions, scenario: Scenario) -> None:
+    """Refuses a real aPad without what keeps it safe, before anything starts."""
+    if options.has_real_vehicle and (problems := problems_with_real_vehicle(scenario)):
+        raise UserError("\n".join(problems))
+
+
 def _check(options: RunOptions, scenario: Scenario) -> None:
     """UserError for a mistake; a line and its exit code for a master that does not answer; warnings on stderr."""
     check_modems(options, scenario)
     if scenario.apads:
         _refuse_for_several(options)
+    check_real_vehicle(options, scenario)
     if options.apad is APadKind.SIM:
         for happens, mend in warnings(scenario):
             print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.flight import failure_text, flown_by_whom, peers_may_fail
+from apad_bridge.commands.flight import check_real_vehicle, failure_text, flown_by_whom, peers_may_fail
 from apad_bridge.commands.outcome import report
 from apad_bridge.records.journal import FORMAT_VERSION, format_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -62,9 +62,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
     if directory.summary.exists():
         raise UserError(f"the run has ended: see {directory.summary}")
+    scenario = load(directory.scenario)
+    check_real_vehicle(options, scenario)
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
         _ask_whether_it_may_move()
-    scenario = load(directory.scenario)
     duration_ms = round(scenario.duration_s * 1000)
     with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
         flown = parent.resume(scenario.apad.name, path, options, progress)

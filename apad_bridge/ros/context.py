@@ -12,6 +12,8 @@ from typing import Any, cast
 import rospy
 
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
@@ -34,6 +36,7 @@ from apad_bridge.ros.links.packet_topics import (
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
+from apad_bridge.ros_names.names import in_full
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
@@ -42,6 +45,7 @@ from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSou
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
 from apad_bridge.supervisor.context import FlightContext, Watcher
+from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
@@ -55,9 +59,11 @@ from apad_bridge.supervisor.packet_relay import (
 from apad_bridge.supervisor.roster import NoRoster, Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.orders import Body
 from apad_bridge.vehicle.listening_link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
 from firmware_model.packets.codec import load_codec
+from firmware_model.state_groups import UP_AND_UNDOCKED
 
 APadLink = LegacyLink[Any]
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
@@ -88,13 +94,17 @@ def open_flight_context(
     shown = () if options.part is Part.MISSION else scenario.fleet.ids
     with ExitStack() as stack:
         try:
+            if options.has_real_vehicle:
+                _refuse_other_origin(scenario, options)
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
             roster = _roster(stack, fleet, presences, options, tell)
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
-            safety = safety_of(scenario, is_real=options.has_real_vehicle)
+            safety = safety_of(
+                scenario, needs_person=options.has_real_vehicle and not options.without_mission
+            )
             vehicle, watches = _vehicle(scenario, options, safety.gate, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             relayed = _open_relay(options, scenario, vehicle, presences, allocation, laboratory)
@@ -112,6 +122,7 @@ def open_flight_context(
             fleet=fleet,
             safety=safety,
             watchers=lambda supervisor: (
+                _bodies_watcher(safety.gate, supervisor, options, presences),
                 gateway.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
                 *watches,
@@ -126,6 +137,28 @@ def open_flight_context(
             roster=roster,
             keeps_samples=options.part is not Part.FLEET,
         )
+
+
+def _refuse_other_origin(scenario: Scenario, options: RunOptions) -> None:
+    """Places would mean other places to a vehicle whose local (0, 0) lies elsewhere."""
+    name = in_full(options.namespace, scenario.apad.name)
+    finding = check_origin(options.master_uri, name, scenario.area.origin)
+    if finding.status is not Status.OK:
+        raise VehicleNotReady(f"{finding.found}: {finding.mend}")
+
+
+def _bodies_watcher(gate: Gate, supervisor: Supervisor, options: RunOptions, presences: Presences) -> Watcher:
+    """Tells the gate which real aMussels are at the surface, as far as they are heard. No hull touches a simulated one."""
+
+    def watch(now_ms: int) -> None:
+        simulated = frozenset() if options.part is Part.MISSION else presences.simulated
+        gate.bodies = tuple(
+            Body(f"aMussel {it.agent_id}", (it.north_m, it.east_m), is_amussel=True)
+            for it in supervisor.beliefs.all()
+            if it.agent_id not in simulated and it.state in UP_AND_UNDOCKED
+        )
+
+    return watch
 
 
 def _gateway(

@@ -10,6 +10,7 @@ from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
+from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.fence import Fence, fence_of
 from apad_bridge.scenario.firmware_config import can_fill
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
@@ -38,6 +39,28 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_check_apad(scenario),
         *_check_further_apads(scenario),
     ]
+
+
+def problems_with_real_vehicle(scenario: Scenario) -> list[str]:
+    """Returns what forbids to fly a real aPad by this scenario, with the mend in each line; none if it may fly."""
+    needed = {
+        "area.fence": scenario.area.fence,
+        "area.home_m": scenario.area.home_m,
+        "guards.battery_reserve": None if scenario.guards is None else scenario.guards.battery_reserve,
+    }
+    problems = []
+    if missing := [key for key, value in needed.items() if value is None]:
+        problems.append(
+            f"a real aPad needs {', '.join(missing)} in the scenario: see launch_scripts/scenarios/real-apad.yaml"
+        )
+    faulty = ["apad.fault"] if scenario.apad.fault is not Fault.NONE else []
+    faulty += [
+        f"apads[{n}].fault" for n, it in enumerate(scenario.apads) if it.fault not in (None, Fault.NONE)
+    ]
+    faulty += ["apad.dock_miss_probability"] if scenario.apad.dock_miss_probability else []
+    if faulty:
+        problems.append(f"no fault is injected into a real aPad: leave {', '.join(faulty)} out")
+    return problems
 
 
 def warnings(scenario: Scenario) -> list[Contradiction]:

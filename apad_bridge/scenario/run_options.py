@@ -81,8 +81,11 @@ class RunOptions:
 
     @property
     def has_real_vehicle(self) -> bool:
-        """True for an aPad that we did not start, and that this part of the bench commands."""
-        return self.apad is APadKind.ROS and self.part is not Part.FLEET
+        """True for an aPad that we did not start, and that this part of the bench commands.
+
+        A simulated aPad of ours or of a launch file flies by a /clock, which a real one does not.
+        """
+        return self.apad is APadKind.ROS and self.time is TimeSource.WALL and self.part is not Part.FLEET
 
     @property
     def is_resumed(self) -> bool:

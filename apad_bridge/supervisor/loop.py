@@ -205,6 +205,8 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
+                    if kind == "override":
+                        self._vehicle.gate.awaits_person = ""  # a person took it, or gave it back
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
                 case KeepSamples(agent_id, samples):

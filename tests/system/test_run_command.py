@@ -23,6 +23,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 PATIENCE_S = 60.0
+REAL_APAD = "launch_scripts/scenarios/real-apad.yaml"
 PATIENT_MUSSELBED = [
     sys.executable,
     "-c",
@@ -371,9 +372,9 @@ def test_a_run_directory_is_never_overwritten(scenario: Path, tmp_path: Path) ->
     assert [path.name for path in out.iterdir()] == ["precious.txt"]
 
 
-def test_without_a_master_a_run_on_somebody_s_says_so(scenario: Path, tmp_path: Path) -> None:
+def test_without_a_master_a_run_on_somebody_s_says_so(tmp_path: Path) -> None:
     result = subprocess.run(
-        [*MUSSELBED, "run", str(scenario), "--apad", "ros", "--out", str(tmp_path / "none")],
+        [*MUSSELBED, "run", REAL_APAD, "--apad", "ros", "--out", str(tmp_path / "none")],
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,

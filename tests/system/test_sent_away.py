@@ -58,7 +58,7 @@ def start(tmp_path: Path, master: Master) -> Iterator[Start]:
 def test_a_mission_stands_aside_for_anothers_go_to_until_it_is_given_back(
     tmp_path: Path, start: Start
 ) -> None:
-    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"))
     data["apad"] |= {"generation": "a", "start_m": [14, 10.5]}
     data["mission"] |= {"speed_m_s": 1.0}
     scenario = tmp_path / "scenario.yaml"

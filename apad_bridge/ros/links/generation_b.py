@@ -27,7 +27,7 @@ from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
 from apad_bridge.ros.links.service_calls import ServiceCalls
-from apad_bridge.ros.links.virtual_camera import VirtualCamera
+from apad_bridge.ros.links.virtual_camera import DETECTION_TOPICS, VirtualCamera
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -36,6 +36,7 @@ from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import PAPER_DOCKS, Docking, DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
+from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
@@ -294,12 +295,28 @@ _FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_O
 """The fields that a service's request must have: all those ever written into it."""
 
 
+def _refuse_second_camera(name: str) -> None:
+    """VehicleNotReady where something publishes detections already: the servoing would follow two cameras in turn."""
+    try:
+        published = Graph.read(rosgraph.get_master_uri()).publishers
+    except Unreachable as error:
+        raise VehicleNotReady(str(error)) from error
+    for topic in (rospy.resolve_name(of_apad(name, it)) for it in DETECTION_TOPICS):
+        if others := sorted(set(published.get(topic, ())) - {rospy.get_name()}):
+            raise VehicleNotReady(
+                f"{topic} has a publisher already, {others[0]}: stop it, or dock no aMussel by `camera` "
+                "(mission.docking.profile and camera_ids)"
+            )
+
+
 def open_link(
     scenario: Scenario, gate: Gate, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
 ) -> OpenedAPad:
     apad, docking, ids = scenario.apad, scenario.mission.docking, scenario.fleet.ids
     simulated_ids = [it for it in ids if docking.profile_of(it) is not DockingProfile.VISUAL]
     seen_ids = frozenset(it for it in ids if docking.profile_of(it) is DockingProfile.CAMERA)
+    if seen_ids:
+        _refuse_second_camera(apad.name)
     camera = VirtualCamera(apad.name) if seen_ids else None
     link = GenerationBLink(
         apad.name,

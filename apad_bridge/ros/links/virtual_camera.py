@@ -30,6 +30,7 @@ use_generated_messages()
 
 from auv_msgs.msg import NavSts  # noqa: E402
 
+DETECTION_TOPICS = ("docking_horizontal", "size", "docking_vertical")
 Places = Mapping[int, tuple[float, float]]
 
 
@@ -42,8 +43,7 @@ class VirtualCamera:
         self._position_ms = -1
         self._processed = threading.Condition()
         self._out = {
-            topic: rospy.Publisher(of_apad(name, topic), Float32, queue_size=1)
-            for topic in ("docking_horizontal", "size", "docking_vertical")
+            topic: rospy.Publisher(of_apad(name, topic), Float32, queue_size=1) for topic in DETECTION_TOPICS
         }
         # The link's own subscribers count unreadable messages.
         listener = AnyListener(lambda _: None)

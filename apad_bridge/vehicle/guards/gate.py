@@ -6,7 +6,7 @@ road to it. The links to vehicles on ROS also repeat orders by themselves; they 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -65,8 +65,8 @@ class Gate:
     def __init__(self, guards: Sequence[Guard], watch: PositionWatch) -> None:
         self._guards = tuple(guards)
         self.watch = watch
-        self.bodies: Callable[[], Iterable[Body]] = tuple
-        """Gives what must not be touched; whoever knows it, sets it."""
+        self.bodies: tuple[Body, ...] = ()
+        """What must not be touched; whoever knows it, sets it."""
         self.awaits_person = ""
         """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
         self.events: list[Event] = []
@@ -91,7 +91,7 @@ class Gate:
             self.watch.velocity_m_s,
             self.watch.fault(now_ms),
             self._battery_fraction,
-            tuple(self.bodies()),
+            self.bodies,
             self.awaits_person,
         )
 

@@ -54,6 +54,12 @@ def test_a_full_disk_under_the_output_is_one_line(command: list[str]) -> None:
             ["run", POOL, "--time", "asap", "--speed", "5"],
             "leave it out, asap flies as fast as the machine goes",
         ),
+        (
+            ["run", POOL, "--apad", "ros"],
+            "a real aPad needs area.fence, area.home_m, guards.battery_reserve in the scenario: see "
+            "launch_scripts/scenarios/real-apad.yaml",
+        ),
+        (["mission", POOL], "see launch_scripts/scenarios/real-apad.yaml"),
         (["run", POOL, "--agents", "24"], "let starts be drawn: start: {charge: [0.7, 1.0]}"),
     ],
 )

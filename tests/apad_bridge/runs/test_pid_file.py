@@ -19,6 +19,7 @@ from apad_bridge.scenario.schema import Hosting
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.vehicle.errors import PeerFailed
 
+REAL_APAD = str(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "real-apad.yaml")
 LISTING = Path(__file__).parents[3] / "launch_scripts" / "examples" / "listing_1.py"
 
 
@@ -124,11 +125,12 @@ def test_a_run_that_is_refused_leaves_no_directory(
         unused.bind(("127.0.0.1", 0))
         monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{unused.getsockname()[1]}")
         for command in (
-            ["run", str(POOL_FILE), "--apad", "ros"],
-            ["run", str(LISTING.parents[1] / "scenarios/bay-120.yaml"), "--apad", "ros"],
-            ["mission", str(POOL_FILE)],
+            ["run", REAL_APAD, "--apad", "ros"],
+            ["run", str(POOL_FILE), "--apad", "ros", "--time", "ros"],
+            ["run", str(LISTING.parents[1] / "scenarios/bay-120.yaml"), "--apad", "ros", "--time", "ros"],
+            ["mission", REAL_APAD],
             ["fleet", str(POOL_FILE)],
-            ["script", str(LISTING), "--scenario", str(POOL_FILE), "--apad", "ros"],
+            ["script", str(LISTING), "--scenario", REAL_APAD, "--apad", "ros"],
         ):
             with pytest.raises(SystemExit) as ended:
                 main([*command, "--out", str(tmp_path / "run")])

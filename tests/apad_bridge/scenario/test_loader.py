@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +11,12 @@ import pytest
 import yaml
 from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
+from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import RandomStart
 from apad_bridge.scenario.starts import starts_of
 
@@ -40,6 +45,93 @@ def refusals(tmp_path: Path) -> Refusals:
         return [line.removeprefix(f"{path}: ") for line in caught.value.lines]
 
     return edited
+
+
+DEPTH = "  depth_m: 3.0 # assumed: the paper does not give the pool's depth"
+SQUARE = "[[-4, -4], [32, -4], [32, 25], [-4, 25]]"
+
+
+@pytest.mark.parametrize(
+    ("keys", "line"),
+    [
+        ("  fence: [[0, 0], [1, 0]]", "area: fence needs three corners or more"),
+        ("  fence: [[0, 0], [4, 4], [4, 0], [0, 4]]", "area: fence crosses or touches itself"),
+        ("  fence: [[0, 0], [4, x], [4, 0]]", "area.fence[1][1]: must be a valid number, not 'x'"),
+        ("  fence: 7", "area.fence: must be a valid string, not 7"),
+        ("  fence: none.geojson", "area.fence: "),
+        ("  keep_out: [[[0, 0], [1, 0], [1, 1]]]", "area: keep_out lies inside a fence: add fence"),
+        (
+            f"  fence: {SQUARE}\n  keep_out: [[[0, 0], [1, 0]]]",
+            "area: keep_out[0] needs three corners or more",
+        ),
+        (
+            "  fence: [[0, 0], [3, 0], [3, 3], [0, 3]]",
+            "guards.clearance_m: no place inside area.fence keeps 2 m",
+        ),
+        (
+            "  fence: [[50, 50], [90, 50], [90, 90]]",
+            "apad.start_m: [14.0, 10.5] is no place inside area.fence",
+        ),
+        (f"  fence: {SQUARE}\n  home_m: [31, 0]", "area.home_m: [31.0, 0.0] is no place inside area.fence"),
+        (
+            f"  fence: {SQUARE}\n  keep_out: [[[13, 9], [16, 9], [16, 12]]]",
+            "apad.start_m: [14.0, 10.5] is no place",
+        ),
+        ("guards: {amussel_depth_m: 2}", "area.depth_m: 3 m are more than the aMussels are rated for"),
+        ("guards: {speed_limit_m_s: 0.4}", "mission.speed_m_s: is above guards.speed_limit_m_s (0.4 m/s)"),
+        ("guards: {clearance_m: -1}", "guards.clearance_m: must be greater than or equal to 0, not -1"),
+        ("guards: {outside: drift}", "guards.outside: must be 'hold' or 'return', not 'drift'"),
+    ],
+)
+def test_a_fence_or_a_limit_that_cannot_be_is_refused(refusals: Refusals, keys: str, line: str) -> None:
+    found = refusals((DEPTH, f"{DEPTH}\n{keys}"))
+    assert len(found) == 1 and line in found[0]
+
+
+def test_a_fence_of_a_file_is_that_of_its_corners(tmp_path: Path) -> None:
+    frame = LocalFrame(43.9330937, 15.4443468)
+    corners = [(-4.0, -4.0), (32.0, -4.0), (32.0, 25.0), (-4.0, 25.0)]
+    zone = [(28.0, 20.0), (30.0, 20.0), (30.0, 22.0)]
+    rings = [
+        [list(reversed(frame.to_geographic(*it))) for it in (*ring, ring[0])] for ring in (corners, zone)
+    ]
+    feature = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": rings}}
+    (tmp_path / "waters.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    (tmp_path / "pool.csv").write_text((SCENARIO_FILES / "pool.csv").read_text())
+    path = tmp_path / "fenced.yaml"
+    path.write_text(POOL.replace(DEPTH, f"{DEPTH}\n  fence: waters.geojson"))
+    fence = fence_of(load(path).area)
+    assert fence is not None
+    for found, expected in zip((fence.corners, *fence.keep_out), (corners, zone), strict=True):
+        assert [pytest.approx(it, abs=1e-5) for it in expected] == list(found)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{}",
+        "[]",
+        '{"type": "Point", "coordinates": [1, 2]}',
+        '{"type": "FeatureCollection", "features": []}',
+        "no",
+    ],
+)
+def test_a_file_without_one_polygon_is_no_fence(tmp_path: Path, refusals: Refusals, text: str) -> None:
+    (tmp_path / "waters.geojson").write_text(text)
+    (line,) = refusals((DEPTH, f"{DEPTH}\n  fence: waters.geojson"))
+    assert line.startswith("area.fence: ") and "waters.geojson: " in line
+
+
+def test_a_real_vehicle_takes_no_fault_and_its_scenario_has_all_it_needs() -> None:
+    real = load(SCENARIOS / "real-apad.yaml")
+    assert problems_with_real_vehicle(real) == []
+    assert problems_with_real_vehicle(replace(real, guards=None))[0].startswith(
+        "a real aPad needs guards.battery_reserve in the scenario"
+    )
+    faulty = replace(real, apad=replace(real.apad, fault=Fault.STUCK, dock_miss_probability=0.1))
+    assert problems_with_real_vehicle(faulty) == [
+        "no fault is injected into a real aPad: leave apad.fault, apad.dock_miss_probability out"
+    ]
 
 
 @pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.yaml")), ids=lambda path: path.stem)

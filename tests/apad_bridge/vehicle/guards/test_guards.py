@@ -201,7 +201,7 @@ ALL: list[Guard] = [
 def test_no_guard_refuses_a_stop(place_m: Point, awaits: str, battery: float | None) -> None:
     gate = Gate(ALL, PositionWatch(PositionLimits()))
     gate.awaits_person = awaits
-    gate.bodies = lambda: [Body("beside", place_m, False)]
+    gate.bodies = (Body("beside", place_m, False),)
     gate.observe(_pose_and_battery(place_m, battery))
     stops: list[VehicleCommand] = [Hold(1, *place_m), MoveArm(1, 2, False), Stop(1)]
     assert [gate.refusal(it, 0) for it in stops] == [None, None, None]
