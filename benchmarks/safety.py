@@ -365,7 +365,10 @@ class Bench:
         else:
             docking, misses = flown.mission.docking, Misses(1, 0.0)
             self.link = LinkToB(
-                flown, lambda: GenerationBCore(range(1, 10), battery_v, docking, misses, gate=safety.gate)
+                flown,
+                lambda: GenerationBCore(
+                    range(1, 10), battery_v, docking, misses, takes_back=not is_real, gate=safety.gate
+                ),
             )
         self.vehicle = GuardedVehicle(self.link, safety, can_stop=capabilities.can_stop)
         self.port = DockingPort(flown.mission.docking, capabilities=capabilities)

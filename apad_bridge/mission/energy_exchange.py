@@ -171,7 +171,7 @@ class EnergyExchange(OrderBook):
             self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
         return self.take_orders()
 
-    def take_over(self) -> str:
+    def take_over(self, by: str = "person") -> str:
         return "this flight takes no calls: nobody can take it over"
 
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:

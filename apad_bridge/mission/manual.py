@@ -127,7 +127,7 @@ class ManualMission(OrderBook):
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         return []
 
-    def take_over(self) -> str:
+    def take_over(self, by: str = "person") -> str:
         return "no mission plans in this flight: orders are taken without it"
 
     def give_back(self) -> str:

@@ -36,7 +36,7 @@ class Mission(Protocol):
         """
         ...
 
-    def take_over(self) -> str:
+    def take_over(self, by: str = "person") -> str:
         """Somebody else commands the aPad from now on, and nobody plans. The text is empty, or why nothing changed."""
         ...
 

@@ -86,17 +86,20 @@ class Takeover:
         """An event for the journal."""
         self._orders.append(Note(kind, data))
 
-    def take_over(self) -> str:
+    def take_over(self, by: str = "person") -> str:
         """The aPad holds its position and waits for orders; a commanded mechanism is not stopped half-way.
 
-        Like `give_back`, it returns a message when nothing changes, else an empty text.
+        Like `give_back`, it returns a message when nothing changes, else an empty text. `by` is for the journal: `person`,
+        or `vehicle` when another party steers it; that becomes a person's word when a person takes it over too.
         """
         planned = self._flying
         if isinstance(planned, ManualMission):
+            if by == "person":
+                self._orders.append(Note("override", {"taken": True, "by": by}))
             return "the aPad was taken over already"
         manual = self._by_hand(self.state)
         manual.go_on_with(planned.docking_routine.mechanism)
-        self._change(manual, taken=True)
+        self._change(manual, taken=True, by=by)
         return ""
 
     def give_back(self) -> str:
@@ -113,6 +116,7 @@ class Takeover:
                 )
             ),
             taken=False,
+            by="person",
         )
         return ""
 
@@ -131,7 +135,7 @@ class Takeover:
             return "a person goes on flying the aPad: continue again to give it back"
         return self.give_back()
 
-    def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool) -> None:
+    def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool, by: str) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if (manual := self.by_hand) is not None:
@@ -139,6 +143,6 @@ class Takeover:
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)
-        self._orders.append(Note("override", {"taken": taken}))
+        self._orders.append(Note("override", {"taken": taken, "by": by}))
         # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self._now_ms)

@@ -347,7 +347,10 @@ KINDS: tuple[Kind, ...] = (
     Kind(
         EventKind.OVERRIDE,
         "a person took the aPad over, or gave it back",
-        (Field("taken", BOOLEAN, "true when it was taken over"),),
+        (
+            Field("taken", BOOLEAN, "true when it was taken over"),
+            _optional(Field("by", TEXT, "`person`, or `vehicle` when another party steers it")),
+        ),
     ),
     Kind(
         EventKind.OPERATOR,

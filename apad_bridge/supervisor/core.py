@@ -200,7 +200,7 @@ class Supervisor:
                 return self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
             case CommandedByOthers():
                 if not self.has_ended:
-                    self.mission.take_over()
+                    self.mission.take_over(by="vehicle")
             case PoseReported():
                 self.pose = fact
                 self.mission.moved(fact.north_m, fact.east_m)

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import astuple
+from typing import Any
 
 from agents.coordinator import Died, Heard
 from agents.mussel.outputs import Dropped, SoundSent, Truth, WifiSent
@@ -89,6 +90,14 @@ class Contacts:
             return ContactClosed(*place)
         before, self._places[fact.agent_id] = self._places[fact.agent_id], place
         return DockMoved(*place) if place != before else None
+
+
+def is_persons_word(kind: str, data: Mapping[str, Any]) -> bool:
+    """A person took the aPad over, gave it back, or ordered the run to go on: it may move again."""
+    match kind, data:
+        case ("override", {"by": "person"}) | ("operator", {"order": "continue"}):
+            return True
+    return False
 
 
 _ROUNDS = 8
@@ -205,8 +214,8 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
-                    if kind == "override":
-                        self._vehicle.gate.awaits_person = ""  # a person took it, or gave it back
+                    if is_persons_word(kind, data):
+                        self._vehicle.gate.awaits_person = ""
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
                 case KeepSamples(agent_id, samples):

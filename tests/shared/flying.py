@@ -11,18 +11,21 @@ from apad_bridge.mission.takeover import Takeover
 from apad_bridge.mission.values import Refused
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 
 
 class Flying:
     """A flight of the pool that the test moves tick by tick, and calls as a ROS service would."""
 
-    def __init__(self, pool: Scenario) -> None:
-        """The scenario's own mission, which the calls may take over."""
+    def __init__(
+        self, pool: Scenario, join: Callable[[FlightContext], FlightContext] = lambda context: context
+    ) -> None:
+        """The scenario's own mission, which the calls may take over. `join` changes the flight's context."""
         self.calls = CallQueue()
         self.flight: Flight
         self.records: MemoryRecorder
-        self.flight, self.records = open_flight(pool, takeover=self.calls)
+        self.flight, self.records = open_flight(pool, takeover=self.calls, join=join)
         self.now_ms = -1000
 
     @classmethod

@@ -141,7 +141,16 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         dock_count: int = PAPER_DOCKS,
     ) -> None:
         core = GenerationBCore(
-            agent_ids, battery_v, docking, misses, sight, docked, now_ms, dock_count, gate=gate
+            agent_ids,
+            battery_v,
+            docking,
+            misses,
+            sight,
+            docked,
+            now_ms,
+            dock_count,
+            takes_back=our_clock,
+            gate=gate,
         )
         super().__init__(name, core, now_ms, dock_count)
         self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)

@@ -41,7 +41,8 @@ class GenerationBCore:
 
     `take_calls` returns the calls to send to the vehicle's services. `battery_v` is (empty, full); `docked`
     are the agents by dock index known to be held at `now_ms`; `sight` gives the places of floating simulated
-    aMussels; `misses` decides which dockings fail; `gate` judges each call.
+    aMussels; `misses` decides which dockings fail; `gate` judges each call. A core that
+    `takes_back` its vehicle goes on by itself when a pilot lets go; any other reports `CommandedByOthers`, and waits.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class GenerationBCore:
         now_ms: int = 0,
         dock_count: int = PAPER_DOCKS,
         *,
+        takes_back: bool = True,
         gate: Gate | None = None,
     ) -> None:
         self._gate = gate or Gate.without_guards()
@@ -63,7 +65,7 @@ class GenerationBCore:
         self.docks = BenchDocks(agent_ids, docked or {}, misses, sight, dock_places(dock_count))
         self.status_count = 0
         """Number of messages of either status topic."""
-        self._tasks = Tasks(docking, self.docks, self.readings)
+        self._tasks = Tasks(docking, self.docks, self.readings, takes_back=takes_back)
         self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms)
         self._silence = SilenceWatch()
 

@@ -14,6 +14,7 @@ from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
+    CommandedByOthers,
     CommandFailed,
     GoTo,
     Hold,
@@ -75,9 +76,13 @@ PILOT = "a pilot steers the aPad"
 class Tasks:
     """Sends orders through `calls`, reads poses from `readings`, returns results of commands from `take`."""
 
-    def __init__(self, docking: Docking, docks: BenchDocks, readings: Readings) -> None:
+    def __init__(
+        self, docking: Docking, docks: BenchDocks, readings: Readings, *, takes_back: bool = True
+    ) -> None:
         self.calls = Calls()
         self.pilot_steers = False
+        self._takes_back = takes_back
+        """After a pilot it goes on with what it was ordered. Without that, a person gives the vehicle back."""
         self._docking = docking
         self._docks = docks
         self._readings = readings
@@ -103,6 +108,10 @@ class Tasks:
         servo = self._servo_task
         if servo is not None and servo.has_let_go and not isinstance(command, MoveArm | Stop):
             servo.next_command = command
+            return
+        if self.pilot_steers and not self._takes_back:
+            if not isinstance(command, MoveArm | Stop):
+                self._facts.append(CommandFailed(now_ms, command.command_id, PILOT))
             return
         match command:
             case GoTo(_, north_m, east_m):
@@ -171,7 +180,9 @@ class Tasks:
         if steers == self.pilot_steers:
             return
         self.pilot_steers = steers
-        if steers:
+        if not self._takes_back:
+            self._leave_to_pilot(at_ms)
+        elif steers:
             self.calls.forget()
             if (command := self._under_way) is not None:
                 self._facts.append(CommandFailed(at_ms, command.command_id, PILOT))
@@ -184,6 +195,14 @@ class Tasks:
             self._hold(hold_task_of(self._hold_task.command, at_ms))
         else:
             self._hold_here(at_ms)
+
+    def _leave_to_pilot(self, at_ms: int) -> None:
+        """A pilot takes the controls, or lets go of them, which is not yet a person's word to go on."""
+        self.calls.forget()
+        if (command := self._commanded) is not None:
+            self._facts.append(CommandFailed(at_ms, command.command_id, PILOT))
+        self._clear()
+        self._facts.append(CommandedByOthers(at_ms))
 
     def resend(self, now_ms: int) -> None:
         """Repeats an order that a rebooted vehicle may have forgotten. A docking has its own time-out."""

@@ -14,6 +14,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandedByOthers,
     CommandFailed,
     GoTo,
     Hold,
@@ -51,6 +52,7 @@ Event = tuple[str, dict[str, Any]]
 
 
 RETURN_RADIUS_M = 1.0
+STEERED_BY_OTHERS = "a pilot or another party has steered the aPad: take it over, or give it back"
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +173,8 @@ class GuardedVehicle:
         for fact in facts:
             if isinstance(fact, Arrived | CommandFailed):
                 self._note_end(fact.command_id)
+            elif isinstance(fact, CommandedByOthers) and self._safety.needs_person:
+                self.gate.awaits_person = STEERED_BY_OTHERS
         if now_ms > self._looked_ms:
             self._looked_ms = now_ms
             self._look(now_ms)
@@ -237,7 +241,7 @@ class GuardedVehicle:
                 self._react(change.finding, now_ms)
                 continue
             self.gate.events.append(("guard_over", {"cause": change.cause.value}))
-            if change.cause is Cause.POSITION:
+            if change.cause is Cause.POSITION and self.gate.awaits_person != STEERED_BY_OTHERS:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
 
     def _react(self, finding: Finding, now_ms: int) -> None:
@@ -258,6 +262,8 @@ class GuardedVehicle:
         )
         if self._under_way is not None:
             self._facts.append(CommandFailed(now_ms, self._under_way.command.command_id, finding.reason))
+        if self.gate.awaits_person == STEERED_BY_OTHERS:
+            return  # they have it, and a person is told; an order would take it out of their hands
         if finding.reaction is Reaction.STOP:
             self._switch_off(self._take_id(), now_ms)
         elif finding.reaction is Reaction.RETURN and (back := self._way_back()) is not None:

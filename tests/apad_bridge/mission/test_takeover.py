@@ -156,7 +156,7 @@ def test_a_mission_stands_aside_while_another_party_commands_the_apad(pool: Scen
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     flying.flight.supervisor.receive(CommandedByOthers(flying.now_ms + 1000))
     flying.seconds(2)
-    assert flying.phase is Phase.COMMANDED and flying.events("override") == [{"taken": True}]
+    assert flying.phase is Phase.COMMANDED and flying.events("override") == [{"taken": True, "by": "vehicle"}]
     plans = len(flying.events("plan"))
     flying.seconds(300)
     assert len(flying.events("plan")) == plans, "it planned, though another party commands the aPad"

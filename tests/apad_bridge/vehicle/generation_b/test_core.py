@@ -12,6 +12,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandedByOthers,
     CommandFailed,
     DockClosed,
     DockOpened,
@@ -57,11 +58,15 @@ class Apad:
     """A core, with methods for a vehicle's messages."""
 
     def __init__(
-        self, floating: Mapping[int, tuple[float, float]] | None = None, probability: float = 0.0
+        self,
+        floating: Mapping[int, tuple[float, float]] | None = None,
+        probability: float = 0.0,
+        *,
+        takes_back: bool = True,
     ) -> None:
-        places = floating or {}
+        places, misses = floating or {}, Misses(1, probability)
         self.core = GenerationBCore(
-            range(1, 10), (10.5, 16.0), DOCKING, Misses(1, probability), lambda _: places
+            range(1, 10), (10.5, 16.0), DOCKING, misses, lambda _: places, takes_back=takes_back
         )
         self.is_at(0, 2.0, 3.0)
 
@@ -395,6 +400,26 @@ def test_a_pilot_is_not_fought() -> None:
     assert apad.answers(20_000) == []
     apad.core.receive(ManualReceived(21_000, False), 21_000)
     assert apad.answers(21_000) == [GoToOrder(7.0, 8.0, 0.5, 0.5)]
+
+
+def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
+    apad = Apad(takes_back=False)
+    apad.core.command(THERE, 0)
+    apad.answers(0)
+    apad.goes(0, Status.RUNNING)
+    apad.core.receive(ManualReceived(1_000, True), 1_000)
+    apad.goes(1_000, Status.PREEMPTED)
+    assert apad.tells(1_000) == [CommandFailed(1_000, 1, PILOT), CommandedByOthers(1_000)]
+    apad.core.command(Hold(2, 7.0, 8.0), 2_000)
+    assert apad.tells(20_000) == [CommandFailed(2_000, 2, PILOT)]
+    apad.core.receive(ManualReceived(21_000, False), 21_000)
+    assert apad.tells(21_000) == [CommandedByOthers(21_000)]
+    for at_ms in range(22_000, 120_000, 1_000):
+        apad.is_at(at_ms, 30.0, 30.0)  # far from anything that it was ever told
+        apad.tells(at_ms)
+        assert apad.answers(at_ms) == []
+    apad.core.command(GoTo(3, 7.0, 8.0, 0.5, 0.5), 120_000)  # a person has given it back
+    assert apad.answers(120_000) == [GoToOrder(7.0, 8.0, 0.5, 0.5)]
 
 
 def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:

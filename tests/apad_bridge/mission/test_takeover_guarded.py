@@ -1,0 +1,121 @@
+"""A flight whose orders by hand, by the mission and by another party meet the guards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from flying import Flying
+
+from apad_bridge.mission.state import Phase
+from apad_bridge.mission.values import Status
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.control import Act, Request, carry_out
+from apad_bridge.vehicle.commands import CommandedByOthers
+from apad_bridge.vehicle.link import LinkFact, VehicleLink
+
+
+class Overheard:
+    """A link that also reports the facts which a test puts in."""
+
+    def __init__(self, link: VehicleLink) -> None:
+        self._link = link
+        self.command, self.close = link.command, link.close
+        self.facts: list[LinkFact] = []
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        facts, self.facts = self.facts, []
+        return [*self._link.advance(now_ms), *facts]
+
+
+@pytest.fixture
+def fenced(pool: Scenario) -> Scenario:
+    fence = ((-4.0, -4.0), (32.0, -4.0), (32.0, 25.0), (-4.0, 25.0))
+    return replace(pool, area=replace(pool.area, fence=fence))
+
+
+def test_a_call_by_hand_across_the_fence_is_refused_journalled_and_holds_the_aPad(fenced: Scenario) -> None:
+    flying = Flying(fenced)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    flying.call_mission(lambda flown: flown.take_over())
+    flying.call(lambda hand: hand.go_to(20.0, 15.0))
+    flying.seconds(3)
+    flying.call(lambda hand: hand.go_to(20.0, 40.0))
+    flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
+    (refused,) = flying.events("refused")
+    assert (refused["order"], refused["guard"]) == ("go to point", "fence")
+    assert refused["reason"] in str(flying.calls.wait(0).failure)
+    flying.seconds(20)
+    pose = flying.flight.supervisor.pose
+    flying.seconds(20)
+    assert flying.flight.supervisor.pose is not None and pose is not None
+    assert (pose.north_m, pose.east_m) == (
+        flying.flight.supervisor.pose.north_m,
+        flying.flight.supervisor.pose.east_m,
+    )
+
+
+def test_the_mission_calls_up_and_fetches_nobody_outside_the_fence(pool: Scenario) -> None:
+    """Half of the pool is fenced off: aMussels there are neither permitted to surface nor gone to."""
+    half = ((-4.0, -4.0), (32.0, -4.0), (32.0, 10.0), (-4.0, 10.0))
+    fenced_off = replace(
+        pool,
+        area=replace(pool.area, fence=half),
+        apad=replace(pool.apad, start_m=(14.0, 5.0)),
+        duration_s=900.0,
+    )
+    flying = Flying(fenced_off)
+    flying.until(lambda: flying.phase is Phase.ENDED)
+    refused = {it["order"] for it in flying.events("refused")}
+    assert refused == {"go to point", "permit to surface"}
+    assert flying.flight.supervisor.mission.state.services > 0
+    wire = [data for _, kind, data in flying.records.events if kind == "dock" and data["closed"]]
+    assert wire
+
+
+def continue_by_command(flying: Flying) -> None:
+    assert flying.answered(lambda: carry_out(Request(Act.CONTINUE, "Anna"), flying.calls)).accepted
+
+
+WORDS: dict[str, Callable[[Flying], None]] = {
+    "give_back": lambda it: it.call_mission(lambda flown: flown.give_back()),
+    "take_over": lambda it: it.call_mission(lambda flown: flown.take_over()),
+    "continue": continue_by_command,
+}
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_after_another_party_steered_it_only_a_person_lets_it_go_on(fenced: Scenario, word: str) -> None:
+    overheard: list[Overheard] = []
+
+    def needs_person(context: FlightContext) -> FlightContext:
+        overheard.append(Overheard(context.vehicle))
+        return replace(context, vehicle=overheard[0], safety=replace(context.safety, needs_person=True))
+
+    flying = Flying(fenced, needs_person)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    gate = flying.flight._vehicle.gate
+    overheard[0].facts.append(CommandedByOthers(flying.now_ms))
+    flying.seconds(30)
+    assert flying.phase is Phase.COMMANDED and "take it over" in gate.awaits_person
+    flying.call(lambda hand: hand.go_to(14.0, 10.5))
+    flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
+    assert flying.events("refused")[-1]["guard"] == "person"
+    WORDS[word](flying)
+    flying.seconds(2)
+    assert gate.awaits_person == ""
+    assert [it["by"] for it in flying.events("override")] == ["vehicle", "person"]
+
+
+def test_a_mission_that_a_guard_stopped_goes_on_when_a_person_continues_it(fenced: Scenario) -> None:
+    flying = Flying(fenced)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    gate = flying.flight._vehicle.gate
+    gate.awaits_person = "a person must let the aPad go on"
+    flying.seconds(60)
+    assert gate.awaits_person
+    continue_by_command(flying)
+    flying.seconds(2)
+    assert gate.awaits_person == ""
