@@ -74,6 +74,7 @@ SIDE_M = 60.0
 FENCE = ((0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M))
 START_M = (30.0, 30.0)
 AGE_MS = 5_000
+FROZEN_MS = 10_000
 TICK_MS = 1_000
 TRIES = 20
 SEED = 20261122
@@ -106,6 +107,10 @@ class Observer:
     """The newest position that left the vehicle and is finite."""
     bad_from_ms: float = math.inf
     """From then on the positions that leave the vehicle are wrong, and the limits to notice that are over."""
+    goal_m: Place | None = None
+    """Where the vehicle was told to go or to hold last; None after a stop."""
+    frozen_ms: int = 0
+    """How long it was under way while the position stayed the same to the last bit."""
     pilot_steers: bool = False
     orders: int = 0
     stops: int = 0
@@ -115,8 +120,22 @@ class Observer:
     against_pilot: list[str] = field(default_factory=list)
 
     def hear(self, pose: PoseReceived) -> None:
-        if math.isfinite(pose.north_m) and math.isfinite(pose.east_m):
-            self.heard = pose
+        if not (math.isfinite(pose.north_m) and math.isfinite(pose.east_m)):
+            return
+        before, here_m = self.heard, (pose.north_m, pose.east_m)
+        if before is None or (before.north_m, before.east_m, before.heading_rad) != (
+            *here_m,
+            pose.heading_rad,
+        ):
+            self.frozen_ms = 0
+        elif self.goal_m is not None and math.dist(self.goal_m, here_m) > 1.0:
+            self.frozen_ms += pose.at_ms - before.at_ms
+        self.heard = pose
+
+    def is_bad(self, now_ms: int) -> bool:
+        """No good position has left the vehicle for longer than the limits."""
+        is_old = self.heard is None or now_ms - self.heard.at_ms > AGE_MS
+        return is_old or self.frozen_ms > FROZEN_MS + TICK_MS or now_ms > self.bad_from_ms
 
     def take_goal(self, goal_m: Place, now_ms: int, *, is_hold: bool) -> None:
         """Judges a go-to or hold. The fence is a convex square, so that a way between two places inside lies inside."""
@@ -125,9 +144,10 @@ class Observer:
         text = f"{now_ms / 1000:g} s: to ({goal_m[0]:.1f}, {goal_m[1]:.1f})"
         if self.pilot_steers:
             self.against_pilot.append(text)
-        if heard is None or now_ms - heard.at_ms > AGE_MS or now_ms > self.bad_from_ms:
+        if heard is None or self.is_bad(now_ms):
             self.blind.append(text)
             return
+        self.goal_m = goal_m
         here_m = (heard.north_m, heard.east_m)
         if is_hold and math.dist(here_m, goal_m) < 0.1:
             self.stops += 1
@@ -139,7 +159,7 @@ class Observer:
         self.orders += 1
         if self.pilot_steers:
             self.against_pilot.append(f"{now_ms / 1000:g} s: {what}")
-        if self.heard is None or now_ms - self.heard.at_ms > AGE_MS or now_ms > self.bad_from_ms:
+        if self.heard is None or self.is_bad(now_ms):
             self.blind.append(f"{now_ms / 1000:g} s: {what}")
         elif not is_inside((self.heard.north_m, self.heard.east_m)):
             self.outside.append(f"{now_ms / 1000:g} s: {what}")
@@ -147,6 +167,7 @@ class Observer:
     def take_stop(self) -> None:
         self.orders += 1
         self.stops += 1
+        self.goal_m = None
 
 
 def is_inside(place_m: Place, clearance_m: float = 0.0) -> bool:
@@ -435,7 +456,6 @@ def frozen_position(bench: Bench, rng: random.Random) -> None:
     last = bench.link.pose
     bench.link.shift = lambda pose, at_ms: PoseReceived(at_ms, last.north_m, last.east_m, last.heading_rad)
     bench.link.push(Steer(0.5, 0.0, 0.0))
-    bench.observer.bad_from_ms = bench.now_ms + 11_000
 
 
 def jumping_position(bench: Bench, rng: random.Random) -> None:

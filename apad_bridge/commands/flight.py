@@ -30,7 +30,7 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.summary import Flown, combined_summary
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
-from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
 from apad_bridge.scripting.program import Program, ScriptSource
@@ -138,7 +138,15 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
 
 def check_real_vehicle(options: RunOptions, scenario: Scenario) -> None:
     """Refuses a real aPad without what keeps it safe, before anything starts."""
-    if options.has_real_vehicle and (problems := problems_with_real_vehicle(scenario)):
+    if not options.has_real_vehicle:
+        return
+    problems = problems_with_real_vehicle(scenario)
+    if options.on_death is OnDeath.RESUME:
+        problems.append(
+            "a real aPad moves again only on a person's word: leave --on-supervisor-death resume out, and call "
+            "musselbed resume"
+        )
+    if problems:
         raise UserError("\n".join(problems))
 
 

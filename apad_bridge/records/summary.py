@@ -78,6 +78,8 @@ class FailureCounts:
                 self._count(data["reason"])
         elif kind == EventKind.GUARD and self._newest != (at_ms, data["reason"]):
             self._count(data["reason"])  # unless it ended a primitive, whose line has counted it
+        elif kind == EventKind.REFUSED and data["order"] == "permit to surface":
+            self._count(data["reason"])  # a refused command fails its primitive, whose line is counted
         elif kind == EventKind.LEFT_ALONE:
             self.left_alone.add(data["agent"])
         elif kind == EventKind.OVERRIDE and not data["taken"]:

@@ -31,6 +31,7 @@ from apad_bridge.vehicle.guards.orders import (
     GuardedOrder,
     Situation,
     Surfacing,
+    goal_of,
     is_meant_as_stop,
     is_stop,
 )
@@ -210,24 +211,21 @@ class GuardedVehicle:
             self._switch_off(command.command_id, now_ms)
 
     def _switch_off(self, command_id: int, now_ms: int) -> None:
-        self._note_under_way(None)
+        self._under_way = None
+        self.gate.watch.note_goal(None)
         if self._can_stop:
             self._send(Stop(command_id), now_ms)
 
     def _send(self, command: VehicleCommand, now_ms: int) -> None:
-        if isinstance(command, GoTo):
-            self._note_under_way(UnderWay(command, now_ms))
-        elif not isinstance(command, MoveArm):
-            self._note_under_way(None)
+        if not isinstance(command, MoveArm):
+            self._under_way = UnderWay(command, now_ms) if isinstance(command, GoTo) else None
+            self.gate.watch.note_goal(goal_of(command))
         self._link.command(command, now_ms)
 
     def _note_end(self, command_id: int) -> None:
         if self._under_way is not None and command_id == self._under_way.command.command_id:
-            self._note_under_way(None)
-
-    def _note_under_way(self, under_way: UnderWay | None) -> None:
-        self._under_way = under_way
-        self.gate.watch.note_under_way(None if under_way is None else under_way.since_ms)
+            self._under_way = None
+            self.gate.watch.note_goal(None)
 
     def _take_id(self) -> int:
         self._own_id -= 1

@@ -19,6 +19,10 @@ SETTLED_MS = 10_000
 NEVER_MS = 10**15
 
 
+THERE_M = 1.0
+"""Farther than this from its goal, a vehicle is under way."""
+
+
 @dataclass(frozen=True, slots=True)
 class PositionLimits:
     age_ms: int = 5_000
@@ -39,10 +43,9 @@ class PositionWatch:
         self._poses: deque[PoseReported] = deque()
         """The poses of the last `VELOCITY_MS`, the newest last."""
         self._jumped_ms: int | None = None
-        self._same_since_ms = 0
-        """The time since which the newest pose is the same to the last bit."""
-        self._under_way_since_ms = NEVER_MS
-        self._is_frozen = False
+        self._frozen_ms = 0
+        """How long the vehicle has been under way while its position stayed the same to the last bit."""
+        self._goal_m: Point | None = None
 
     @property
     def place_m(self) -> Point | None:
@@ -65,12 +68,10 @@ class PositionWatch:
         if newest is not None and pose.at_ms <= newest.at_ms:
             return
         if newest is None or _bits(newest) != _bits(pose):
-            self._same_since_ms = pose.at_ms
-        since_ms = max(self._same_since_ms, self._under_way_since_ms)
-        # Once frozen it stays so, whatever the vehicle is told then, until it moves.
-        self._is_frozen = self._same_since_ms != pose.at_ms and (
-            self._is_frozen or pose.at_ms - since_ms >= self._limits.frozen_ms
-        )
+            self._frozen_ms = 0
+        elif self._goal_m is not None and math.dist(self._goal_m, (pose.north_m, pose.east_m)) > THERE_M:
+            # It adds up over orders, and stays when the vehicle is told to stop: only a motion ends it.
+            self._frozen_ms += pose.at_ms - newest.at_ms
         if newest is not None and self._is_jump(newest, pose):
             self._jumped_ms = pose.at_ms
             self._poses.clear()  # no velocity across a jump
@@ -78,9 +79,9 @@ class PositionWatch:
         while len(self._poses) > 2 and pose.at_ms - self._poses[1].at_ms >= VELOCITY_MS:
             self._poses.popleft()
 
-    def note_under_way(self, since_ms: int | None) -> None:
-        """The vehicle has been ordered elsewhere at `since_ms`; None while it should stay."""
-        self._under_way_since_ms = NEVER_MS if since_ms is None else since_ms
+    def note_goal(self, goal_m: Point | None) -> None:
+        """The place to which the vehicle was ordered last, or which it holds; None for none."""
+        self._goal_m = goal_m
 
     def fault(self, now_ms: int) -> str:
         limits = self._limits
@@ -91,7 +92,7 @@ class PositionWatch:
             return f"the aPad's position is older than {limits.age_ms / 1000:g} s"
         if self._jumped_ms is not None and now_ms - self._jumped_ms < SETTLED_MS:
             return f"the aPad's position has jumped within the last {SETTLED_MS / 1000:g} s"
-        if self._is_frozen:
+        if self._frozen_ms >= limits.frozen_ms:
             return f"the aPad's position has not changed at all for {limits.frozen_ms / 1000:g} s under way"
         return ""
 

@@ -59,6 +59,17 @@ def test_a_full_disk_under_the_output_is_one_line(command: list[str]) -> None:
             "a real aPad needs area.fence, area.home_m, guards.battery_reserve in the scenario: see "
             "launch_scripts/scenarios/real-apad.yaml",
         ),
+        (
+            [
+                "run",
+                "launch_scripts/scenarios/real-apad.yaml",
+                "--apad",
+                "ros",
+                "--on-supervisor-death",
+                "resume",
+            ],
+            "leave --on-supervisor-death resume out, and call musselbed resume",
+        ),
         (["mission", POOL], "see launch_scripts/scenarios/real-apad.yaml"),
         (["run", POOL, "--agents", "24"], "let starts be drawn: start: {charge: [0.7, 1.0]}"),
     ],

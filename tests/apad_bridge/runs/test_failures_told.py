@@ -111,3 +111,31 @@ def test_a_mission_whose_aPad_was_never_heard_says_what_it_waits_for(pool: Scena
     flight.supervisor.receive = receive  # type: ignore[method-assign]
     flight.tick(2000)
     assert Status.of(flight.supervisor, 2000, 0.0).phase == "go to aMussel"
+
+
+def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) -> None:
+    """Half of the pool is fenced off, and aMussels of the other half are planned for."""
+    half = ((-4.0, -4.0), (32.0, -4.0), (32.0, 10.0), (-4.0, 10.0))
+    fenced = replace(
+        pool,
+        duration_s=900.0,
+        area=replace(pool.area, fence=half),
+        apad=replace(pool.apad, start_m=(14.0, 5.0)),
+    )
+    directory, summary, lines = flown(fenced, tmp_path)
+    refused = [line for line in read_journal(directory.journal).lines if line["kind"] == "refused"]
+    orders = {line["order"] for line in refused}
+    assert orders == {"go to point", "permit to surface"}
+    assert any("failed: refused: the goal (" in line and "outside the fence" in line for line in lines)
+    assert any("is not permitted to surface: aMussel" in line for line in lines)
+    assert any(cause.startswith("refused: the goal (") for cause in summary["causes"])
+    assert any("would surface where no aPad may go" in cause for cause in summary["causes"])
+
+
+def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
+    data = {"cause": "position", "reaction": "stop", "reason": "it is old", "calls_pilot": True}
+    assert failure_line(61_000, "guard", data) == (
+        "01:01  PILOT, TAKE IT: the aPad has no position to hold, and its controllers shall go off: it is old"
+    )
+    data |= {"cause": "fence ahead", "reaction": "hold", "calls_pilot": False}
+    assert failure_line(61_000, "guard", data) == "01:01  the aPad was told to hold where it is: it is old"

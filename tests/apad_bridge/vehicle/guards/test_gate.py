@@ -25,6 +25,7 @@ from apad_bridge.vehicle.guards.monitor import (
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import PrimitiveFailed
+from apad_bridge.vehicle.stack_messages import PoseReceived
 from benchmarks.safety import SIDE_M, Bench, truly
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 
@@ -205,6 +206,11 @@ def test_a_leg_that_lasts_too_long_is_ended() -> None:
     assert bench.events() == [("guard", "late")]
 
 
+def frozen_at(bench: Bench) -> Callable[..., PoseReceived]:
+    last = bench.link.pose
+    return lambda pose, at_ms: PoseReceived(at_ms, last.north_m, last.east_m, last.heading_rad)
+
+
 # Every road, both generations: the port's, the cores' own repeats, the monitor's.
 
 ACTS: dict[str, Callable[[Bench, float, float], None]] = {
@@ -215,6 +221,7 @@ ACTS: dict[str, Callable[[Bench, float, float], None]] = {
     "wait": lambda it, x, y: it.run(1 + int(abs(x))),
     "silent": lambda it, x, y: setattr(it.link, "shift", lambda pose, at_ms: None),
     "heard": lambda it, x, y: setattr(it.link, "shift", truly),
+    "frozen": lambda it, x, y: setattr(it.link, "shift", frozen_at(it)),
     "pilot": lambda it, x, y: it.link.set_pilot(steers=True),
     "no pilot": lambda it, x, y: it.link.set_pilot(steers=False),
 }

@@ -37,17 +37,23 @@ def test_a_jump_is_not_believed_until_the_position_has_settled() -> None:
 def test_a_position_that_does_not_move_under_way_is_frozen() -> None:
     watch = watched(*((at_ms, 1.0, 1.0) for at_ms in range(0, 21_000, 1_000)))
     assert watch.fault(20_000) == ""  # at rest it may
-    watch.note_under_way(15_000)
-    assert watch.fault(20_000) == ""
-    for at_ms in range(21_000, 25_000, 1_000):
-        watch.take(PoseReported(at_ms, 1.0, 1.0, 0.0))
-    assert watch.fault(24_000) == ""
+
+    def under_way(from_ms: int, to_ms: int) -> None:
+        watch.note_goal((5.0, 1.0))
+        for at_ms in range(from_ms, to_ms + 1, 1_000):
+            watch.take(PoseReported(at_ms, 1.0, 1.0, 0.0))
+        watch.note_goal(None)
+
+    under_way(21_000, 24_000)
     watch.take(PoseReported(25_000, 1.0, 1.0, 0.0))
-    assert "has not changed at all for 10 s" in watch.fault(25_000)
-    watch.note_under_way(None)
-    assert "has not changed" in watch.fault(25_000)
-    watch.take(PoseReported(26_000, 1.0, 1.0 + 1e-9, 0.0))
-    assert watch.fault(26_000) == ""
+    under_way(26_000, 30_000)
+    assert watch.fault(30_000) == ""  # nine seconds by now, over two orders
+    under_way(31_000, 31_000)
+    assert "has not changed at all for 10 s" in watch.fault(31_000)
+    watch.take(PoseReported(32_000, 1.0, 1.0, 0.0))
+    assert "has not changed" in watch.fault(32_000)
+    watch.take(PoseReported(33_000, 1.0, 1.0 + 1e-9, 0.0))
+    assert watch.fault(33_000) == ""
 
 
 def test_the_velocity_is_that_of_the_last_two_seconds() -> None:

@@ -1,0 +1,62 @@
+"""A real aPad is refused before it moves where its origin or its camera's topics are not ours alone."""
+
+from __future__ import annotations
+
+import pytest
+import rospy
+from scenario_files import POOL_FILE
+
+from apad_bridge.doctor.finding import Finding, ok, warn
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.ros import context
+from apad_bridge.ros.links import generation_b
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.vehicle.errors import VehicleNotReady
+
+OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1")
+
+
+def test_a_vehicle_with_another_origin_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    found: Finding = warn(
+        "origin", "/apad1/LocalOriginLat says 45, 412 m from the scenario's", "area.origin: 45"
+    )
+    monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours: found)
+    with pytest.raises(VehicleNotReady, match=r"412 m from the scenario's: area.origin: 45"):
+        context._refuse_other_origin(load(POOL_FILE), OPTIONS)
+    monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours: ok("origin", "the same"))
+    context._refuse_other_origin(load(POOL_FILE), OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("publishers", "is_refused"), [(["/camera_driver"], True), (["/musselbed_1"], False), ([], False)]
+)
+def test_the_virtual_camera_does_not_publish_beside_another(
+    monkeypatch: pytest.MonkeyPatch, publishers: list[str], is_refused: bool
+) -> None:
+    graph = Graph("http://h:1", {"/apad1/docking_vertical": publishers}, {}, {}, {})
+    monkeypatch.setattr(generation_b.Graph, "read", lambda uri: graph)
+    monkeypatch.setattr(rospy, "get_name", lambda: "/musselbed_1")
+    if not is_refused:
+        generation_b._refuse_second_camera("apad1")
+        return
+    with pytest.raises(
+        VehicleNotReady, match="/apad1/docking_vertical has a publisher already, /camera_driver"
+    ):
+        generation_b._refuse_second_camera("apad1")
+
+
+@pytest.mark.parametrize(
+    ("apad", "time", "part", "is_real"),
+    [
+        (APadKind.ROS, TimeSource.WALL, Part.WHOLE, True),
+        (APadKind.ROS, TimeSource.WALL, Part.MISSION, True),
+        (APadKind.ROS, TimeSource.WALL, Part.FLEET, False),
+        (APadKind.ROS, TimeSource.ROS, Part.WHOLE, False),
+        (APadKind.SIM, TimeSource.WALL, Part.WHOLE, False),
+    ],
+)
+def test_a_real_vehicle_is_one_that_we_did_not_start(
+    apad: APadKind, time: TimeSource, part: Part, is_real: bool
+) -> None:
+    assert RunOptions(part, apad, time, 1.0, OnDeath.WAIT).has_real_vehicle is is_real
