@@ -289,7 +289,7 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
 
 def test_the_error_curve_is_the_scenario_s() -> None:
     """At any SNR half of all packets are lost: 36 of three hours, within 4 standard deviations of 18."""
-    curve = {"snrs_db": [-1000, 1000], "sizes": [1], "rates": [[0.5, 0.5]]}
+    curve = {"snrs_db": [-300, 300], "sizes": [1], "rates": [[0.5, 0.5]]}
     ended = packets(fly_in_memory(in_water(380, {"sound": {"error_curve": curve}}))[1])
     lost = sum(packet["heard"][0][1] == "noise" for packet in ended)
     assert len(ended) == 36 and abs(lost - 18) <= 12
