@@ -155,6 +155,11 @@ class Board:
             return faults if edge is None else faults + self._pin_edge(edge)
         assert self._deadline is not None
         (_, trigger), self._deadline = self._deadline, None
+        if trigger is Trigger.SURFACING_TIMED_OUT:
+            return [
+                Dropped(now_ms, "a surfacing: it did not come up in time"),
+                *self._deadline_reached(trigger),
+            ]
         return self._deadline_reached(self._boot_trigger() if self.state is State.BOOTING else trigger)
 
     def _deadline_reached(self, trigger: Trigger) -> list[Action]:
@@ -278,6 +283,8 @@ class Board:
         match state:
             case State.BOOTING:
                 return now_ms + config.boot_ms, Trigger.BOOTED_ON_BOTTOM
+            case State.SURFACING:
+                return now_ms + config.surfacing_timeout_ms, Trigger.SURFACING_TIMED_OUT
             case State.FLOATING:
                 return now_ms + config.float_timeout_ms, Trigger.FLOAT_TIMED_OUT
             case State.RELEASED:

@@ -179,10 +179,14 @@ class BoardConfig:
     """The board samples the pin's level at whole multiples of this and at every wake, which finds a missed edge."""
     drift_ppb: int = 0
     """The gain of the board's clock on agent time, in parts of 10^9."""
+    surfacing_timeout_ms: int = 180_000
+    """A board that has not come up after so long gives the surfacing up."""
 
     def __post_init__(self) -> None:
         cycle = None if self.whole is None else self.whole.cycle
         if cycle is not None and cycle.slots is not None and not 0 <= self.slot < cycle.slots.count:
             raise ValueError(f"slot {self.slot} does not lie in a frame of {cycle.slots.count}")
+        if self.surfacing_timeout_ms <= 0:
+            raise ValueError("surfacing_timeout_ms must be positive")
         if not self.pin_debounce_ms < self.pin_chatter_ms or self.pin_check_ms <= 0:
             raise ValueError("pin_chatter_ms must be longer than pin_debounce_ms, and pin_check_ms positive")

@@ -82,6 +82,8 @@ class Trigger(IntEnum):
     BEACON_HEARD = 26
     SINK_TOLD = 27
     """An aPad orders it to sink and stay on the bottom."""
+    SURFACING_TIMED_OUT = 28
+    """The motors ran, and it has not come up: it sticks in the mud, or its buoyancy failed."""
 
 
 _S, _T = State, Trigger
@@ -138,6 +140,8 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.RELEASED, _T.BOTTOM_REACHED): _S.ACTIVE,
     (_S.SINKING, _T.BOTTOM_REACHED): _S.ACTIVE,
     **{(state, _T.SINK_TOLD): _S.SINKING for state in (_S.SURFACING, _S.FLOATING, _S.RELEASED, _S.HOVERING)},
+    # It runs its motors back, and is ready for another permission. A body that comes free later does not rise.
+    (_S.SURFACING, _T.SURFACING_TIMED_OUT): _S.SINKING,
     # Hovering at a depth.
     (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,
     (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,

@@ -255,7 +255,7 @@ class WholeBoard(Board):
         match state:
             case State.FLOATING if self._last_resort_ms is not None:
                 return None  # after a last resort to the surface it does not sink again by itself
-            case State.BOOTING | State.FLOATING | State.RELEASED:
+            case State.BOOTING | State.SURFACING | State.FLOATING | State.RELEASED:
                 return super()._deadline_of(state, now_ms)
             case State.ACTIVE if feed is not ActiveBattery.PRIMARY:
                 return now_ms, Trigger.BATTERY_EMPTIED

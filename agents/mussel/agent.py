@@ -303,6 +303,8 @@ class Agent:
             match action:
                 case board_actions.RunBuoyancy(at_ms, to, depth_mm):
                     self.body.run_buoyancy(to, at_ms, depth_mm)
+                    if to is Buoyancy.SINK and self.body.rests_on_bottom:
+                        outputs += self._stimulate_board(board_stimuli.BottomReached(), at_ms)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(Dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):

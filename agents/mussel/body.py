@@ -44,6 +44,14 @@ def gps_fix_um(
     return place_um[0] + round(deviation_um * north), place_um[1] + round(deviation_um * east)
 
 
+def surfacing_fails(seed: int, agent_id: int, at_ms: int, failure_ppm: int) -> bool:
+    """True if the motor run to the surface at `at_ms` fails: `failure_ppm` of 10^6, by a keyed hash of (seed, id, time)."""
+    if not failure_ppm:
+        return False
+    digest = blake2b(_KEY(seed, agent_id, at_ms), digest_size=8, person=b"surfacing").digest()
+    return int.from_bytes(digest, "little") * 1_000_000 >> 64 < failure_ppm
+
+
 @dataclass(frozen=True, slots=True)
 class BodyConfig:
     """The numbers of every body of a fleet."""
@@ -58,6 +66,8 @@ class BodyConfig:
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
     gps_deviation_um: int | None = None
     """The standard deviation of a GPS fix along one axis; None for bodies that know their true place."""
+    surfacing_failure_ppm: int = 0
+    """How many of a million motor runs to the surface fail: the body sticks in the mud, or does not become buoyant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +160,14 @@ class Body:
         self.depth_anchor_ms = now_ms
 
     def run_buoyancy(self, to: Buoyancy, now_ms: int, depth_mm: int | None = None) -> None:
-        """`depth_mm` is the depth at which to hover, at most the bottom's; None is its present depth."""
+        """`depth_mm` is the depth at which to hover, at most the bottom's; None is its present depth.
+
+        A run to the surface that fails leaves the body as it was.
+        """
         self._take_fix(now_ms)
+        failure_ppm = self._config.surfacing_failure_ppm
+        if to is Buoyancy.FLOAT and surfacing_fails(self.water.seed, self.agent_id, now_ms, failure_ppm):
+            return
         self._miss_steps(now_ms)
         self.settle_depth(now_ms)
         self.buoyancy = to
@@ -159,16 +175,21 @@ class Body:
         self.hover_um = hover_um if to is Buoyancy.HOVER else 0
 
     @property
+    def rests_on_bottom(self) -> bool:
+        """The body lies on the bottom, and is not on its way there."""
+        on_bottom = self.depth_um == self._sinking.bottom_um
+        return not self.docked and self.buoyancy is Buoyancy.SINK and on_bottom
+
+    @property
     def _adrift(self) -> bool:
         current = self.water.current
         if self.docked:
             return False
-        on_bottom = self.buoyancy is Buoyancy.SINK and self.depth_um == self._sinking.bottom_um
         if self.buoyancy is Buoyancy.FLOAT and self._config.leeway_um_s != (0, 0):
             return True
         if self._config.drifts_always:
             return self._config.drift_amplitude_um > 0 or not current.is_still
-        return not on_bottom and not current.is_still
+        return not self.rests_on_bottom and not current.is_still
 
     @property
     def drift_due_ms(self) -> int | None:

@@ -57,6 +57,7 @@ def flight_config(scenario: Scenario) -> FlightConfig:
         leeway_um_s=leeway_um_s(scenario),
         coil_alignment_ms=round(scenario.board.coil_alignment_s * 1000),
         gps_deviation_um=gps_deviation_um(scenario.hearing),
+        surfacing_failure_ppm=round(scenario.board.surfacing_failure_probability * 1e6),
     )
     reports = ReportConfig(
         round(scenario.hearing.report_period_s * 1000) * theta,

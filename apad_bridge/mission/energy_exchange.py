@@ -280,9 +280,9 @@ class EnergyExchange(OrderBook):
         self._enter(Phase.GO_COLLECT, now_ms)
 
     def _dock_again(self, reason: str, now_ms: int) -> None:
-        """Tries a failed docking again at once, for the aPad is beside the aMussel."""
+        """Tries a failed docking again at once; an aMussel that no longer floats is permitted to surface again."""
         self._dockings += 1
-        if self._dockings < DOCKINGS_PER_STEP and self._floats(self._step.agent_id):
+        if self._dockings < DOCKINGS_PER_STEP:
             self._await_surfacing(now_ms)
         else:
             self._give_up(reason, now_ms)

@@ -7,6 +7,7 @@ from typing import Literal
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
+    Fraction,
     Milliseconds,
     NotNegativeSeconds,
     PositiveSeconds,
@@ -32,6 +33,11 @@ class Board:
     boot_ms: Milliseconds
     surfacing_s: PositiveSeconds
     sinking_s: PositiveSeconds
+    surfacing_timeout_s: PositiveSeconds | None = None
+    """A board that has not come up after this gives up and sinks, ready for another permission. None: three times
+    `surfacing_s`."""
+    surfacing_failure_probability: Fraction = 0.01
+    """Probability that a run of the motors does not bring it up (mud, buoyancy); the seed decides which. Assumed."""
     float_timeout_s: PositiveSeconds
     """An aMussel that floats unserved for this long sinks again."""
     release_wait_s: NotNegativeSeconds
@@ -44,6 +50,8 @@ class Board:
         given = [name for name in equations if name not in missing]
         if self.pin_chatter_ms <= self.pin_debounce_ms:
             raise ValueError("pin_chatter_ms must be longer than pin_debounce_ms")
+        if self.surfacing_timeout_s is not None and self.surfacing_timeout_s <= self.surfacing_s:
+            raise ValueError("surfacing_timeout_s must be longer than surfacing_s")
         if self.whole is None and missing:
             raise ValueError(f"{' and '.join(missing)} must be there, or `whole` for the whole firmware")
         if self.whole is not None and given:

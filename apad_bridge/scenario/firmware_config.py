@@ -57,6 +57,7 @@ def board_config(board: Board, seed: int = 0, modems: Generation = Generation.V3
         whole=None if board.whole is None else _full_firmware(board.whole, seed, modems),
         pin_chatter_ms=board.pin_chatter_ms,
         pin_check_ms=_ms(board.pin_check_s),
+        surfacing_timeout_ms=_ms(board.surfacing_timeout_s or 3 * board.surfacing_s),
     )
     ageing = None if board.whole is None else board.whole.power.ageing
     return as_new if ageing is None else aged(as_new, capacity_left(ageing.cycles, ageing.years))

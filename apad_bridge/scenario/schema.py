@@ -348,8 +348,8 @@ class APad:
     """Velocity (north, east) of the drift while the controllers are off; running controllers compensate for it."""
     fault: Fault = Fault.NONE
     """The misbehaviour of the simulated aPad's ROS node."""
-    dock_miss_probability: Fraction = 0.0
-    """Probability that a docking misses; the scenario's seed decides which dockings do."""
+    dock_miss_probability: Fraction = 0.05
+    """Probability that a docking misses; the scenario's seed decides which dockings do. Assumed."""
     battery: APadBattery
 
     def __post_init__(self) -> None:

@@ -104,6 +104,7 @@ CONFIGS: dict[tuple[State, Trigger], BoardConfig] = {
     (State.SAMPLING, Trigger.SAMPLES_TO_SEND): config(WITHOUT_PI),
     (State.PROCESSING, Trigger.WAKE_OVER): config(WITHOUT_SLOT),
     (State.AWAITING_SLOT, Trigger.CLOCK_DOUBTED): config(doubts=True),
+    (State.SURFACING, Trigger.SURFACING_TIMED_OUT): replace(config(), surfacing_timeout_ms=4000),
     (State.EMPTY, Trigger.BOTH_EMPTIED): config(last_resort=LastResort.WAIT),
     (State.EMPTY, Trigger.LAST_RESORT_SURFACE): config(last_resort=LastResort.SURFACE),
 }

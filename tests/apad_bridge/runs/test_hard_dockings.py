@@ -1,4 +1,4 @@
-"""Whole flights in a wind: the aPad comes to where an aMussel was heard, and finds it farther on."""
+"""Whole flights in which aMussels drift off, are missed by docks or do not come up: all are served all the same."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Wind
+from apad_bridge.vehicle.simulated.misses import MISSED
 
 
 def in_wind(speed_m_s: float, seed: int) -> Scenario:
@@ -35,3 +36,22 @@ def test_in_a_drift_of_a_tenth_of_a_metre_a_second_they_are_found_and_charged(se
     assert any(data["phase"] == "nothing_caught" for kind, data in events if kind == "primitive")
     assert figures["services"] >= 4
     assert not any(kind == "left_alone" for kind, _ in events)
+
+
+def test_one_that_half_of_the_dockings_miss_and_that_often_stays_below_is_served_in_the_end() -> None:
+    sound = in_wind(0.0, seed=3)
+    failing = replace(
+        sound,
+        duration_s=4800.0,
+        apad=replace(sound.apad, dock_miss_probability=0.5),
+        board=replace(sound.board, surfacing_failure_probability=0.3),
+    )
+    figures, recorder = fly_in_memory(failing)
+    given_up = {data["agent"] for _, kind, data in recorder.events if kind == "given_up"}
+    released = {data["agent"] for _, kind, data in recorder.events if kind == "released" and data["full"]}
+    missed = [
+        data for _, kind, data in recorder.events if kind == "primitive" and data.get("reason") == MISSED
+    ]
+    assert given_up and given_up <= released
+    assert len(missed) > len(given_up)  # some were caught by a further try at once
+    assert figures["amussels_lost"] == 0
