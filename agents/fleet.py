@@ -46,21 +46,20 @@ class Spread:
     The draws are a keyed hash of (seed, agent id): normal, and cut at three deviations.
     """
 
-    seed: int = 0
     drain: int = 0
     capacity: int = 0
 
-    def applied(self, board: BoardConfig) -> BoardConfig:
+    def applied(self, board: BoardConfig, seed: int) -> BoardConfig:
         """This board's own configuration; the very same object without a spread."""
         if not (self.drain or self.capacity):
             return board
-        drain = AS_NEW + round(self.drain * deviations_of(self.seed, board.agent_id, b"drain"))
-        capacity = AS_NEW + round(self.capacity * deviations_of(self.seed, board.agent_id, b"capacity"))
+        drain = AS_NEW + round(self.drain * deviations_of(seed, board.agent_id, b"drain"))
+        capacity = AS_NEW + round(self.capacity * deviations_of(seed, board.agent_id, b"capacity"))
         return rescaled(board, drain, capacity)
 
-    def charge_model(self, nominal: ChargeModel, agent_id: int) -> ChargeModel:
+    def charge_model(self, nominal: ChargeModel, seed: int, agent_id: int) -> ChargeModel:
         """The charge model of this aMussel's batteries."""
-        return self.applied(BoardConfig(agent_id, nominal, 0, 0, 0, 0)).charge
+        return self.applied(BoardConfig(agent_id, nominal, 0, 0, 0, 0), seed).charge
 
 
 def deviations_of(seed: int, agent_id: int, of: bytes) -> float:
@@ -191,7 +190,7 @@ class AgentConfigs:
             slot=self._slot(agent_id) if self._has_slots else 0,
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
-        return AgentConfig(fleet.spread.applied(board), self._water, fleet.reports)
+        return AgentConfig(fleet.spread.applied(board, fleet.seed), self._water, fleet.reports)
 
     def _slot(self, agent_id: int) -> int:
         return self._slots[agent_id] if self._slots else agent_id - self._fleet.first_id

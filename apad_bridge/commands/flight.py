@@ -1,4 +1,4 @@
-"""Flies what a command asked for: checks it, makes the run's directory, flies, and prints the outcome."""
+"""Flies what a command asked for: has it checked, makes the run's directory, flies, and prints the outcome."""
 
 from __future__ import annotations
 
@@ -13,24 +13,18 @@ from typing import Any
 
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.console import console_beside
-from apad_bridge.commands.modem_checks import check_modems
 from apad_bridge.commands.outcome import print_plan, report
-from apad_bridge.doctor.finding import Status
-from apad_bridge.doctor.graph import Graph
-from apad_bridge.doctor.network import Unreachable
+from apad_bridge.commands.run_checks import check_run
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirectoryError
-from apad_bridge.ros.system.route import somebodys_master
-from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.summary import Flown, combined_summary
-from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
 from apad_bridge.scripting.program import Program, ScriptSource
@@ -59,11 +53,12 @@ def fly(
 
     A run of several aPads has a directory for each, below its own. With `console` a browser can show the run live.
     """
-    _check(options, scenario)
     if console and scenario.apads:
         raise UserError(
             "--console shows one aPad, and the scenario names several: start `musselbed console RUN/NAME` beside the run"
         )
+    with peers_may_fail():
+        check_run(options, scenario)
     all_members = members(scenario, starts)
     if options.dry_run and options.apad is APadKind.SIM:
         return _print_plans(all_members, as_json)
@@ -116,67 +111,6 @@ def peers_may_fail() -> Iterator[None]:
 def failure_text(failures: Mapping[str, str], *, is_alone: bool = True) -> str:
     """One line; it names the aPads of several."""
     return "; ".join(why if is_alone else f"{name}: {why}" for name, why in failures.items())
-
-
-def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
-    """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
-    if options.apad is not APadKind.ROS:
-        return
-    from apad_bridge.ros.doctor_apad_checks import check_docks
-
-    try:
-        found = Graph.read(somebodys_master())
-    except (Unreachable, PeerFailed):
-        return  # the run itself says so
-    for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
-        for finding in check_docks(found, in_full(options.namespace, name), scenario):
-            if finding.status is not Status.OK:
-                print(
-                    f"musselbed: warning: {finding.check}: {finding.found}: {finding.mend}", file=sys.stderr
-                )
-
-
-def check_real_vehicle(options: RunOptions, scenario: Scenario) -> None:
-    """Refuses a real aPad without what keeps it safe, before anything starts."""
-    if not options.has_real_vehicle:
-        return
-    problems = problems_with_real_vehicle(scenario)
-    if options.on_death is OnDeath.RESUME:
-        problems.append(
-            "a real aPad moves again only on a person's word: leave --on-supervisor-death resume out, and call "
-            "musselbed resume"
-        )
-    if problems:
-        raise UserError("\n".join(problems))
-
-
-def _check(options: RunOptions, scenario: Scenario) -> None:
-    """UserError for a mistake; a line and its exit code for a master that does not answer; warnings on stderr."""
-    check_modems(options, scenario)
-    if scenario.apads:
-        _refuse_for_several(options)
-    check_real_vehicle(options, scenario)
-    if options.apad is APadKind.SIM:
-        for happens, mend in warnings(scenario):
-            print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
-        return
-    with peers_may_fail():
-        somebodys_master()
-    tell_docks_in_use(options, scenario)
-
-
-def _refuse_for_several(options: RunOptions) -> None:
-    if options.script:
-        raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
-    if options.part is not Part.WHOLE:
-        raise UserError(
-            f"{options.part.value}: the scenario names several aPads: `musselbed run` flies them; "
-            "or leave `apads` out, and give each its fleet.share"
-        )
-    if options.modem:
-        raise UserError("--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario")
-    if options.dry_run and options.apad is APadKind.ROS:
-        raise UserError("--dry-run of several aPads plans without ROS: leave out --apad ros")
 
 
 def _write_inputs(

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.flight import check_real_vehicle, failure_text, flown_by_whom, peers_may_fail
+from apad_bridge.commands.flight import failure_text, flown_by_whom, peers_may_fail
 from apad_bridge.commands.outcome import report
+from apad_bridge.commands.run_checks import check_real_vehicle
 from apad_bridge.records.journal import FORMAT_VERSION, format_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent

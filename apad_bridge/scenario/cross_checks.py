@@ -57,7 +57,6 @@ def problems_with_real_vehicle(scenario: Scenario) -> list[str]:
     faulty += [
         f"apads[{n}].fault" for n, it in enumerate(scenario.apads) if it.fault not in (None, Fault.NONE)
     ]
-    faulty += ["apad.dock_miss_probability"] if scenario.apad.dock_miss_probability else []
     if faulty:
         problems.append(f"no fault is injected into a real aPad: leave {', '.join(faulty)} out")
     return problems

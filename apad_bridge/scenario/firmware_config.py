@@ -77,13 +77,13 @@ def sinking_of(scenario: Scenario) -> Sinking:
 def spread_of(scenario: Scenario) -> Spread:
     """Converts the spread among the fleet's boards."""
     spread = scenario.fleet.spread
-    return Spread(scenario.seed, round(spread.drain * AS_NEW), round(spread.capacity * AS_NEW))
+    return Spread(round(spread.drain * AS_NEW), round(spread.capacity * AS_NEW))
 
 
 def charge_models(scenario: Scenario) -> Callable[[int], ChargeModel]:
     """Returns the charge model of each aMussel's own batteries, by id."""
     nominal, spread = charge_model(scenario.board), spread_of(scenario)
-    return cache(lambda agent_id: spread.charge_model(nominal, agent_id))
+    return cache(lambda agent_id: spread.charge_model(nominal, scenario.seed, agent_id))
 
 
 def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: Generation) -> config.FullFirmware:

@@ -42,7 +42,7 @@ FLEETS = {
             "oxygen_mg_l": Waters(((0, 8.5), (3_000_000, 6.0)), (Patch(0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
         },
     ),
-    "differing": replace(WORST, spread=Spread(7, drain=1000, capacity=500)),
+    "differing": replace(WORST, spread=Spread(drain=1000, capacity=500)),
     "never asleep": with_whole_boards(WORST, FullFirmware(POWER, None, 1000, 60_000, 600_000)),
 }
 
@@ -80,7 +80,7 @@ def test_one_that_has_no_timeslot_is_refused() -> None:
 
 def test_boards_of_a_spread_differ_in_what_they_draw_and_in_what_their_batteries_hold() -> None:
     """A drain of d and a capacity of c, both relative: loads are d / c times the nominal, a charger's rates 1 / c."""
-    fleet = replace(FLEETS["field"], first_id=1, spread=Spread(7, drain=1000, capacity=1000))
+    fleet = replace(FLEETS["field"], seed=7, first_id=1, spread=Spread(drain=1000, capacity=1000))
     assert fleet.board.whole is not None
     drains, capacities = [], []
     for agent_id in range(1, 61):
@@ -90,7 +90,7 @@ def test_boards_of_a_spread_differ_in_what_they_draw_and_in_what_their_batteries
         own, nominal = board.whole.power.loads.of, fleet.board.whole.power.loads.of
         drain = own[Rail.MOTORS] / nominal[Rail.MOTORS] * capacity
         assert [load / drain * capacity for load in own] == pytest.approx(nominal, rel=1e-3, abs=1)
-        assert fleet.spread.charge_model(fleet.board.charge, agent_id) == board.charge
+        assert fleet.spread.charge_model(fleet.board.charge, fleet.seed, agent_id) == board.charge
         drains.append(drain)
         capacities.append(capacity)
     for found in (drains, capacities):
@@ -102,7 +102,7 @@ def test_boards_of_a_spread_differ_in_what_they_draw_and_in_what_their_batteries
 
 def test_a_fleet_without_a_spread_keeps_the_very_numbers() -> None:
     board = FLEETS["field"].maker().config(5).board
-    assert Spread(7).applied(board) is board
+    assert Spread().applied(board, 7) is board
     assert max(abs(deviations_of(7, agent_id, b"drain")) for agent_id in range(5000)) == 3.0
 
 

@@ -117,7 +117,7 @@ def rates_of(scenario: Scenario) -> list[Rates]:
     nominal, spread = board_config(scenario.board, scenario.seed), spread_of(scenario)
     found = []
     for start in starts_of(scenario):
-        board = spread.applied(replace(nominal, agent_id=start.agent_id))
+        board = spread.applied(replace(nominal, agent_id=start.agent_id), scenario.seed)
         segments = board.charge.segments_by_two or board.charge.segments
         per_min = [(end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments]
         ends = [0.0, *(end for end, _ in per_min)]

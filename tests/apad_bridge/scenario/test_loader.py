@@ -128,9 +128,9 @@ def test_a_real_vehicle_takes_no_fault_and_its_scenario_has_all_it_needs() -> No
     assert problems_with_real_vehicle(replace(real, guards=None))[0].startswith(
         "a real aPad needs guards.battery_reserve in the scenario"
     )
-    faulty = replace(real, apad=replace(real.apad, fault=Fault.STUCK, dock_miss_probability=0.1))
+    faulty = replace(real, apad=replace(real.apad, fault=Fault.STUCK))
     assert problems_with_real_vehicle(faulty) == [
-        "no fault is injected into a real aPad: leave apad.fault, apad.dock_miss_probability out"
+        "no fault is injected into a real aPad: leave apad.fault out"
     ]
 
 

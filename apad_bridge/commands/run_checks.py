@@ -1,0 +1,125 @@
+"""Checks a run of one aPad or of several before anything of it is made."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.ros.system.route import somebodys_master
+from apad_bridge.ros_names.names import in_full
+from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
+from apad_bridge.scenario.id_ranges import in_ranges
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.errors import PeerFailed
+
+
+def check_run(options: RunOptions, scenario: Scenario) -> None:
+    """Warns on stderr. UserError for a mistake; PeerFailed for somebody's master that does not answer."""
+    _check_modems(options, scenario)
+    if scenario.apads:
+        _refuse_for_several(options)
+    check_real_vehicle(options, scenario)
+    if options.apad is APadKind.SIM:
+        for happens, mend in warnings(scenario):
+            print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
+        return
+    somebodys_master()
+    tell_docks_in_use(options, scenario)
+
+
+def check_real_vehicle(options: RunOptions, scenario: Scenario) -> None:
+    """Refuses a real aPad without what keeps it safe, before anything starts."""
+    if not options.has_real_vehicle:
+        return
+    problems = problems_with_real_vehicle(scenario)
+    if options.on_death is OnDeath.RESUME:
+        problems.append(
+            "a real aPad moves again only on a person's word: leave --on-supervisor-death resume out, and call "
+            "musselbed resume"
+        )
+    if problems:
+        raise UserError("\n".join(problems))
+
+
+def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
+    """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
+    if options.apad is not APadKind.ROS:
+        return
+    from apad_bridge.ros.doctor_apad_checks import check_docks
+
+    try:
+        found = Graph.read(somebodys_master())
+    except (Unreachable, PeerFailed):
+        return  # the run itself says so
+    for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
+        for finding in check_docks(found, in_full(options.namespace, name), scenario):
+            if finding.status is not Status.OK:
+                print(
+                    f"musselbed: warning: {finding.check}: {finding.found}: {finding.mend}", file=sys.stderr
+                )
+
+
+def _refuse_for_several(options: RunOptions) -> None:
+    if options.script:
+        raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
+    if options.part is not Part.WHOLE:
+        raise UserError(
+            f"{options.part.value}: the scenario names several aPads: `musselbed run` flies them; "
+            "or leave `apads` out, and give each its fleet.share"
+        )
+    if options.modem:
+        raise UserError("--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario")
+    if options.dry_run and options.apad is APadKind.ROS:
+        raise UserError("--dry-run of several aPads plans without ROS: leave out --apad ros")
+
+
+def _check_modems(options: RunOptions, scenario: Scenario) -> None:
+    """UserError, with the mend, for the first option that cannot be used."""
+    if options.open_modems:
+        _check_opened(options, scenario)
+    if options.modem:
+        _check_physical(options, scenario)
+
+
+def _check_opened(options: RunOptions, scenario: Scenario) -> None:
+    ids = scenario.fleet.ids
+    for agent_id in options.open_modems:
+        if agent_id not in ids:
+            raise UserError(
+                f"--open-modem {agent_id}: there is no such aMussel; the fleet's are {in_ranges(ids)}"
+                if ids
+                else f"--open-modem {agent_id}: the fleet is empty"
+            )
+    if options.part is Part.MISSION:
+        raise UserError(
+            "--open-modem needs a fleet: a mission alone has no aMussels; say it to `musselbed fleet`"
+        )
+    if options.time is TimeSource.ASAP:
+        raise UserError("--open-modem needs real time, which a driver lives in: use --time wall")
+    if options.modem:
+        raise UserError("--open-modem and --modem exclude each other: simulated sound, or real sound")
+    if scenario.water is None:
+        raise UserError(
+            "--open-modem needs water between modems: add the block `water: {}` to the scenario, "
+            "or what its own key says (docs/scenarios.md)"
+        )
+
+
+def _check_physical(options: RunOptions, scenario: Scenario) -> None:
+    if scenario.theta != 1:
+        raise UserError(
+            f"--modem: real sound cannot be accelerated, and theta is {scenario.theta}: say --theta 1"
+        )
+    if options.time is TimeSource.ASAP or options.speed != 1:
+        raise UserError("--modem: real sound takes real time: use --time wall, without --speed")
+    if scenario.water is not None:
+        raise UserError(
+            "--modem: the real water carries the sound: take the block `water` out of the scenario, or leave --modem out"
+        )
+    if not Path(options.modem).exists():
+        raise UserError(f"--modem {options.modem}: there is no such device; is the modem plugged in?")
