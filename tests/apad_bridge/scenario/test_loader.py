@@ -311,7 +311,7 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "line 4, column 7: could not determine a constructor for the tag "
             "'tag:yaml.org,2002:python/name:os.system'",
         ),
-        ("mass_kg: 25", "? [1]\n  : 25", "line 42, column 5: a key must be a text"),
+        ("mass_kg: 25", "? [1]\n  : 25", "line 44, column 5: a key must be a text"),
     ],
 )
 def test_one_mistake_is_one_line_with_the_path(refusals: Refusals, old: str, new: str, message: str) -> None:
