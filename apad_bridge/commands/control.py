@@ -57,6 +57,12 @@ def add_parser(commands: Any) -> None:
         parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
         if act is Act.REMARK:
             parser.add_argument("text", metavar="TEXT", help=f"at most {LONGEST_REMARK} characters")
+        if act is Act.ABORT:
+            parser.add_argument(
+                "--motors-off",
+                action="store_true",
+                help="then switch the aPad's controllers off, and let the water take it; generation A cannot do that",
+            )
         parser.add_argument(
             "--by", default=None, metavar="NAME", help="who you are (default: the user's name)"
         )
@@ -98,7 +104,7 @@ def _request(arguments: argparse.Namespace) -> Request:
     text = getattr(arguments, "text", "")
     if len(text) > LONGEST_REMARK or len(by) > 100:
         raise UserError(f"a remark has at most {LONGEST_REMARK} characters, and a name 100")
-    return Request(arguments.act, by, text)
+    return Request(arguments.act, by, text, getattr(arguments, "motors_off", False))
 
 
 def _supervised(directory: Path) -> dict[str, Path]:

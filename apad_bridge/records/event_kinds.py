@@ -356,7 +356,7 @@ KINDS: tuple[Kind, ...] = (
         EventKind.OPERATOR,
         "a person gave the supervisor an order by a command",
         (
-            Field("order", _one_of(("stop", "continue", "abort")), "the order"),
+            Field("order", _one_of(("stop", "continue", "abort", "motors off")), "the order"),
             Field("by", TEXT, "the person's name on that machine"),
         ),
     ),
@@ -398,7 +398,9 @@ KINDS: tuple[Kind, ...] = (
         EventKind.GUARD,
         "the aPad was found in danger between two orders, and the bench reacted",
         (
-            Field("cause", TEXT, "`position`, `outside the fence`, `fence ahead`, `speed` or `late`"),
+            Field(
+                "cause", TEXT, "`position`, `outside the fence`, `fence ahead`, `speed`, `late` or `person`"
+            ),
             Field(
                 "reaction", TEXT, "`hold`, `stop` (its controllers go off) or `return` (to a place inside)"
             ),

@@ -86,7 +86,7 @@ _NOT_DONE = {
 
 _REACTIONS = {
     "hold": "the aPad was told to hold where it is",
-    "stop": "the aPad has no position to hold, and its controllers shall go off",
+    "stop": "the aPad's controllers shall go off",
     "return": "the aPad was told to go back inside the fence",
 }
 """What was done about a danger, by the `reaction` of the journal's line `guard`."""

@@ -28,6 +28,7 @@ from apad_bridge.mission.values import Refused
 from apad_bridge.vehicle.errors import PeerFailed
 
 SOCKET_NAME = "control.sock"
+MOTORS_OFF = "motors off"
 LONGEST_REMARK = 2000
 """Characters."""
 _LONGEST_LINE = 16_384
@@ -49,6 +50,8 @@ class Request:
     """The person's name."""
     text: Annotated[str, Field(max_length=LONGEST_REMARK)] = ""
     """The remark."""
+    motors_off: bool = False
+    """After an abort the controllers of the aPad go off, where it has an order for that; else a pilot is called."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +83,8 @@ def carry_out(request: Request, calls: CallQueue) -> Answer:
                 return mission.go_on()
             case Act.ABORT:
                 mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
+                if request.motors_off:  # after the hold with which every mission ends
+                    mission.note("operator", order=MOTORS_OFF, by=request.by)
                 return ""
             case _:
                 assert_never(request.act)

@@ -39,6 +39,7 @@ from apad_bridge.mission.events import (
 from apad_bridge.mission.orders import Note
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
+from apad_bridge.supervisor.control import MOTORS_OFF
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import Recorder
@@ -216,6 +217,8 @@ class Flight:
                     self._recorder.event(now_ms, kind, **data)
                     if is_persons_word(kind, data):
                         self._vehicle.gate.awaits_person = ""
+                    if kind == "operator" and data["order"] == MOTORS_OFF:
+                        self._vehicle.switch_off(f"a person wants the motors off: {data['by']}", now_ms)
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
                 case KeepSamples(agent_id, samples):

@@ -192,6 +192,10 @@ class GuardedVehicle:
         else:
             self._refuse(command, refusal, now_ms)
 
+    def switch_off(self, reason: str, now_ms: int) -> None:
+        """A person wants the controllers off; where no order does that, a pilot is called."""
+        self._react(Finding(Cause.PERSON, Reaction.STOP, reason), now_ms)
+
     def close(self) -> None:
         self._link.close()
 

@@ -28,6 +28,8 @@ class Cause(StrEnum):
     POSITION = "position"
     SPEED = "speed"
     LATE = "late"
+    PERSON = "person"
+    """A person wants the motors off."""
 
 
 @dataclass(frozen=True, slots=True)

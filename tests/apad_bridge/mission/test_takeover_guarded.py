@@ -13,7 +13,8 @@ from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import Act, Request, carry_out
-from apad_bridge.vehicle.commands import CommandedByOthers
+from apad_bridge.vehicle.capabilities import of_simulated_apad
+from apad_bridge.vehicle.commands import CommandedByOthers, Hold, Stop, VehicleCommand
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 
 
@@ -119,3 +120,26 @@ def test_a_mission_that_a_guard_stopped_goes_on_when_a_person_continues_it(fence
     continue_by_command(flying)
     flying.seconds(2)
     assert gate.awaits_person == ""
+
+
+@pytest.mark.parametrize("can_stop", [True, False])
+def test_an_abort_with_motors_off_ends_with_the_controllers_off_or_calls_a_pilot(
+    fenced: Scenario, can_stop: bool
+) -> None:
+    wire: list[VehicleCommand] = []
+
+    def watched(context: FlightContext) -> FlightContext:
+        link = Overheard(context.vehicle)
+        command = link.command
+        link.command = lambda order, now_ms: (wire.append(order), command(order, now_ms))[1]
+        capabilities = replace(of_simulated_apad(), can_stop=can_stop)
+        return replace(context, vehicle=link, capabilities=capabilities)
+
+    flying = Flying(fenced, watched)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    request = Request(Act.ABORT, "Anna", motors_off=True)
+    assert flying.answered(lambda: carry_out(request, flying.calls)).accepted
+    assert flying.phase is Phase.ENDED
+    assert [type(it) for it in wire[-2:]][-1] is (Stop if can_stop else Hold)
+    (told,) = flying.events("guard")
+    assert (told["reaction"], told["calls_pilot"]) == ("stop", not can_stop)

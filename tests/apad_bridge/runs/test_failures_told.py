@@ -135,7 +135,7 @@ def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) 
 def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
     data = {"cause": "position", "reaction": "stop", "reason": "it is old", "calls_pilot": True}
     assert failure_line(61_000, "guard", data) == (
-        "01:01  PILOT, TAKE IT: the aPad has no position to hold, and its controllers shall go off: it is old"
+        "01:01  PILOT, TAKE IT: the aPad's controllers shall go off: it is old"
     )
     data |= {"cause": "fence ahead", "reaction": "hold", "calls_pilot": False}
     assert failure_line(61_000, "guard", data) == "01:01  the aPad was told to hold where it is: it is old"
