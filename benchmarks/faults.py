@@ -8,6 +8,7 @@ otherwise than documented. A variable in their environment marks the processes o
 from __future__ import annotations
 
 import json
+import math
 import os
 import pty
 import random
@@ -19,12 +20,15 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,14 +37,22 @@ from rich.table import Table
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
-from apad_bridge.records.journal import read_journal
+from agents.mussel.outputs import Truth
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import JournalContents, Line, read_journal
+from apad_bridge.records.truth_lines import truth_of
+from apad_bridge.runs.exits import Exit
+from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.loader import load, write_resolved
+from apad_bridge.scenario.schema import Fleet, RandomStart
+from firmware_model.power.charge import FULL, ChargeModel
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 SEVERAL = ROOT / "launch_scripts" / "scenarios" / "bay-120.yaml"
 MUSSELBED = Path(sys.executable).with_name("musselbed")
 TRIES = 3
+MINUTES = 1.0
 SEED = 20261122
 _VARIABLE = "MUSSELBED_FAULT_TRY"
 _GONE_S = 10.0
@@ -49,6 +61,8 @@ _END_S = 240.0
 """The longest time that a command may take; it takes some seconds, and a busy machine longer."""
 _TRACEBACK = "Traceback (most recent call last)"
 _WALL = ("--time", "wall", "--speed", "20")
+_NURSERY, _SUPERVISOR = "agents.nursery", "runs.supervisor_process"
+_COUNTS = ("left_over", "tracebacks", "torn_records", "lost_missions")
 
 Found = TypeVar("Found")
 
@@ -130,6 +144,10 @@ class Try:
 
     folder: Path
     rng: random.Random
+    minutes: float = MINUTES
+    """How long a fault lasts that comes again and again."""
+    figures: dict[str, float] = field(default_factory=dict)
+    """What the fault measured besides its consequences."""
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     terminals: list[Terminal] = field(default_factory=list)
 
@@ -147,13 +165,14 @@ class Try:
         self,
         *options: str,
         duration_s: float = 300,
+        fleet: Fleet | None = None,
         run_dir: Path | None = None,
         limits: Mapping[int, int] | None = None,
     ) -> Terminal:
-        """Starts `musselbed run` of the paper's pool, for so many seconds of mission time."""
-        scenario = self.folder / "scenario.yaml"
-        write_resolved(scenario, replace(load(SCENARIO), duration_s=duration_s))
-        return self.start("run", scenario, "--out", run_dir or self.run_dir, *options, limits=limits)
+        """Starts `musselbed run` of the paper's pool, for so many seconds of mission time, perhaps with another fleet."""
+        path, scenario = self.folder / "scenario.yaml", load(SCENARIO)
+        write_resolved(path, replace(scenario, duration_s=duration_s, fleet=fleet or scenario.fleet))
+        return self.start("run", path, "--out", run_dir or self.run_dir, *options, limits=limits)
 
     def processes(self, words: str = "") -> list[int]:
         """The living processes of this try whose command line has these words."""
@@ -166,6 +185,17 @@ class Try:
                     found.append(int(entry.name))
         return sorted(found)
 
+    @property
+    def agents(self) -> dict[str, int]:
+        """The pid of each aMussel that lives, by its process's name."""
+        named = {_comm(pid): pid for pid in self.processes(_NURSERY)}
+        return {name: pid for name, pid in sorted(named.items()) if name.startswith("amussel")}
+
+    @property
+    def nurseries(self) -> list[int]:
+        """The nurseries that live: an agent has the command line of its nursery, but a name of its own."""
+        return [pid for pid in self.processes(_NURSERY) if not _comm(pid).startswith("amussel")]
+
     def the_process(self, words: str) -> int:
         """The pid of the first process with these words, as soon as there is one."""
         return self.wait_for(lambda: next(iter(self.processes(words)), None), words)
@@ -177,6 +207,17 @@ class Try:
             lambda: (journal.exists() and read_journal(journal).last_ms >= 1000 * mission_s) or None,
             f"{mission_s:g} s of mission time",
         )
+
+    def flown_ms(self) -> int:
+        return read_journal(self.run_dir / "journal.jsonl").last_ms
+
+    def wait(self, seconds: float) -> None:
+        """Reads what the commands say for so long."""
+        until_s = time.monotonic() + seconds
+        while (left_s := until_s - time.monotonic()) > 0:
+            for terminal in self.terminals:
+                terminal.run_for(min(0.05, left_s))
+            time.sleep(min(0.02, left_s))
 
     def wait_for(self, look: Callable[[], Found | None], what: str, timeout_s: float = 60.0) -> Found:
         """The first answer of `look` that is not None; TimeoutError when there is none in time."""
@@ -207,12 +248,13 @@ class Consequences:
     torn_records: int
     lost_missions: int
     notes: tuple[str, ...]
+    figures: Mapping[str, float]
 
 
-def tried(fault: Fault, seed: str) -> Consequences:
+def tried(fault: Fault, seed: str, minutes: float = MINUTES) -> Consequences:
     """Inflicts a fault once. Ends whatever it leaves over."""
     with tempfile.TemporaryDirectory(prefix="fault-") as folder, ExitStack() as stack:
-        attempt = Try(Path(folder), random.Random(seed))
+        attempt = Try(Path(folder), random.Random(seed), minutes)
         stack.callback(_kill_all, attempt)
         try:
             lost = fault.inflict(attempt)
@@ -233,7 +275,14 @@ def tried(fault: Fault, seed: str) -> Consequences:
             *torn,
             *([f"{lost}; it said: {attempt.terminals[0].output.strip()[-200:]!r}"] if lost else []),
         ]
-    return Consequences(len(left), sum(tracebacks.values()), len(torn), int(lost is not None), tuple(notes))
+    return Consequences(
+        len(left),
+        sum(tracebacks.values()),
+        len(torn),
+        int(lost is not None),
+        tuple(notes),
+        attempt.figures,
+    )
 
 
 def _last_error(text: str) -> str:
@@ -266,9 +315,12 @@ def _torn(run_dir: Path) -> Iterator[str]:
                 reader.open()
         except (ReaderError, OSError, AssertionError, struct.error) as error:
             yield f"{path.name} ({path.stat().st_size} bytes) does not open: {error}"
-    dropped = read_journal(run_dir / "journal.jsonl").dropped
-    if dropped:
-        yield f"journal.jsonl has {dropped} lines that cannot be read"
+    journal = read_journal(run_dir / "journal.jsonl")
+    if journal.dropped:
+        yield f"journal.jsonl has {journal.dropped} lines that cannot be read"
+    for before, after in pairwise(journal.lines):
+        if after["t"] < before["t"]:
+            yield f"journal.jsonl steps back in time from {before['t']} to {after['t']} ms"
 
 
 def _expect(terminal: Terminal, codes: set[int], words: str = "", within_s: float = _END_S) -> str | None:
@@ -314,7 +366,7 @@ def _interrupted(attempt: Try, kind: signal.Signals, where: str) -> str | None:
 def _resumed_twice(attempt: Try) -> str | None:
     first = attempt.run(*_WALL)
     attempt.has_flown(5)
-    os.kill(attempt.the_process("runs.supervisor_process"), signal.SIGKILL)
+    os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
     attempt.wait_for(lambda: "To go on" in first.output or None, "the parent's word")
     both = [attempt.start("resume", attempt.run_dir) for _ in range(2)]
     codes = []
@@ -324,6 +376,173 @@ def _resumed_twice(attempt: Try) -> str | None:
         codes.append(terminal.code)
     refused = sum(code in (2, 3) for code in codes[:2])
     return None if refused == 1 and codes.count(0) == 2 else f"exit codes {codes}"
+
+
+def _killed_again_and_again(attempt: Try) -> str | None:
+    """An agent every two seconds; and in turn the nursery, and the supervisor, which one or two callers resume at once."""
+    speed, period_s = 5, 12.0
+    # Thirty agents a minute, and all of them with their nursery, so that none dies more than five times in a minute.
+    fleet = replace(load(SCENARIO).fleet, count=24, start=RandomStart(charge=(0.3, 0.9)))
+    first = attempt.run(
+        *("--time", "wall", "--speed", str(speed)), duration_s=60 * speed * attempt.minutes, fleet=fleet
+    )
+    attempt.has_flown(5)
+    until_s, pilot, nurseries, supervisors = time.monotonic() + 60 * attempt.minutes, first, 0, 0
+    with _killing_agents(attempt, 2.0) as killed:
+        while time.monotonic() + period_s < until_s:
+            attempt.wait(period_s)
+            if nurseries == supervisors:
+                os.kill(
+                    attempt.wait_for(lambda: next(iter(attempt.nurseries), None), "a nursery"), signal.SIGKILL
+                )
+                nurseries += 1
+                continue
+            supervisors += 1
+            pilot, lost = _resumed(attempt, first, pilot, callers=1 + (supervisors - 1) % 2)
+            if lost is not None:
+                return lost
+    lost = _expect(pilot, {0}, within_s=600.0) or _expect(first, {0}, within_s=60.0)
+    attempt.figures |= {
+        "agents_killed": len(killed),
+        "nurseries_killed": nurseries,
+        "supervisors_killed": supervisors,
+    }
+    return lost or _contradiction(attempt)
+
+
+@contextmanager
+def _killing_agents(attempt: Try, period_s: float) -> Iterator[list[str]]:
+    """Kills one agent after the other in the background; gives the names of the killed ones."""
+    killed: list[str] = []
+    over = threading.Event()
+
+    def kill() -> None:
+        while not over.wait(period_s):
+            agents = attempt.agents
+            waiting = sorted(agents, key=killed.count)  # the first was killed least often
+            if waiting:
+                with suppress(ProcessLookupError):
+                    os.kill(agents[waiting[0]], signal.SIGKILL)
+                    killed.append(waiting[0])
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    try:
+        yield killed
+    finally:
+        over.set()
+        thread.join()
+
+
+def _resumed(attempt: Try, first: Terminal, pilot: Terminal, callers: int) -> tuple[Terminal, str | None]:
+    """Kills the supervisor and has the run resumed; returns the command that flies it now, and what was lost."""
+    os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
+    attempt.wait_for(lambda: (not attempt.processes(_SUPERVISOR)) or None, "the supervisor's end")
+    if pilot is not first and (lost := _expect(pilot, {Exit.PEER_FAILED}, "the supervisor died (SIGKILL)")):
+        return pilot, lost
+    before_ms = attempt.flown_ms()
+    both = [attempt.start("resume", attempt.run_dir) for _ in range(callers)]
+    attempt.wait_for(lambda: attempt.flown_ms() >= before_ms + 5000 or None, "a resumed flight")
+    attempt.wait_for(
+        lambda: sum(it.code is not None for it in both) == callers - 1 or None, "one caller alone"
+    )
+    refused = [it.code for it in both if it.code is not None]
+    (pilot,) = [it for it in both if it.code is None]
+    wrong = [code for code in refused if code not in (Exit.USER_MISTAKE, Exit.PEER_FAILED)]
+    return pilot, f"a second caller ended with {wrong[0]}" if wrong else None
+
+
+def _contradiction(attempt: Try) -> str | None:
+    """What in the records of a run that was resumed contradicts something else in them."""
+    journal, scenario = (
+        read_journal(attempt.run_dir / "journal.jsonl"),
+        load(attempt.run_dir / "scenario.yaml"),
+    )
+    summary = json.loads((attempt.run_dir / "summary.json").read_text())
+    jump = _greatest_jump(journal, charge_models(scenario))
+    low_m, high_m = _driven_m(journal.lines)
+    gap = max(0.0, low_m - summary["cost_m"], summary["cost_m"] - high_m) / high_m
+    died = sum(line["kind"] == EventKind.DIED for line in journal.lines)
+    figures = attempt.figures
+    figures |= {
+        "died": died,
+        "services": summary["services"],
+        "battery_jump": jump,
+        "cost_gap": round(gap, 5),
+    }
+    # A supervisor that dies in a tick may lose the word of a death, never add one.
+    most = figures["agents_killed"] + (figures["nurseries_killed"]) * scenario.fleet.count
+    twice = [line for line, count in Counter(map(_event, journal.lines)).items() if count > 1 and line]
+    full = sum(line["kind"] == EventKind.RELEASED and line["full"] for line in journal.lines)
+    if jump > 1e-9:
+        return f"a battery jumped by {jump:g} of its charge"
+    if gap > 0.01:
+        return f"the cost is {summary['cost_m']:.1f} m, and {low_m:.1f} to {high_m:.1f} m were driven"
+    if twice:
+        return f"twice in the journal: {twice[0]}"
+    if died > most:
+        return f"{died} deaths, and no more than {most} agents were killed"
+    return (
+        None if full == summary["services"] else f"{full} released full, and {summary['services']} services"
+    )
+
+
+def _driven_m(lines: Sequence[Line]) -> tuple[float, float]:
+    """Bounds of the way driven on go-tos, by the aPad's track: each ends somewhere between two of its points."""
+    track = [(line["t"], line["north_m"], line["east_m"]) for line in lines if line["kind"] == EventKind.APAD]
+    low_m = high_m = 0.0
+    for begin_ms, end_ms in _go_tos(lines):
+        before = [point for point in track if point[0] <= begin_ms][-1:]
+        way = [*before, *(point for point in track if begin_ms < point[0] <= end_ms)]
+        chords = [math.dist(first[1:], second[1:]) for first, second in pairwise(way)]
+        low_m, high_m = low_m + sum(chords[:-1]), high_m + sum(chords)
+    return low_m, high_m
+
+
+def _go_tos(lines: Sequence[Line]) -> Iterator[tuple[int, int]]:
+    """The begin and the end of each go-to, in mission ms; a supervisor that died left one without an end."""
+    begin_ms = None
+    for line in lines:
+        if line["kind"] != EventKind.PRIMITIVE:
+            continue
+        is_start, is_go_to = line["phase"] == "started", line["name"] == "go to point"
+        if begin_ms is not None and (is_start or (is_go_to and line["t"] > begin_ms)):
+            yield begin_ms, line["t"]
+            begin_ms = None
+        if is_start and is_go_to:
+            begin_ms = line["t"]
+    if begin_ms is not None:
+        yield begin_ms, lines[-1]["t"]
+
+
+def _event(line: Line) -> str:
+    """The text of an event that happens once; empty for another line."""
+    once = (
+        EventKind.DOCK,
+        EventKind.RELEASED,
+        EventKind.LEG,
+        EventKind.PLAN,
+        EventKind.GIVEN_UP,
+        EventKind.TRUTH,
+    )
+    return json.dumps(line) if line["kind"] in once else ""
+
+
+def _greatest_jump(journal: JournalContents, charge_of: Callable[[int], ChargeModel]) -> float:
+    """The greatest difference, of a full battery, between its charges by two truths in a row at the time of the second."""
+    newest: dict[int, Truth] = {}
+    greatest = 0
+    for line in journal.lines:
+        if line["kind"] != EventKind.TRUTH:
+            continue
+        truth = truth_of(line)
+        before, charge = newest.get(truth.agent_id, truth).physical, charge_of(truth.agent_id)
+        now = truth.physical
+        for was, is_now in ((before.primary, now.primary), (before.secondary, now.secondary)):
+            jump = charge.charge_at(is_now, truth.at_ms) - charge.charge_at(was, truth.at_ms)
+            greatest = max(greatest, abs(jump))
+        newest[truth.agent_id] = truth
+    return greatest / FULL
 
 
 def _disk_full(attempt: Try, *, over_ros: bool) -> str | None:
@@ -358,8 +577,7 @@ def _fleet_given_up(attempt: Try) -> str | None:
     for _ in range(4):
 
         def another() -> int | None:
-            found = set(attempt.processes("agents.nursery")) - killed
-            return next((pid for pid in found if not _comm(pid).startswith("amussel")), None)
+            return next(iter(set(attempt.nurseries) - killed), None)
 
         try:
             nursery = attempt.wait_for(another, "another nursery", 20.0)
@@ -428,26 +646,40 @@ FAULTS = (
     Fault("fleet given up", _fleet_given_up),
     Fault("master stopped and continued", _master_stopped),
     Fault("silent TCP connections", _silent_connections),
+    Fault("agents, nursery and supervisor killed again and again", _killed_again_and_again),
 )
 
 
-def measure(tries: int = TRIES) -> dict[str, Any]:
-    """Each fault `tries` times. The rows' counts are sums over the tries."""
-    return {"rows": [_measured(fault, tries) for fault in FAULTS]}
+def measure(tries: int = TRIES, minutes: float = MINUTES) -> dict[str, Any]:
+    """Each fault `tries` times; one that comes again and again lasts so many `minutes`.
+
+    The rows' counts are sums over the tries; a further figure of a fault is the greatest of its tries.
+    """
+    return {"rows": [_measured(fault, tries, minutes) for fault in FAULTS]}
 
 
-def _measured(fault: Fault, tries: int) -> dict[str, Any]:
-    results = [tried(fault, f"{SEED} {fault.name} {n}") for n in range(tries)]
+def _measured(fault: Fault, tries: int, minutes: float) -> dict[str, Any]:
+    results = [tried(fault, f"{SEED} {fault.name} {n}", minutes) for n in range(tries)]
     row: dict[str, Any] = {"fault": fault.name, "tries": tries}
-    for key in ("left_over", "tracebacks", "torn_records", "lost_missions"):
+    for key in _COUNTS:
         row[key] = sum(getattr(it, key) for it in results)
+    for key in results[0].figures if results else ():
+        row[key] = max(it.figures.get(key, 0) for it in results)
     row["notes"] = [note for it in results for note in it.notes]
     print(json.dumps(row), file=sys.stderr, flush=True)
     return row
 
 
 def show(result: dict[str, Any], console: Console) -> None:
-    table = Table("fault", "tries", "left over", "tracebacks", "torn records", "lost missions")
+    table = Table("fault", "tries", *(key.replace("_", " ") for key in _COUNTS))
     for row in result["rows"]:
-        table.add_row(*(str(value) for key, value in row.items() if key != "notes"))
+        table.add_row(row["fault"], str(row["tries"]), *(str(row[key]) for key in _COUNTS))
     console.print(table)
+    for row in result["rows"]:
+        figures = [
+            f"{key} {value:g}"
+            for key, value in row.items()
+            if key not in (*_COUNTS, "fault", "tries", "notes")
+        ]
+        if figures:
+            console.print(f"{row['fault']}: {', '.join(figures)}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
+from killing import kill_supervisor
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
@@ -137,7 +137,7 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         # The page says that a supervisor has died, and follows the next one.
         browser.execute_script(WATCH_WARNINGS)
         killed_s, others_s = time.time(), stalled_s()
-        os.kill(int((run_dir / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+        kill_supervisor(run_dir)
         wait_until(lambda: len(browser.execute_script("return window.warned")) == 2)
         (said, could_stop, said_ms), (gone, can_stop, _) = browser.execute_script("return window.warned")
         assert said.startswith("No supervisor takes orders") and not could_stop

@@ -170,35 +170,33 @@ rospy.signal_shutdown("the test is over")
 """
 
 CLOCK = """
-import time, rospy
+import select, sys, time, rospy
 from rosgraph_msgs.msg import Clock
 rospy.init_node("clock", disable_signals=True)
 clock = rospy.Publisher("/clock", Clock, queue_size=1)
 print("ready", flush=True)
-while True:
+while not select.select([sys.stdin], [], [], 0.05)[0]:  # until the test closes it
     clock.publish(Clock(rospy.Time.from_sec(time.time())))
-    time.sleep(0.05)
 """
 
 ORDER = """
 import sys, rospy, yaml
+from actionlib import SimpleActionClient
 from apad_bridge.ros.types.messages import use_generated_messages
 use_generated_messages()
-from apad.msg import aPadActionGoal
+from apad.msg import aPadAction, aPadActionGoal
 from genpy.message import fill_message_args
 from misc_msgs.srv import GetDockingInfo
 rospy.init_node("somebody", disable_signals=True)
-topic = rospy.Publisher(sys.argv[1], aPadActionGoal, queue_size=1)
+server = SimpleActionClient(sys.argv[1].removesuffix("/goal"), aPadAction)
+server.wait_for_server()
 docks = rospy.ServiceProxy("/apad1/check_docking_availability", GetDockingInfo)
 for text in sys.argv[2:]:
     before = docks().slots
-    while not topic.get_num_connections():
-        rospy.rostime.wallsleep(0.02)
     goal = aPadActionGoal()
     fill_message_args(goal, [yaml.safe_load(text)])
-    topic.publish(goal)
-    while docks().slots == before:
-        rospy.rostime.wallsleep(0.02)
+    server.send_goal_and_wait(goal.goal)
+    assert docks().slots != before
 rospy.signal_shutdown("done")
 """
 

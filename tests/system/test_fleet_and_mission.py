@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import yaml
+from killing import kill_supervisor
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_messages import typestore
@@ -104,7 +105,7 @@ def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(
     run = start("run", scenario, out, graph, "--apad", "ros")
     wait_until_heard(out, '"kind":"dock"')
     wait_until_heard(out, '{"t":30000,')  # so that the first chunks of its bag are whole
-    os.kill(int((out / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+    kill_supervisor(out)
     resume = [*MUSSELBED, "resume", str(out), "--json"]
     refused = subprocess.run(
         resume,

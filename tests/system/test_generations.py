@@ -18,6 +18,7 @@ from typing import IO, Any
 
 import pytest
 from free_ports import free_port
+from killing import kill_9
 
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
@@ -234,7 +235,7 @@ def test_a_node_that_died_is_named_and_the_flight_ends(
     flight = start("legacy_flight", str(scenario), "ros", "100", "3.0")
     assert flight.stderr is not None
     assert line_of(flight.stderr) == "flying\n"
-    os.kill(vehicle.pid, signal.SIGKILL)
+    kill_9(vehicle.pid)
     assert "the node of /apad1 did not say within 3 s" in told(flight)["failed"]
 
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import os
-import select
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from killing import gone, kill_9
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
@@ -50,20 +49,6 @@ def command(kind: Kind, agent_id: int) -> SoundArrived:
 
 def coordinator(host: Host) -> Coordinator:
     return Coordinator(host, dict.fromkeys(IDS, 0), THETA)
-
-
-def gone(pid: int, timeout_s: float = PATIENCE_S) -> bool:
-    """True if the process ends within the time; for one that is not ours to wait for."""
-    try:
-        descriptor = os.pidfd_open(pid)
-    except ProcessLookupError:
-        return True
-    poll = select.poll()
-    poll.register(descriptor, select.POLLIN)
-    try:
-        return bool(poll.poll(timeout_s * 1000))
-    finally:
-        os.close(descriptor)
 
 
 @pytest.fixture
@@ -109,8 +94,7 @@ def kill(host: InProcessHost | ProcessHost, agent_id: int) -> None:
     if isinstance(host, InProcessHost):
         host.kill(agent_id)
     elif agent_id in host.pids:
-        with suppress(ProcessLookupError):  # killed before, and not granted since
-            os.kill(host.pids[agent_id], signal.SIGKILL)
+        kill_9(host.pids[agent_id])  # perhaps killed before, and not granted since
 
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
@@ -145,7 +129,7 @@ def test_kill_9_in_mid_charge_boots_and_charges_on(host: ProcessHost) -> None:
     before = last_truths(truths)[8]
     assert before.state is State.CHARGING
     old_pid = host.pids[8]
-    os.kill(old_pid, signal.SIGKILL)
+    kill_9(old_pid)
     came = clock.advance(20_000)
     died = [it for it in came if isinstance(it, Died)]
     assert [(it.agent_id, it.agent_ms, it.cause, it.reason, it.gave_up) for it in died] == [
@@ -168,8 +152,7 @@ def test_an_idle_death_is_seen_in_the_next_window(host: ProcessHost) -> None:
     clock.advance(1_000)
     pids = dict(host.pids)
     for agent_id in IDS:
-        os.kill(pids[agent_id], signal.SIGKILL)
-        assert gone(pids[agent_id])
+        kill_9(pids[agent_id])
     died = [it.agent_id for it in clock.advance(2_000) if isinstance(it, Died)]
     assert died == sorted(IDS)
 
@@ -271,7 +254,7 @@ def test_an_agent_that_dies_too_often_stays_dead(tmp_path: Path) -> None:
         clock = coordinator(host)
         gave_up: list[str | None] = []
         for second in range(1, 4):
-            os.kill(host.pids[3], signal.SIGKILL)
+            kill_9(host.pids[3])
             gave_up += [it.gave_up for it in clock.advance(second * 1_000) if isinstance(it, Died)]
         assert gave_up == [None, None, "aMussel 3 was restarted 2 times within 600 s: it stays dead"]
         assert clock.agent_ids == [8, 21]
@@ -371,7 +354,7 @@ def test_agents_die_with_their_nursery_and_its_file_starts_them_again(host: Proc
     before = last_truths(truths)
     pids = dict(host.pids)
     first = host.nursery_pid
-    os.kill(first, signal.SIGKILL)
+    kill_9(first)
     assert all(gone(pid) for pid in pids.values())
     came = clock.advance(11_000)
     assert [(it.agent_id, it.reason) for it in came if isinstance(it, Died)] == [
@@ -438,7 +421,7 @@ def test_a_fleet_whose_nursery_dies_again_and_again_is_lost(host: ProcessHost) -
     for second in range(2, 6):
         assert host.lost is None
         pids = dict(host.pids)
-        os.kill(host.nursery_pid, signal.SIGKILL)
+        kill_9(host.nursery_pid)
         assert all(gone(pid) for pid in pids.values())
         died = [it for it in clock.advance(second * 1_000) if isinstance(it, Died)]
     assert host.lost == "its nursery died 4 times within 60 s, and no other is started"
@@ -459,7 +442,7 @@ def test_a_nursery_that_cannot_start_is_tried_again_and_then_given_up(
     clock = coordinator(host)
     clock.advance(1_000)
     pids = dict(host.pids)
-    os.kill(host.nursery_pid, signal.SIGKILL)
+    kill_9(host.nursery_pid)
     assert all(gone(pid) for pid in pids.values())
     clock.advance(2_000)
     assert len(tried) == 3 and host.lost is not None and host.lost.endswith("(it has no room)")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
+from killing import kill_supervisor
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_messages import BELIEFS, typestore
@@ -121,7 +121,7 @@ def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
     bridge.terminate()
     bridge.wait(PATIENCE_S)
     wait_for(lambda: all_quiet(read_journal(journal).last_ms), "it was never quiet")
-    os.kill(int((run / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+    kill_supervisor(run)
     first_knew = wait_for(lambda: noted(run), "the checkpoint is gone")
     spoken = begin("/usr/bin/rostopic", "echo", "-n", 1, "/musselbed/beliefs", env=tools)
 

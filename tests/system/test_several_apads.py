@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
+from killing import kill_9
 from layout_topics import named_topics
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
@@ -210,7 +211,7 @@ def test_one_that_is_killed_leaves_its_aMussels_to_the_other(
             for entry in Path("/proc").iterdir()
             if _names(entry, f"{run}/apad2") and _names(entry, victim)
         )
-        os.kill(pid, signal.SIGKILL)
+        kill_9(pid)
         wait_until(lambda: taken_over(run), flying, "nobody of apad2 came into a dock of apad1")
     finally:
         stdout, stderr = ended(run, flying)

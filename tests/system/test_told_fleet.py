@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from fleets import STILL, with_whole_boards
+from killing import kill_9
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
@@ -94,7 +93,7 @@ def fly(host: InProcessHost | ProcessHost) -> tuple[list[Heard | Died], list[Tru
                 elif isinstance(host, InProcessHost):
                     host.kill(agent_id)
                 else:
-                    os.kill(host.pids[agent_id], signal.SIGKILL)
+                    kill_9(host.pids[agent_id])
         came += clock.advance(now_s * 1000)
         told += host.take_truths()
     return came, told
