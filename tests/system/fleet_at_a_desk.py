@@ -58,7 +58,7 @@ class PrintingRecorder:
 
 
 def scenario(first_id: int) -> Scenario:
-    data = resolve(load(Path(__file__).parents[2] / "launch_scripts/scenarios/pool-12.yaml"))
+    data = resolve(load(Path(__file__).parents[1] / "shared/scenarios/pool.yaml"))
     data.update(name="desk", duration_s=3600)
     data["fleet"].update(count=4, first_id=first_id, start={"charge": [0.95, 0.95]})
     return from_data(data, "desk")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from rosbags.rosbag1 import Reader
+from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
@@ -63,7 +64,7 @@ def messages(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
     """Ten ticks of one aMussel and the aPad, from time 0 on, and one event."""
-    scenario = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    scenario = load(POOL_FILE)
     directory = RunDirectory.create("story", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
     recorder = Recorder(directory, scenario, [7])
     battery = Battery(0, grains(0.5), Flow.RESTING)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.scenario import loader
@@ -23,7 +24,7 @@ def scenario(tmp_path: Path, docks: int, generation: str, fault: str = "none") -
     rows = [(2, 3), (4, 8), (9, 5), (8, 9), (3, 6), (7, 3), (10, 8)]
     table = [f"{n},{north},{east},0.7{n}" for n, (north, east) in enumerate(rows, start=1)]
     (tmp_path / "seven.csv").write_text("\n".join(["id,north,east,battery", *table, ""]))
-    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data = loader.resolve(loader.load(POOL_FILE))
     data |= {"theta": 600, "duration_s": 330}
     data["fleet"] |= {"count": 7, "start": str(tmp_path / "seven.csv")}
     data["apad"] |= {"start_m": [6, 6], "generation": generation, "docks": docks, "fault": fault}

@@ -15,6 +15,7 @@ import pytest
 import yaml
 from killing import kill_supervisor
 from rosbags.rosbag1 import Reader
+from scenario_files import POOL_FILE
 
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.records.journal import read_journal
@@ -31,7 +32,7 @@ PATIENCE_S = 90.0
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data = yaml.safe_load(POOL_FILE.read_text())
     data.update(name="split", duration_s=130, theta=600)
     data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
     data["area"]["polygon_m"] = [[0, 0], [4, 0], [4, 4], [0, 4]]

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
@@ -20,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_it_is_asked_configured_charged_and_drained(tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.yaml"
-    loader.write_resolved(scenario, loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    loader.write_resolved(scenario, loader.load(POOL_FILE))
     with ExitStack() as stack:
         master = start_master(tmp_path / "ros", timeout_s=20, orphan_s=60)
         stack.callback(master.stop)

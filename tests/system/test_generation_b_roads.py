@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
@@ -26,7 +27,7 @@ IDLE, RUNNING, PREEMPTED, DONE = "0", "1", "2", "3"
 def told(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """What `order_by_every_road` heard."""
     folder = tmp_path_factory.mktemp("roads")
-    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data = loader.resolve(loader.load(POOL_FILE))
     data["apad"] |= {"generation": "b", "drift_m_s": list(DRIFT_M_S)}
     scenario = folder / "scenario.yaml"
     loader.write_resolved(scenario, loader.from_data(data, "roads"))

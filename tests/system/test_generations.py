@@ -19,6 +19,7 @@ from typing import IO, Any
 import pytest
 from free_ports import free_port
 from killing import kill_9
+from scenario_files import POOL_FILE
 
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
@@ -83,7 +84,7 @@ def four(tmp_path: Path, duration_s: float, generation: str = "a", fault: str = 
     (tmp_path / "four.csv").write_text(
         "id,north,east,battery\n1,2,3,0.75\n2,4,8,0.74\n3,9,5,0.70\n4,8,9,0.72\n"
     )
-    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data = loader.resolve(loader.load(POOL_FILE))
     data |= {"theta": 600, "duration_s": duration_s}
     data["fleet"] |= {"count": 4, "start": str(tmp_path / "four.csv")}
     data["apad"] |= {"start_m": [6, 6], "generation": generation, "fault": fault}

@@ -19,6 +19,7 @@ import yaml
 from free_ports import free_port
 from layout_topics import named_topics
 from rosbags.rosbag1 import Reader
+from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
@@ -75,7 +76,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 @contextmanager
 def launched(folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
-    data = yaml.safe_load((LAUNCH / "scenarios" / "pool-12.yaml").read_text())
+    data = yaml.safe_load(POOL_FILE.read_text())
     data |= {"name": "short", "duration_s": 2000, "theta": 600}
     starts = ["id,north,east,battery", *(f"{n},{13 + n / 2},11,0.6" for n in (1, 2, 3))]
     (folder / "three.csv").write_text("\n".join(starts) + "\n")

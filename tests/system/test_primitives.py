@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
+from scenario_files import POOL_FILE
 
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment
@@ -76,7 +77,7 @@ SUCCEEDED, PREEMPTED = 3, 2
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data = yaml.safe_load(POOL_FILE.read_text())
     data.update(name="called", duration_s=3000, theta=600)
     data["fleet"].update(count=3, start={"charge": [0.5, 0.75]}, hosting="one_process")
     data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
@@ -71,7 +72,7 @@ def estimate(now_ms: int) -> Belief:
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two minutes: 1 stays above the threshold, 2 is docked at 60 s, 3 is a candidate, 4 is lost at 90 s."""
     assert CHROMIUM, "chromium is missing: apt-get install chromium"
-    scenario = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    scenario = load(POOL_FILE)
     directory = RunDirectory.create(
         "story", datetime(2026, 5, 4, tzinfo=UTC), tmp_path_factory.mktemp("runs") / "story"
     )

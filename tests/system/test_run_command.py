@@ -15,6 +15,7 @@ import pytest
 import yaml
 from killing import kill_9, kill_supervisor
 from rosbags.rosbag1 import Reader
+from scenario_files import POOL_FILE
 from stalled import stalled_s
 
 from apad_bridge.records.journal import read_journal
@@ -47,7 +48,7 @@ def wait_for(what: Callable[[], Any], why: str, patience_s: float = PATIENCE_S) 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
     """Six aMussels close together at theta = 600: a round of four takes about a minute of mission time."""
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data = yaml.safe_load(POOL_FILE.read_text())
     data.update(name="short", duration_s=150, theta=600)
     data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
     data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]

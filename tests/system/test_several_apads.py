@@ -17,6 +17,7 @@ import pytest
 import yaml
 from killing import kill_9
 from layout_topics import named_topics
+from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
@@ -39,7 +40,7 @@ APADS = ("apad1", "apad2")
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
     """Six aMussels in two heaps at theta = 600, an aPad beside each."""
-    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data = yaml.safe_load(POOL_FILE.read_text())
     data.update(name="two", duration_s=60, theta=600)
     data["area"]["polygon_m"] = [[0, 0], [4, 0], [4, 60], [0, 60]]
     starts = [

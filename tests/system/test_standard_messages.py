@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from layout_topics import TYPES, named_topics
+from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
@@ -148,7 +149,7 @@ def published(environment: dict[str, str]) -> dict[str, str]:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_layouts_name_topics_that_are_there(kind: str, environment: dict[str, str]) -> None:
-    pool = load(HERE.parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    pool = load(POOL_FILE)
     two = with_overrides(pool, agents=2)
     text = KINDS[kind].write(layout_fleet(two, starts_of(two)))
     assert "musselbed/enu" in text or kind not in ("rviz", "foxglove")

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
@@ -23,7 +24,7 @@ PREEMPTED = 2
 def test_an_apad_whose_mission_falls_silent_is_held_where_it_is_and_a_pilot_is_not_fought(
     tmp_path: Path,
 ) -> None:
-    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data = loader.resolve(loader.load(POOL_FILE))
     data["apad"] |= {"generation": "b", "drift_m_s": [0.05, -0.1]}
     scenario = tmp_path / "scenario.yaml"
     loader.write_resolved(scenario, loader.from_data(data, "silent"))
