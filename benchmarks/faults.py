@@ -476,6 +476,8 @@ def _contradiction(attempt: Try) -> str | None:
     full = sum(line["kind"] == EventKind.RELEASED and line["full"] for line in journal.lines)
     if jump > 1e-9:
         return f"a battery jumped by {jump:g} of its charge"
+    if summary["gave_up"]:
+        return f"{summary['gave_up']} aMussels stayed dead, and none died more than five times in a minute"
     if gap > 0.01:
         return f"the cost is {summary['cost_m']:.1f} m, and {low_m:.1f} to {high_m:.1f} m were driven"
     if twice:

@@ -137,8 +137,13 @@ class ProcessHost:
         try:
             if self._links.nursery_died:
                 self._replace_nursery()
-            outcome = self._nursery.start([row])
-        except (NurseryDied, NurseryFailed) as error:
+            outcome = None
+            while outcome is None:
+                try:
+                    outcome = self._nursery.start([row])
+                except NurseryDied:  # after the agents were asked; one after the other, until the fleet is lost
+                    self._replace_nursery()
+        except NurseryFailed as error:
             return str(error)
         for pid, descriptor in outcome.living.values():
             self._links.add(agent_id, pid, descriptor)

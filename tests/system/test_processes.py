@@ -371,6 +371,25 @@ def test_agents_die_with_their_nursery_and_its_file_starts_them_again(host: Proc
     )
 
 
+def test_a_nursery_that_dies_while_it_is_asked_for_an_agent_is_followed_by_another(host: ProcessHost) -> None:
+    clock = coordinator(host)
+    clock.advance(10_000)
+    first, start = host._nursery, host._nursery.start
+
+    def dies(rows: list[tuple[int, int, ResetCause, int, int]]) -> object:
+        kill_9(first.pid)
+        return start(rows)
+
+    first.start = dies  # type: ignore[method-assign,assignment]
+    kill_9(host.pids[8])
+    died = [it for it in clock.advance(11_000) if isinstance(it, Died)]
+    assert died[0].agent_id == 8 and [it.gave_up for it in died if it.gave_up] == []
+    # The others died with that nursery, and are started by the next one.
+    died += [it for it in clock.advance(12_000) if isinstance(it, Died)]
+    assert {it.agent_id for it in died} == set(IDS) and clock.agent_ids == sorted(IDS)
+    assert host.nursery_pid != first.pid
+
+
 def test_a_whole_crash_is_resumed_from_the_file(orphans: subprocess.Popen[bytes], tmp_path: Path) -> None:
     orphans.kill()
     orphans.wait(PATIENCE_S)
