@@ -22,7 +22,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, decompressors, read_bytes, read_uint32
 from rosbags.rosbag1.writer import MAXSIZE, WriteChunk, Writer
 
-from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, typestore
+from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, definition
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 from apad_bridge.ros_names.names import in_full, ours
@@ -121,11 +121,12 @@ class BagWriter:
         self.path = path
         self._messages = Messages(theta, stamp_ms)
         self._writer = _new_writer(path)
-        store = typestore()
-        self._connections = {
-            name: self._writer.add_connection(in_full("", topic), name, typestore=store)
-            for name, topic in _TOPICS.items()
-        }
+        self._connections = {}
+        for name, topic in _TOPICS.items():
+            text, md5 = definition(name)
+            self._connections[name] = self._writer.add_connection(
+                in_full("", topic), name, msgdef=text, md5sum=md5
+            )
         self._chunk_ms = 0
 
     def sample(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -15,6 +16,8 @@ from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 
 _DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions"
+_STANDARD = Path(__file__).parent / "definitions"
+"""ROS's own texts of the standard messages that ours contain."""
 _PACKAGES = ("auv_msgs", "musselbed_msgs", "underwater_msgs")
 
 TRUTH = "musselbed_msgs/msg/FleetTruth"
@@ -37,6 +40,34 @@ def typestore() -> Typestore:
             ours.update(get_types_from_msg(path.read_text(encoding="utf-8"), name))
     store.register(ours)
     return store
+
+
+def definition(name: str) -> tuple[str, str]:
+    """The full text of a message's definition, as genpy has it with all comments, and its md5.
+
+    rosbags would write a text without comments, and `rosbag check` would find that it differs.
+    """
+    texts = [_text(name)]
+    for nested in dict.fromkeys(_nested(name)):
+        texts.append(f"{'=' * 80}\nMSG: {nested.replace('/msg/', '/')}\n{_text(nested)}")
+    return "\n".join(texts), typestore().generate_msgdef(name)[1]
+
+
+def _text(name: str) -> str:
+    package, _, message = name.partition("/msg/")
+    folder = _DEFINITIONS if package in _PACKAGES else _STANDARD
+    return (folder / package / "msg" / f"{message}.msg").read_text(encoding="utf-8")
+
+
+def _nested(name: str) -> Iterator[str]:
+    """The messages in a message, each before those in it."""
+    for _, field in typestore().fielddefs[name][1]:
+        kind, inner = field
+        while kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            kind, inner = cast(Any, inner)[0]
+        if kind is Nodetype.NAME and not str(inner).startswith("builtin_interfaces/"):
+            yield str(inner)
+            yield from _nested(str(inner))
 
 
 class Messages:

@@ -120,6 +120,11 @@ def test_rosbag_info_knows_the_bag(bag: Path, messages: Path) -> None:
     assert f"{3 * TICKS + 1}" in said and "9.0s" in said
 
 
+def test_rosbag_check_finds_nothing_to_migrate(bag: Path, messages: Path) -> None:
+    said = rosbag("check", str(bag), environment=tool_environment(messages))
+    assert said == "Bag file does not need any migrations.\n"
+
+
 def test_rosbag_reindex_mends_a_bag_that_was_never_closed(tmp_path: Path, messages: Path) -> None:
     writer = BagWriter(tmp_path / "run.bag", theta=30)
     for now_ms in range(0, 30_000, 1000):

@@ -127,14 +127,13 @@ def test_the_bag_names_the_definitions_that_genpy_generates(tmp_path):
     for package in ("musselbed_msgs", "auv_msgs", "underwater_msgs"):
         folders[package] = [str(DEFINITIONS / package / "msg")]
     with Reader(bag.path) as reader:
-        found = {
-            connection.msgtype.replace("/msg/", "/"): connection.digest for connection in reader.connections
-        }
+        found = {it.msgtype.replace("/msg/", "/"): (it.digest, it.msgdef.data) for it in reader.connections}
     assert len(found) == 5
-    for name, digest in found.items():
+    for name, (digest, text) in found.items():
         spec = genmsg.msg_loader.load_msg_by_type(context, name, folders)
         genmsg.msg_loader.load_depends(context, spec, folders)
         assert digest == genmsg.compute_md5(context, spec), name
+        assert text == genmsg.compute_full_text(context, spec), name
 
 
 def test_a_killed_bag_keeps_all_but_its_last_chunk(tmp_path):
