@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.commands.run_checks import tell_docks_in_use
 from apad_bridge.doctor import network
@@ -21,7 +22,6 @@ from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-POOL = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 
 OTHER_FLEET = """
 import sys, rospy
@@ -56,7 +56,7 @@ def checks(environment: dict[str, str], *arguments: str) -> dict[str, dict[str, 
 
 
 def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
-    done = run_doctor(loopback_environment(tmp_path), str(POOL))
+    done = run_doctor(loopback_environment(tmp_path), str(POOL_FILE))
     assert done.returncode == 0, done.stdout + done.stderr
     lines = done.stdout.splitlines()
     assert all(line.startswith(("OK ", "WARN ")) and ": " in line for line in lines)
@@ -66,7 +66,7 @@ def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
 
 
 def test_a_master_elsewhere_that_does_not_answer_is_a_failure(tmp_path: Path) -> None:
-    done = run_doctor(loopback_environment(tmp_path, "http://apad1.invalid:11311"), str(POOL))
+    done = run_doctor(loopback_environment(tmp_path, "http://apad1.invalid:11311"), str(POOL_FILE))
     (master_line,) = [line for line in done.stdout.splitlines() if line.split()[1] == "master:"]
     assert done.returncode == 3, done.stdout
     assert master_line.startswith("FAIL") and "/etc/hosts" in master_line
@@ -96,12 +96,12 @@ def test_the_simulated_apad_on_a_real_master(
 ) -> None:
     environment = loopback_environment(tmp_path, master.uri)
     network.call(master.uri, "setParam", "/use_sim_time", True)
-    command = [sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(POOL)]
+    command = [sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(POOL_FILE)]
     command += ["--generation", generation]
     with subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
         try:
             assert node.stdout is not None and node.stdout.readline() == "ready\n"
-            found = checks(environment, str(POOL))
+            found = checks(environment, str(POOL_FILE))
         finally:
             node.terminate()
             node.wait(20)
@@ -141,7 +141,7 @@ def test_ids_of_another_fleet(tmp_path: Path, master: Master) -> None:
     )
     try:
         assert fleet.stdout is not None and fleet.stdout.readline() == "ready\n"
-        found = checks(environment, str(POOL))
+        found = checks(environment, str(POOL_FILE))
     finally:
         fleet.communicate(timeout=20)
     assert found["aMussel ids"]["status"] == "FAIL"
@@ -232,15 +232,22 @@ def test_docks_in_use_are_told_with_commands_that_empty_them(
     environment = loopback_environment(tmp_path, master.uri)
     monkeypatch.setenv("ROS_MASTER_URI", master.uri)
     options = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
-    scenario = load(POOL)
-    node = ["-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(POOL), "--generation", "a"]
+    scenario = load(POOL_FILE)
+    node = [
+        "-m",
+        "apad_bridge.ros.simulated_node.apad_node",
+        "--scenario",
+        str(POOL_FILE),
+        "--generation",
+        "a",
+    ]
     with running(environment, "-c", CLOCK), running(environment, *node):
-        assert checks(environment, str(POOL))["/apad1 docks"]["status"] == "OK"
+        assert checks(environment, str(POOL_FILE))["/apad1 docks"]["status"] == "OK"
         tell_docks_in_use(options, scenario)
         assert capsys.readouterr().err == ""
         perches = [f"{{goal: {{id: 1, object: amussel{agent_id}}}}}" for agent_id in (3, 99)]
         order(environment, "/apad1/action_server/goal", *perches)
-        found = checks(environment, str(POOL))
+        found = checks(environment, str(POOL_FILE))
         tell_docks_in_use(options, scenario)
         docks = found["/apad1 docks"]
         assert docks["status"] == "WARN" and "apad.docks: 2 in the scenario" in docks["mend"]
@@ -254,7 +261,7 @@ def test_docks_in_use_are_told_with_commands_that_empty_them(
         assert len(commands) == 2
         for topic, goal in commands:
             order(environment, topic, goal)
-        assert checks(environment, str(POOL))["/apad1 docks"]["status"] == "OK"
+        assert checks(environment, str(POOL_FILE))["/apad1 docks"]["status"] == "OK"
     for name in ("/apad1 action server", "/apad1 battery"):
         assert found[name]["status"] == "OK", found[name]
 
