@@ -86,6 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
             rows = fly_study(plan, directory, workers, lambda missions: progress.advance(task, missions))
     except AnotherStudy as error:
         raise UserError(str(error)) from error
+    except KeyboardInterrupt:
+        print(f"musselbed study: ended; the same command goes on from {directory}", file=sys.stderr)
+        raise
     except StudyFailed as error:
         print(f"musselbed study: {error}", file=sys.stderr)
         return Exit.PEER_FAILED

@@ -7,8 +7,8 @@ as a flight in virtual time. Three parts are computed instead of stepped:
 - the random drift: a sum of the body's own steps, which all missions with the same seed share;
 - the aPad's cruise: steps at constant speed and heading are one step.
 
-A tick is skipped if nothing can happen at it: `_next_tick_ms` is never later than the first tick at which the mission would
-act. A tick too many changes nothing, because a flight may be cut anywhere. `model_gap` names what the model leaves out.
+A tick is skipped if nothing can happen at it: `Ticks.next_tick_ms` is never later than the first tick at which the mission
+would act. A tick too many changes nothing, because a flight may be cut anywhere. `model_gap` names what is left out.
 """
 
 from __future__ import annotations
@@ -273,7 +273,9 @@ class Ticks:
         due_ms = _NEVER_MS if agents_due_ms is None else agents_due_ms
         match state.phase:
             case Phase.IDLE:
-                return min(due_ms, self._enough_in_pool_ms(beliefs, now_ms)) if self._collects else due_ms
+                if not self._collects:
+                    return due_ms
+                return min(due_ms, self._enough_in_pool_ms(beliefs, now_ms))
             case Phase.GO_COLLECT:
                 step = state.plan.steps[0]
                 belief = self._beliefs.get(step.agent_id)
@@ -298,6 +300,9 @@ class Ticks:
     def _enough_in_pool_ms(self, beliefs: Sequence[Belief], now_ms: int) -> int:
         """The mission time by which a batch may have gathered: the charges fall to the threshold one by one."""
         alive = [it for it in beliefs if it.state not in BEYOND_HELP]
+        tries = dict(self._supervisor.mission.state.failed_tries).values()
+        if max(tries, default=0) >= self._config.collection_attempts:
+            return now_ms  # an aMussel that is left alone makes the batch smaller
         batch = min(self._config.batch, max(1, len(alive)))
         low_at_ms = []
         for belief in alive:

@@ -42,6 +42,12 @@ CASES: dict[str, dict[str, Any]] = {
     "it decides anew after each docking": {"seed": 3, "mission__collection": "njnp", "duration_s": 1200.0},
     "nobody is charged": {"seed": 4, "mission__collection": "none", "duration_s": 600.0},
     "dockings miss": {"seed": 4, "apad__dock_miss_probability": 0.4, "duration_s": 1200.0},
+    "some are left alone": {
+        "seed": 4,
+        "apad__dock_miss_probability": 0.7,
+        "mission__collection_attempts": 1,
+        "duration_s": 1800.0,
+    },
     "one at a time": {"seed": 5, "mission__batch": 1, "duration_s": 1200.0},
     "real time": {"seed": 6, "theta": 1, "duration_s": 1200.0, "fleet__start": {"charge": [0.7, 0.8]}},
     "nearly empty": {"seed": 8, "theta": 60, "duration_s": 900.0, "fleet__start": {"charge": [0.0, 0.2]}},
