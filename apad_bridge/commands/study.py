@@ -6,7 +6,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 TABLE_TWO = "table2"
 _OUT = Path("studies")
+_BETWEEN_COLUMNS = 3
 
 
 def add_parser(commands: Any) -> None:
@@ -153,23 +154,19 @@ def _print_comparison(console: Console, found: Comparison, baseline: str) -> Non
     from apad_bridge.runs.studies.figures import COLUMNS
     from apad_bridge.runs.studies.report import HEADINGS, NO_ENERGY, difference_text, estimate_text
 
-    others = [it for it in found.standings if it.differences]
-    tables = [(f"{found.setting.label}, best first", found.standings)]
-    if others:
-        tables.append((f"minus {baseline}, on the same configurations", others))
-    for title, shown in tables:
-        table = _table(title, ["", *(it.strategy for it in shown)])
-        for column in COLUMNS:
-            table.add_row(
-                HEADINGS[column],
-                *(
-                    estimate_text(it.columns[column])
-                    if shown is found.standings
-                    else difference_text(it.differences[column])
-                    for it in shown
-                ),
-            )
-        console.print(table)
+    means = {it.strategy: [estimate_text(it.columns[column]) for column in COLUMNS] for it in found.standings}
+    differences = {
+        it.strategy: [difference_text(it.differences[column]) for column in COLUMNS]
+        for it in found.standings
+        if it.differences
+    }
+    titles = (f"{found.setting.label}, best first", f"minus {baseline}, on the same configurations")
+    for title, cells in zip(titles, (means, differences), strict=True):
+        for strategies in _that_fit(cells, console.width - max(map(len, HEADINGS.values()))):
+            table = _table(title, ["", *strategies])
+            for row, column in enumerate(COLUMNS):
+                table.add_row(HEADINGS[column], *(cells[it][row] for it in strategies))
+            console.print(table)
     console.print(found.bounds.text, soft_wrap=True)
     if found.setting.theta != 1:
         console.print(f"{NO_ENERGY}.", soft_wrap=True)
@@ -202,6 +199,20 @@ def _print_table_two(
     if energy is not None:
         console.print(energy, soft_wrap=True)
     console.print()
+
+
+def _that_fit(cells: dict[str, list[str]], width: int) -> Iterator[list[str]]:
+    """The strategies in groups whose columns fit beside each other, in their order."""
+    group: list[str] = []
+    used = 0
+    for name, texts in cells.items():
+        wanted = max(map(len, [name, *texts])) + _BETWEEN_COLUMNS
+        if group and used + wanted > width:
+            yield group
+            group, used = [], 0
+        group, used = [*group, name], used + wanted
+    if group:
+        yield group
 
 
 def _table(title: str, headings: Sequence[str]) -> Table:

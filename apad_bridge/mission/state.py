@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any
 
@@ -88,9 +88,11 @@ class MissionState:
         return "waits for the aPad's position" if waits else self.phase.value
 
     def to_json(self) -> dict[str, Any]:
-        ended_by = self.ended_by
+        ended_by, leg = self.ended_by, self.leg
         return {
-            **asdict(self),
+            # Not `asdict`, which would copy each tuple of a value that is journaled at every change.
+            **{it.name: getattr(self, it.name) for it in fields(self)},
+            "leg": None if leg is None else asdict(leg),
             "plan": self.plan.encode(),
             "ended_by": None if ended_by is None else str(ended_by),
             "end_reason": None if ended_by is None else ended_by.reason.value,
