@@ -28,6 +28,7 @@ JOURNAL = "trials.jsonl"
 Row = dict[str, Any]
 """One mission: setting (its index), strategy, seed, and the fields of `Figures`."""
 Worker = Popen[bytes]
+_WORKER = "apad_bridge.runs.studies.worker"
 
 
 class StudyFailed(Exception):
@@ -147,8 +148,8 @@ def _answer(process: Worker) -> list[Row]:
 
 @contextmanager
 def _started_workers(plan: Plan, count: int) -> Iterator[list[Worker]]:
-    """Processes that run this module, and that end with this one, whatever ends it."""
-    command = [sys.executable, "-m", "agents.hosting.started", __name__]
+    """Workers that end with this process, whatever ends it."""
+    command = [sys.executable, "-m", "agents.hosting.started", _WORKER]
     processes: list[Worker] = []
     try:
         for _ in range(count):
@@ -166,25 +167,3 @@ def _started_workers(plan: Plan, count: int) -> Iterator[list[Worker]]:
                 if pipe is not None:
                     with suppress(BrokenPipeError):
                         pipe.close()
-
-
-def main() -> None:
-    """A worker: reads the study and then blocks, and answers each with its rows. Prints of a strategy go to stderr."""
-    answers, orders = os.fdopen(os.dup(1), "wb"), sys.stdin.buffer
-    os.dup2(2, 1)
-    plan = pickle.load(orders)
-    while True:
-        try:
-            block = pickle.load(orders)
-        except EOFError:
-            return
-        try:
-            answer: list[Row] | StudyFailed = fly_block(plan, *block)
-        except StudyFailed as failed:
-            answer = failed
-        pickle.dump(answer, answers)
-        answers.flush()
-
-
-if __name__ == "__main__":
-    main()

@@ -156,6 +156,14 @@ def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
     assert fly_study(study, tmp_path / "two", 2) == fly_study(study, tmp_path / "one", 1)
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_strategy_that_fails_ends_the_study_with_its_reason(tmp_path: Path, workers: int) -> None:
+    with pytest.raises(
+        StudyFailed, match=r"exact plans are for 6 aMussels, not for .* \(exact in pool, .* seed \d\)"
+    ):
+        fly_study(plan(strategies=["cautious", "exact"]), tmp_path, workers)
+
+
 def test_the_command_writes_a_row_for_each_mission_and_a_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
