@@ -141,7 +141,9 @@ class ProcessHost:
             while outcome is None:
                 try:
                     outcome = self._nursery.start([row])
-                except NurseryDied:  # after the agents were asked; one after the other, until the fleet is lost
+                except (
+                    NurseryDied
+                ):  # after the agents were asked; one after the other, until the fleet is lost
                     self._replace_nursery()
         except NurseryFailed as error:
             return str(error)
