@@ -26,6 +26,7 @@ fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: paper, amplitude_m:
 hearing: {mode: paper, report_period_s: 5}
 """
 POOL = """
+board: {surfacing_timeout_s: 600}
 mission: {pool_threshold: 0.9, batch: 2}
 area: {fence: [[-50, -50], [80, -50], [80, 80], [-50, 80]], keep_out: [[[60, 60], [70, 60], [70, 70]]], home_m: [14, 10]}
 guards: {leg_m: 500, leg_s: 600, speed_limit_m_s: 5, battery_reserve: 0.1, amussel_depth_m: 50}
@@ -75,7 +76,7 @@ def base(name: str) -> Scenario:
     data = yaml.safe_load((SCENARIO_FILES / f"{name}.yaml").read_text())
     for text in (FLIGHT, BASES[name]):
         for key, value in yaml.safe_load(text).items():
-            data[key] = {**data[key], **value} if key in ("area", "mission") else value
+            data[key] = {**data[key], **value} if key in ("area", "board", "mission") else value
     data["mission"]["docking"]["servo"] = SERVO
     data["board"]["surfacing_timeout_s"] = 90
     if name == "whole":
