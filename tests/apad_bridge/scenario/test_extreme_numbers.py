@@ -78,7 +78,6 @@ def base(name: str) -> Scenario:
         for key, value in yaml.safe_load(text).items():
             data[key] = {**data[key], **value} if key in ("area", "board", "mission") else value
     data["mission"]["docking"]["servo"] = SERVO
-    data["board"]["surfacing_timeout_s"] = 90
     if name == "whole":
         data["board"]["whole"] |= yaml.safe_load(METERED)
     return from_data(data, name)
