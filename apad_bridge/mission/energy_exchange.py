@@ -7,7 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
@@ -26,6 +26,7 @@ from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.plans import plan_note, plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
+from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
@@ -39,7 +40,6 @@ from apad_bridge.vehicle.primitives import (
     Outcome,
     PrimitiveFailed,
 )
-from firmware_model.state_groups import UP_AND_UNDOCKED
 
 STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
@@ -47,36 +47,6 @@ LEGS_PER_STEP = 3
 """A step is given up when its aMussel floats out of reach after so many go-tos."""
 DOCKINGS_PER_STEP = 3
 """A step is given up after so many failed dockings, because an aMussel spends most of its charge at the surface."""
-
-
-class SinkReminders:
-    """Selects aMussels at the surface that nobody comes for, to be told every `repeat_ms` that they may sink."""
-
-    def __init__(self, repeat_ms: int) -> None:
-        self._repeat_ms = repeat_ms
-        self._reminded_ms: dict[int, int] = {}
-
-    def take_due(
-        self, beliefs: Iterable[Belief], expected: Container[int], called_up: Container[int], now_ms: int
-    ) -> list[int]:
-        """Ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
-
-        An aMussel that was told at its release and is still at the surface did not get the message, because a
-        board asleep in its dock has its Wi-Fi off.
-
-        An empty aMussel is told only if it was `called_up`. Any other came up to survive, and can be fetched there.
-        """
-        due_ids = [
-            belief.agent_id
-            for belief in beliefs
-            if belief.state in UP_AND_UNDOCKED
-            and (belief.primary > 0 or belief.agent_id in called_up)
-            and belief.agent_id not in expected
-            and belief.heard_ms == now_ms
-            and now_ms - self._reminded_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms
-        ]
-        self._reminded_ms.update(dict.fromkeys(due_ids, now_ms))
-        return due_ids
 
 
 @dataclass(frozen=True, slots=True)

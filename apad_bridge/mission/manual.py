@@ -19,6 +19,7 @@ from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
+from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
@@ -83,6 +84,9 @@ class ManualMission(OrderBook):
         """Number of accepted orders to dock or undock."""
         self._docking: tuple[int, int] | None = None
         """(agent, dock index) of the last docking or undocking."""
+        self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
+        self._let_go: set[int] = set()
+        """The aMussels that this mission undocked and that were not called up since."""
         reach_m = max(REACH_M, 2 * config.victory_radius_m)
         self._docking_routine = DockingRoutine(config, beliefs, self, reach_m)
         self._command_sources = command_sources
@@ -98,6 +102,8 @@ class ManualMission(OrderBook):
         match outcome:
             case DockChanged(_, dock_index, agent_id, closed, _):
                 self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
+                self._let_go -= {agent_id}
+                self._let_go |= set() if closed else {agent_id}
             case PrimitiveSucceeded():
                 self._end_primitive(outcome, Status.DONE, None)
             case NothingCaught():
@@ -122,6 +128,7 @@ class ManualMission(OrderBook):
             self._advance_docking(self.pose)
         for command_source in self._command_sources:
             command_source.act(self, now_ms)
+        self._remind_to_sink(now_ms)
         return self.take_orders()
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
@@ -208,6 +215,7 @@ class ManualMission(OrderBook):
         self._pre_empt_docking()
         if self.goto is Status.RUNNING:
             self.order(HoldPosition(self.next_id(), *here))
+        self._let_go.discard(agent_id)
         self._begin_docking(agent_id, dock_index)
         self._docking_routine.dock(dock_index, agent_id, self.now_ms, manoeuvre)
         self._advance_docking(here)
@@ -227,7 +235,15 @@ class ManualMission(OrderBook):
     def permit_surfacing(self, agent_id: int) -> None:
         self._require_place()
         self._belief_of(agent_id)
+        self._let_go.discard(agent_id)
         self._docking_routine.permit_surfacing(agent_id)
+
+    def call_up(self, agent_id: int) -> None:
+        """Permits the aMussel to surface, and repeats it on the way there; for a go-to that was just ordered."""
+        self._require_place()
+        self._belief_of(agent_id)
+        self._let_go.discard(agent_id)
+        self._docking_routine.call_up(agent_id, self.now_ms)
 
     def tell_clear(self, agent_id: int) -> None:
         self._require_place()
@@ -274,6 +290,11 @@ class ManualMission(OrderBook):
             self._docking_routine.mechanism = mechanism
 
     # Helpers.
+
+    def _remind_to_sink(self, now_ms: int) -> None:
+        let_go = [belief for belief in self.beliefs.all() if belief.agent_id in self._let_go]
+        for agent_id in self._sink_reminders.take_due(let_go, (), self._let_go, now_ms):
+            self.order(TellClear(agent_id))
 
     def _require_place(self) -> tuple[float, float]:
         if self.state.phase is Phase.ENDED:

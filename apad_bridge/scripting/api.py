@@ -147,8 +147,9 @@ class Api(Queries):
         """Goes to an aMussel, letting it surface on the way, and docks it. True if it is in the dock at the end."""
         self._dock_index_of(dock)  # A wrong dock is refused now, and not after the go-to.
         until_s = self.now() + timeout
-        self.permit_surfacing(id)
+        self._await_first_packet(id)
         self.go_to_local(*self._place_of(id))
+        self._do(lambda mission: mission.call_up(id))
         if self.wait_goto(timeout) is not Status.DONE:
             return False
         self.docking(True, dock, id)

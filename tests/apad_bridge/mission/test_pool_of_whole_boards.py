@@ -9,8 +9,9 @@ from scenario_files import WHOLE_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.energy_exchange import EnergyExchange, SinkReminders
+from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import FullWhen
