@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
+from functools import cache
 
 from agents.mussel.stimuli import Stimulus, from_wire, to_wire
 from agents.packet_medium import Medium
@@ -102,8 +103,9 @@ RULES = (
 come back from the topic on which this process published them, for example."""
 
 
-def outcomes(source: Source, standing: Standing, medium: Medium | None) -> list[Outcome]:
-    return [rule.outcome for rule in RULES if rule.applies(source, standing, medium)]
+@cache
+def outcomes(source: Source, standing: Standing, medium: Medium | None) -> tuple[Outcome, ...]:
+    return tuple(rule.outcome for rule in RULES if rule.applies(source, standing, medium))
 
 
 @dataclass(frozen=True, slots=True)
