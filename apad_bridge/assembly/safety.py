@@ -1,7 +1,7 @@
 """Builds the guards and the monitor of a flight's vehicle from its scenario.
 
-A guard whose limit the scenario leaves out is absent. Without a block `guards` and without a fence, numbers and the
-position are guarded, and nothing is watched between orders.
+A guard whose limit the scenario leaves out is absent. Without a block `guards` and without a fence, only numbers are
+guarded, and that the position is known; nothing is watched between orders.
 """
 
 from __future__ import annotations

@@ -130,11 +130,15 @@ def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
             polling.cancel()
             feed.close()
 
+    def is_token(text: str) -> bool:
+        # As bytes: the comparison takes no text beyond ASCII.
+        return hmac.compare_digest(text.encode(), token.encode())
+
     def is_known(request: Request) -> bool:
-        return hmac.compare_digest(request.cookies.get(_cookie(request), ""), token)
+        return is_token(request.cookies.get(_cookie(request), ""))
 
     async def page(request: Request) -> Response:
-        if hmac.compare_digest(request.query_params.get("token", ""), token):
+        if is_token(request.query_params.get("token", "")):
             answer = RedirectResponse("/", status_code=303)
             answer.set_cookie(_cookie(request), token, httponly=True, samesite="strict")
             return answer
@@ -154,6 +158,8 @@ def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
     async def order(request: Request) -> Response:
         if not is_known(request):
             return _REFUSED
+        if not 0 < int(request.headers.get("content-length", 0)) <= control.LONGEST_LINE:
+            return PlainTextResponse("an order is one short line of JSON, with its length\n", status_code=400)
         try:
             asked = _ORDER.validate_json(await request.body())
         except ValidationError as error:

@@ -31,7 +31,7 @@ SOCKET_NAME = "control.sock"
 MOTORS_OFF = "motors off"
 LONGEST_REMARK = 2000
 """Characters."""
-_LONGEST_LINE = 16_384
+LONGEST_LINE = 16_384
 _CLIENT_S = 5.0
 """A client that writes nothing for so many wall seconds is left."""
 
@@ -130,7 +130,7 @@ def ask(run_dir: Path, request: Request) -> Answer:
         # The supervisor itself answers within ANSWER_S, so silence for longer is not the mission's.
         with _connected(run_dir, ANSWER_S + _CLIENT_S) as link:
             link.sendall(_REQUEST.dump_json(request) + b"\n")
-            line = link.makefile("rb").readline(_LONGEST_LINE)
+            line = link.makefile("rb").readline(LONGEST_LINE)
             return _ANSWER.validate_json(line)
     except (OSError, ValidationError) as error:
         raise PeerFailed(f"the supervisor of {run_dir} does not answer: {error}") from error
@@ -186,7 +186,7 @@ class _Handler(socketserver.StreamRequestHandler):
     def handle(self) -> None:
         with suppress(OSError):  # the client left: its order stands
             try:
-                request = _REQUEST.validate_json(self.rfile.readline(_LONGEST_LINE))
+                request = _REQUEST.validate_json(self.rfile.readline(LONGEST_LINE))
             except ValidationError as error:
                 self.server.dropped["orders that cannot be read"] += 1
                 answer = Answer(False, f"the request cannot be read: {error.errors()[0]['msg']}")

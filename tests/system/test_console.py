@@ -166,6 +166,7 @@ def test_without_its_token_a_console_shows_and_orders_nothing(run_dir: Path) -> 
         for path, cookie in (
             ("/", ""),
             ("/?token=guess", ""),
+            ("/?token=%C3%BC", ""),
             ("/live?trace=0&events=0", "guess"),
             ("/orders", ""),
         ):

@@ -75,6 +75,8 @@ def start(
 
 def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str], tmp_path: Path) -> None:
     fleet_run, mission_run = tmp_path / "fleet-run", tmp_path / "mission-run"
+    # On a busy machine one process lags behind the other, and a docking takes more than one try.
+    scenario.write_text(scenario.read_text().replace("duration_s: 130", "duration_s: 400"))
     fleet = start("fleet", scenario, fleet_run, graph)
     mission = start("mission", scenario, mission_run, graph)
     said, mistakes = mission.communicate(timeout=PATIENCE_S)

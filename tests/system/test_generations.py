@@ -170,7 +170,7 @@ def test_a_flight_over_generation_b_makes_the_same_decisions(
 
 def test_the_vehicles_own_eyes_dock_simulated_amussels_that_a_camera_shows_them(tmp_path: Path) -> None:
     """Same plan, slots and order as in virtual time, where a docking takes what the scenario says and not what it takes."""
-    path = four(tmp_path, 150, "b")
+    path = four(tmp_path, 450, "b")
     data = loader.resolve(loader.load(path))
     servo = {
         "search_yaw_rate_rad_s": 0.2,

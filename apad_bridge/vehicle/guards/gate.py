@@ -6,6 +6,7 @@ road to it. The links to vehicles on ROS also repeat orders by themselves; they 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -141,8 +142,12 @@ class Safety:
 
 
 def plain_safety() -> Safety:
-    """Guards numbers and the position's age, and watches nothing: for a simulated aPad without limits of its own."""
-    watch = PositionWatch(PositionLimits(frozen_ms=NEVER_MS))
+    """Guards numbers, and that the position is known, and watches nothing: for a simulated aPad without limits of its own.
+
+    Such an aPad flies by a clock that may run hundreds of times faster than the wall's. The age of its position in mission
+    time, and how far it seems to jump, then tell how busy the machine is.
+    """
+    watch = PositionWatch(PositionLimits(age_ms=NEVER_MS, jump_m=math.inf, frozen_ms=NEVER_MS))
     return Safety(Gate([SoundNumbers(), GoodPosition()], watch), Monitor([]))
 
 
