@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeVar
 
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import ManualMission
+from apad_bridge.mission.orders import Order
 from apad_bridge.mission.values import Refused, Status
 
 ANSWER_S = 10.0
@@ -53,6 +54,8 @@ class FlightMission(Protocol):
     def note(self, kind: str, **data: object) -> None:
         """An event for the journal."""
         ...
+
+    def order(self, order: Order) -> None: ...
 
     def take_over(self, by: str = "person") -> str: ...
 

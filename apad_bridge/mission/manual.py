@@ -102,8 +102,10 @@ class ManualMission(OrderBook):
         match outcome:
             case DockChanged(_, dock_index, agent_id, closed, _):
                 self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
-                self._let_go -= {agent_id}
-                self._let_go |= set() if closed else {agent_id}
+                if closed:
+                    self._let_go.discard(agent_id)
+                else:
+                    self._let_go.add(agent_id)
             case PrimitiveSucceeded():
                 self._end_primitive(outcome, Status.DONE, None)
             case NothingCaught():

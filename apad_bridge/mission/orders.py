@@ -23,6 +23,18 @@ class TellClear:
 
 
 @dataclass(frozen=True, slots=True)
+class AllowMotion:
+    """A person lets the vehicle move again, whatever stopped it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchMotorsOff:
+    """A person, named `by`, wants the vehicle's controllers off."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
 class Note:
     """An event of the mission, for the journal and the bag."""
 
@@ -30,4 +42,4 @@ class Note:
     data: dict[str, Any]
 
 
-Order = Primitive | PermitSurfacing | TellClear | Note
+Order = Primitive | PermitSurfacing | TellClear | AllowMotion | SwitchMotorsOff | Note

@@ -14,7 +14,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.orders import Note, Order
+from apad_bridge.mission.orders import AllowMotion, Note, Order
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
@@ -84,7 +84,10 @@ class Takeover:
 
     def note(self, kind: str, **data: object) -> None:
         """An event for the journal."""
-        self._orders.append(Note(kind, data))
+        self.order(Note(kind, data))
+
+    def order(self, order: Order) -> None:
+        self._orders.append(order)
 
     def take_over(self, by: str = "person") -> str:
         """The aPad holds its position and waits for orders; a commanded mechanism is not stopped half-way.
@@ -95,7 +98,7 @@ class Takeover:
         planned = self._flying
         if isinstance(planned, ManualMission):
             if by == "person":
-                self._orders.append(Note("override", {"taken": True, "by": by}))
+                self._note_override(taken=True, by=by)
             return "the aPad was taken over already"
         manual = self._by_hand(self.state)
         manual.go_on_with(planned.docking_routine.mechanism)
@@ -143,6 +146,12 @@ class Takeover:
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)
-        self._orders.append(Note("override", {"taken": taken, "by": by}))
+        self._note_override(taken=taken, by=by)
         # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self._now_ms)
+
+    def _note_override(self, *, taken: bool, by: str) -> None:
+        """A person who decides who flies the aPad also lets it move again."""
+        self.note("override", taken=taken, by=by)
+        if by == "person":
+            self.order(AllowMotion())

@@ -24,11 +24,12 @@ from pydantic import Field, TypeAdapter, ValidationError
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
 from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.orders import AllowMotion, SwitchMotorsOff
 from apad_bridge.mission.values import Refused
 from apad_bridge.vehicle.errors import PeerFailed
 
 SOCKET_NAME = "control.sock"
-MOTORS_OFF = "motors off"
+_MOTORS_OFF = "motors off"
 LONGEST_REMARK = 2000
 """Characters."""
 LONGEST_LINE = 16_384
@@ -80,11 +81,13 @@ def carry_out(request: Request, calls: CallQueue) -> Answer:
             case Act.STOP:
                 return mission.stop()
             case Act.CONTINUE:
+                mission.order(AllowMotion())
                 return mission.go_on()
             case Act.ABORT:
                 mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
                 if request.motors_off:  # after the hold with which every mission ends
-                    mission.note("operator", order=MOTORS_OFF, by=request.by)
+                    mission.note("operator", order=_MOTORS_OFF, by=request.by)
+                    mission.order(SwitchMotorsOff(request.by))
                 return ""
             case _:
                 assert_never(request.act)

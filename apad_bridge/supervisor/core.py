@@ -24,7 +24,7 @@ from apad_bridge.mission.events import (
     SupervisorAction,
     WifiHeard,
 )
-from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.orders import AllowMotion, Note, Order, PermitSurfacing, SwitchMotorsOff, TellClear
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
@@ -304,7 +304,7 @@ class Supervisor:
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))
-                case Note():
+                case Note() | AllowMotion() | SwitchMotorsOff():
                     actions.append(order)
                 case _:
                     self._named[order.primitive_id] = order

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import astuple
-from typing import Any
 
 from agents.coordinator import Died, Heard
 from agents.mussel.outputs import Dropped, SoundSent, Truth, WifiSent
@@ -36,10 +35,9 @@ from apad_bridge.mission.events import (
     SoundHeard,
     WifiHeard,
 )
-from apad_bridge.mission.orders import Note
+from apad_bridge.mission.orders import AllowMotion, Note, SwitchMotorsOff
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
-from apad_bridge.supervisor.control import MOTORS_OFF
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import Recorder
@@ -91,14 +89,6 @@ class Contacts:
             return ContactClosed(*place)
         before, self._places[fact.agent_id] = self._places[fact.agent_id], place
         return DockMoved(*place) if place != before else None
-
-
-def is_persons_word(kind: str, data: Mapping[str, Any]) -> bool:
-    """A person took the aPad over, gave it back, or ordered the run to go on: it may move again."""
-    match kind, data:
-        case ("override", {"by": "person"}) | ("operator", {"order": "continue"}):
-            return True
-    return False
 
 
 _ROUNDS = 8
@@ -215,10 +205,10 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
-                    if is_persons_word(kind, data):
-                        self._vehicle.gate.awaits_person = ""
-                    if kind == "operator" and data["order"] == MOTORS_OFF:
-                        self._vehicle.switch_off(f"a person wants the motors off: {data['by']}", now_ms)
+                case AllowMotion():
+                    self._vehicle.gate.awaits_person = ""
+                case SwitchMotorsOff(by):
+                    self._vehicle.switch_off(f"a person wants the motors off: {by}", now_ms)
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
                 case KeepSamples(agent_id, samples):
