@@ -35,7 +35,7 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.firmware_config import charge_models
-from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Positioning, Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
@@ -48,6 +48,8 @@ from firmware_model.state_groups import BEYOND_HELP, DOCKED, UP_AND_UNDOCKED
 from firmware_model.states import State
 
 _NEVER_MS = 1 << 60
+_REACH_M = 3.0
+"""A dock that catches from so far, as in the paper's scenarios, catches whoever drifted at random."""
 _SURFACING_OR_UP = (State.SURFACING, State.FLOATING)
 
 
@@ -59,6 +61,13 @@ def model_gap(scenario: Scenario) -> str | None:
         "hearing.mode: only `paper` is heard at every tick": scenario.hearing.mode is not HearingMode.PAPER,
         "hearing.report_period_s: only 1": scenario.hearing.report_period_s * 1000 != TICK_MS,
         "hearing.codec: only the built-in one": scenario.hearing.codec != "musselbed-1",
+        "hearing.positioning: only `ground_truth`": scenario.hearing.positioning
+        is not Positioning.GROUND_TRUTH,
+        "guards and area.fence: a monitor looks at every tick": scenario.guards is not None
+        or scenario.area.fence is not None,
+        f"mission.docking.catch_radius_m: below {_REACH_M:g} m the random drift decides who is caught": (
+            docking.catch_radius_m < _REACH_M and fleet.drift.mode is DriftMode.PAPER
+        ),
         "water": scenario.water is not None,
         "apads: several aPads": bool(scenario.apads),
         "beliefs.twin": scenario.beliefs.twin is not None,

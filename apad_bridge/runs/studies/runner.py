@@ -7,19 +7,19 @@ study that was ended, by whatever means, goes on from its lines. A torn last lin
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import pickle
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 from subprocess import PIPE, Popen
-from typing import IO, Any
+from typing import Any
 
 from agents.hosting.started import environment
+from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.runs.studies.models import StrategyFailed, fly
 from apad_bridge.runs.studies.specification import Plan
@@ -52,7 +52,7 @@ def fly_study(
         on_flown(len(plan.strategies) * sum(block in rows_of for block in wanted))
         missing = [block for block in wanted if block not in rows_of]
         for block, rows in _fly_blocks(plan, missing, workers):
-            journal.write(json.dumps({"block": block, "rows": rows}) + "\n")
+            journal.append({"block": block, "rows": rows})
             journal.flush()
             rows_of[block] = rows
             on_flown(len(rows))
@@ -60,29 +60,29 @@ def fly_study(
 
 
 @contextmanager
-def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[IO[str], dict[tuple[int, int], list[Row]]]]:
-    """The journal, locked and open for writing behind its last whole line, and the rows in it by block."""
+def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[LineFile, dict[tuple[int, int], list[Row]]]]:
+    """The journal, for the one process that holds the directory's lock, and the rows in it by block."""
     directory.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
     path = directory / JOURNAL
-    with open(path, "a+", encoding="utf-8") as journal:
+    lock = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    with ExitStack() as stack:
+        stack.callback(os.close, lock)
         try:
-            fcntl.flock(journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise AnotherStudy(
                 f"{directory}: another process flies this study: wait for it, or say another --out"
             ) from error
-        journal.seek(0)
-        text = journal.read()
-        whole = text[: text.rfind("\n") + 1]
-        lines = [json.loads(line) for line in whole.splitlines()]
+        lines = [line for line in read_lines(path) if line is not None] if path.exists() else []
         if lines and lines[0].get("study") != fingerprint:
             raise AnotherStudy(
                 f"{directory}: holds the missions of another study, or of another version of this one: say another --out, "
                 f"or remove {path}"
             )
-        journal.truncate(len(whole.encode()))
+        journal = LineFile(path)
+        stack.callback(journal.close)
         if not lines:
-            journal.write(json.dumps({"study": fingerprint}) + "\n")
+            journal.append({"study": fingerprint})
             journal.flush()
         yield journal, {tuple(line["block"]): line["rows"] for line in lines[1:]}
 

@@ -92,6 +92,22 @@ def test_a_scenario_outside_the_model_is_named() -> None:
     assert gap is not None and gap.startswith("board.whole")
 
 
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"hearing__positioning": "gps"}, "hearing.positioning"),
+        (
+            {"mission__docking": {**resolve(POOL)["mission"]["docking"], "catch_radius_m": 0.5}},
+            "mission.docking",
+        ),
+        ({"guards": {}}, "guards"),
+    ],
+)
+def test_what_a_skipped_tick_would_hide_is_a_gap(changes: dict[str, Any], key: str) -> None:
+    gap = model_gap(changed(**changes))
+    assert gap is not None and gap.startswith(key)
+
+
 places = st.tuples(st.floats(0, 60), st.floats(0, 60))
 
 
