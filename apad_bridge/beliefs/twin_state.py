@@ -74,7 +74,7 @@ class TwinState:
     """The load at `at_ms` in case the newest permission was not received, and the time of that permission. It is kept
     until a packet decides, also after an aMussel that obeyed would have sunk again."""
     pending: Pending | None = None
-    """What `load` does not contain yet."""
+    """The part that `load` does not contain yet."""
     seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """The number of observations of each mode of `SUBMERGED`."""
     day: tuple[tuple[Mode, int] | None, ...] = ()

@@ -92,7 +92,7 @@ def fly(
 
 
 def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:
-    """What gives the orders: the name of a script or of a strategy, or a person."""
+    """Names the source of the orders: a script, a strategy or a person."""
     if options.script:
         return Path(options.script).name
     return "by hand" if options.manual else scenario.mission.collection

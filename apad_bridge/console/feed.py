@@ -1,4 +1,4 @@
-"""What a console shows of a run: the page's data, read from the journal while the run flies.
+"""Feeds a console: the page's data of a run, read from the journal while the run flies.
 
 The journal has all that the page needs, so a console takes nothing from the supervisor's process and nothing of its time.
 """
@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.replay.series import MAX_SAMPLES, RunView, sample_times
+from apad_bridge.analysis.replay.series import COLUMNS, MAX_SAMPLES, RunView, sample_times
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
@@ -18,6 +18,8 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.supervisor.control import listens
 
 _TICK_MS = 1000
+_MOST_SAMPLES = 2 * MAX_SAMPLES
+"""With one more, every second sample is dropped, here and on each page."""
 _BEGINS_S = 30.0
 """Wall seconds: agents, a master and an aPad start before the first line is written."""
 _LOOK_S = 0.1
@@ -57,7 +59,8 @@ class Feed:
     def page_data(self) -> dict[str, Any]:
         """The page's data so far. `live` tells the page to follow, and from where."""
         state = self._state()
-        return {**self._view.data(state["summary"]), "live": {"counts": self._view.counts, **state}}
+        live = {"counts": self._view.counts, "columns": COLUMNS, "most_samples": _MOST_SAMPLES, **state}
+        return {**self._view.data(state["summary"]), "live": live}
 
     def close(self) -> None:
         self._journal.close()
@@ -68,12 +71,12 @@ class Feed:
             return None
         before = self._view.counts
         self._view.sample(now_ms)
-        if len(self._view.times_ms) > 2 * MAX_SAMPLES:
+        if len(self._view.times_ms) > _MOST_SAMPLES:
             self._view.thin()
         return self._view.newest(before)
 
     def _state(self) -> dict[str, Any]:
-        """Whether a supervisor takes orders, why the mission ended, and its summary; null while it flies."""
+        """Tells whether a supervisor takes orders, why the mission ended, and its summary; null while it flies."""
         summary: dict[str, Any] | None = None
         if self._view.ended_by is not None and self._directory.summary.is_file():
             summary = json.loads(self._directory.summary.read_text(encoding="utf-8"))

@@ -88,7 +88,7 @@ class Broadcast:
             return await asyncio.to_thread(lambda: render(self._feed.page_data()))
 
     async def stream(self, counts: tuple[int, int]) -> AsyncIterator[bytes]:
-        """What a page with so much of the track and of the events does not have yet, and then all that is new."""
+        """Yields what a page with so much of the track and of the events lacks, and then all that is new."""
         queue: asyncio.Queue[bytes | None] = asyncio.Queue()
         async with self._lock:
             queue.put_nowait(_encoded(self._feed.since(counts)))

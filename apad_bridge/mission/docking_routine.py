@@ -49,7 +49,7 @@ class DockingStep(Enum):
 
 
 class Progress(Enum):
-    """What an outcome means for the routine."""
+    """The meaning of an outcome for the routine."""
 
     NOT_OURS = auto()
     """The outcome is that of somebody else's primitive."""

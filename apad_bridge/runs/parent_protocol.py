@@ -1,4 +1,4 @@
-"""What the parent of a run and its supervisors say to each other.
+"""The messages between the parent of a run and its supervisors.
 
 A supervisor writes messages: one JSON line each on standard output, {"NAME": {fields}}. A line that is no message is text
 for people: a library's warning, or a torn line. The writer continues without a reader.

@@ -81,7 +81,7 @@ _NOT_DONE = {
     "charge": "is not charged any further",
     "dock": "is not docked",
 }
-"""What became of an aMussel whose step was given up, by the `what` of the journal's line `given_up`."""
+"""The fate of an aMussel whose step was given up, by the `what` of the journal's line `given_up`."""
 
 
 _REACTIONS = {
@@ -89,7 +89,7 @@ _REACTIONS = {
     "stop": "the aPad's controllers shall go off",
     "return": "the aPad was told to go back inside the fence",
 }
-"""What was done about a danger, by the `reaction` of the journal's line `guard`."""
+"""The reaction to a danger, by the `reaction` of the journal's line `guard`."""
 
 
 def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
@@ -180,7 +180,7 @@ class FlightProgress:
 
 
 def _docked_text(docked: Sequence[int]) -> str:
-    """Who is docked: by ids, as far as a line takes them."""
+    """Names the docked aMussels, as far as a line takes their ids."""
     if not docked:
         return "none docked"
     return f"{' '.join(map(str, docked)) if len(docked) <= _MOST_NAMED else len(docked)} docked"

@@ -181,6 +181,29 @@ def test_without_its_token_a_console_shows_and_orders_nothing(run_dir: Path) -> 
     assert journalled(run_dir, "operator") == []
 
 
+def test_a_page_whose_console_stands_still_says_so_within_3_s(
+    browser: webdriver.Chrome, run_dir: Path
+) -> None:
+    console = subprocess.Popen(
+        [*MUSSELBED, "console", run_dir, "--json"], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    try:
+        assert console.stdout is not None
+        browser.get(json.loads(console.stdout.readline())["url"])
+        begun_s = seconds(browser)
+        wait_until(lambda: seconds(browser) > begun_s)
+        browser.execute_script(WATCH_WARNINGS)
+        stopped_s, others_s = time.time(), stalled_s()
+        console.send_signal(signal.SIGSTOP)
+        wait_until(lambda: browser.execute_script("return window.warned.length") == 1)
+        ((said, can_stop, said_ms),) = browser.execute_script("return window.warned")
+        assert said == "The console does not answer: what is shown is old." and not can_stop
+        assert said_ms / 1000 - stopped_s - (stalled_s() - others_s) < 3.0
+    finally:
+        console.kill()
+        console.communicate(timeout=PATIENCE_S)
+
+
 def test_a_console_of_what_is_no_run_does_not_start(tmp_path: Path) -> None:
     with (
         pytest.raises(UserError, match=r"no run: there is no scenario\.yaml in it"),

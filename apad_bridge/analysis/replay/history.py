@@ -66,7 +66,7 @@ class History:
         self.trace: list[tuple[int, float, float]] = []
         """The aPad's track as (mission ms, north, east), one for each line of it that was taken."""
         self.events: list[Event] = []
-        """What a person may look for, among the lines that were taken."""
+        """The events that a person may look for, among the lines that were taken."""
         self.ended_by: str | None = None
         self.add(journal)
         self.now = RunState(docks=(None,) * dock_count)

@@ -1,8 +1,7 @@
 // Follows a run that flies: takes what the console sends, and sends a person's orders. Nothing of it runs in a replay.
 
-const SILENT_MS = 3000;
-const MOST_SAMPLES = 1200;
-const COLUMNS = ["north", "east", "charge", "status", "uptime", "believed", "low", "high"];
+// The console sends something at least each second; the page looks twice a second, and so says within 3 s that it is silent.
+const SILENT_MS = 2500;
 const ASKED_FIRST = {
   continue: "The aPad will move again. Is the water around it clear?",
   abort: "End the mission? The aPad holds its position, and nothing plans any more.",
@@ -21,7 +20,7 @@ function take({ sample, supervisor, ended_by, summary }) {
 function takeSample(sample) {
   counts = sample.counts;
   if (sample.t > data.times_ms[data.times_ms.length - 1]) {
-    if (data.times_ms.length >= MOST_SAMPLES) thin();
+    if (data.times_ms.length >= data.live.most_samples) thin();
     append(sample);
   }
   data.trace.push(...sample.trace);
@@ -37,7 +36,7 @@ function takeSample(sample) {
 function append(sample) {
   const length = data.times_ms.push(sample.t);
   data.has_truth = sample.has_truth;
-  data.agents.forEach((agent, n) => COLUMNS.forEach((name, k) => {
+  data.agents.forEach((agent, n) => data.live.columns.forEach((name, k) => {
     const value = sample.agents[n][k];
     // A column that had no value so far is null as a whole.
     if (agent[name] === null && value !== null) agent[name] = Array(length - 1).fill(null);
@@ -52,7 +51,7 @@ function append(sample) {
 // Drops every second sample, and never the newest.
 function thin() {
   const halve = (list) => list && list.filter((_, i) => (list.length - 1 - i) % 2 === 0);
-  for (const agent of data.agents) for (const name of COLUMNS) agent[name] = halve(agent[name]);
+  for (const agent of data.agents) for (const name of data.live.columns) agent[name] = halve(agent[name]);
   for (const name of ["times_ms", "active", "cost", "apad", "docks", "stage"]) data[name] = halve(data[name]);
 }
 

@@ -234,17 +234,17 @@ class _Sampler:
     def thin(self) -> None:
         """Drops every second sample, and never the newest."""
         for agent in self._agents:
-            for name in _COLUMNS:
+            for name in COLUMNS:
                 _halve(getattr(agent, name))
         for column in (self.times_ms, self._active, self._cost, self._apad, self._docks, self._stage):
             _halve(column)
 
     def newest(self) -> dict[str, Any]:
-        """The newest sample alone; each aMussel's values are in the order of `_COLUMNS`."""
+        """The newest sample alone; each aMussel's values are in the order of `COLUMNS`."""
         return {
             "t": self.times_ms[-1],
             "has_truth": bool(self._history.meter.agent_ids),
-            "agents": [[getattr(agent, name)[-1] for name in _COLUMNS] for agent in self._agents],
+            "agents": [[getattr(agent, name)[-1] for name in COLUMNS] for agent in self._agents],
             "active": self._active[-1],
             "cost": self._cost[-1],
             "apad": self._apad[-1],
@@ -259,14 +259,8 @@ class _Sampler:
             "agents": [
                 {
                     "id": agent.agent_id,
-                    "north": agent.north,
-                    "east": agent.east,
-                    "charge": agent.charge,
-                    "status": agent.status,
-                    "uptime": agent.uptime,
-                    "believed": _unless_empty(agent.believed),
-                    "low": _unless_empty(agent.low),
-                    "high": _unless_empty(agent.high),
+                    **{name: getattr(agent, name) for name in COLUMNS},
+                    **{name: _unless_empty(getattr(agent, name)) for name in _OFTEN_EMPTY},
                 }
                 for agent in self._agents
             ],
@@ -279,7 +273,9 @@ class _Sampler:
         }
 
 
-_COLUMNS = ("north", "east", "charge", "status", "uptime", "believed", "low", "high")
+_OFTEN_EMPTY = ("believed", "low", "high")
+COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY)
+"""An aMussel's columns, by their names on the page."""
 
 
 def _halve(column: list[Any]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """What came of the flights of one aPad or of several: the summaries and the failures, by aPad."""
+    """The outcome of the flights of one aPad or of several: the summaries and the failures, by aPad."""
 
     summaries: Mapping[str, dict[str, Any]]
     failures: Mapping[str, str] = field(default_factory=dict)

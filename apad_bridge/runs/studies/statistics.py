@@ -33,7 +33,7 @@ class Difference:
 
     estimate: Estimate
     p: float
-    """Of the primary column as it is, of the others adjusted by Holm; NaN for fewer than two seeds."""
+    """The p-value: the primary column's as it is, of the others adjusted by Holm; NaN for fewer than two seeds."""
 
 
 @dataclass(frozen=True, slots=True)

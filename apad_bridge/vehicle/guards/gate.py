@@ -70,7 +70,7 @@ class Gate:
         self._guards = tuple(guards)
         self.watch = watch
         self.bodies: tuple[Body, ...] = ()
-        """What must not be touched; whoever knows it, sets it."""
+        """The bodies that must not be touched; whoever knows them, sets it."""
         self.awaits_person = ""
         """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
         self.events: list[Event] = []
