@@ -120,6 +120,7 @@ def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
     """The console of a run. RunDirectoryError when the directory holds no run that can be shown."""
     feed = Feed(run_dir)
     broadcast = Broadcast(feed, ending)
+    pages = _Pages(run_dir, token, broadcast)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -130,33 +131,47 @@ def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
             polling.cancel()
             feed.close()
 
-    def is_token(text: str) -> bool:
-        # As bytes: the comparison takes no text beyond ASCII.
-        return hmac.compare_digest(text.encode(), token.encode())
+    return Starlette(
+        routes=[
+            Route("/", pages.page),
+            Route("/favicon.ico", pages.icon),
+            Route("/live", pages.live),
+            Route("/orders", pages.order, methods=["POST"]),
+        ],
+        lifespan=lifespan,
+    )
 
-    def is_known(request: Request) -> bool:
-        return is_token(request.cookies.get(_cookie(request), ""))
 
-    async def page(request: Request) -> Response:
-        if is_token(request.query_params.get("token", "")):
+class _Pages:
+    """Answers requests; one without the token gets nothing."""
+
+    def __init__(self, run_dir: Path, token: str, broadcast: Broadcast) -> None:
+        self._run_dir = run_dir
+        self._token = token
+        self._broadcast = broadcast
+
+    async def page(self, request: Request) -> Response:
+        if self._is_token(request.query_params.get("token", "")):
             answer = RedirectResponse("/", status_code=303)
-            answer.set_cookie(_cookie(request), token, httponly=True, samesite="strict")
+            answer.set_cookie(_cookie(request), self._token, httponly=True, samesite="strict")
             return answer
-        return HTMLResponse(await broadcast.page()) if is_known(request) else _REFUSED
+        return HTMLResponse(await self._broadcast.page()) if self._is_known(request) else _REFUSED
 
-    async def live(request: Request) -> Response:
-        if not is_known(request):
+    async def live(self, request: Request) -> Response:
+        if not self._is_known(request):
             return _REFUSED
         try:
             counts = int(request.query_params["trace"]), int(request.query_params["events"])
         except (KeyError, ValueError):
             return PlainTextResponse("trace and events are numbers\n", status_code=400)
         return StreamingResponse(
-            broadcast.stream(counts), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+            self._broadcast.stream(counts),
+            media_type="text/event-stream",
+            headers={"Cache-Control": "no-store"},
         )
 
-    async def order(request: Request) -> Response:
-        if not is_known(request):
+    async def order(self, request: Request) -> Response:
+        if not self._is_known(request):
             return _REFUSED
         if not 0 < int(request.headers.get("content-length", 0)) <= control.LONGEST_LINE:
             return PlainTextResponse("an order is one short line of JSON, with its length\n", status_code=400)
@@ -164,21 +179,19 @@ def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
             asked = _ORDER.validate_json(await request.body())
         except ValidationError as error:
             return JSONResponse({"accepted": False, "message": error.errors()[0]["msg"]}, status_code=400)
-        answer = await asyncio.to_thread(_ask, run_dir, asked)
+        answer = await asyncio.to_thread(_ask, self._run_dir, asked)
         return JSONResponse({"accepted": answer.accepted, "message": answer.message})
 
-    async def icon(_: Request) -> Response:
+    async def icon(self, request: Request) -> Response:
+        """Browsers ask for one; there is none."""
         return Response(status_code=204)
 
-    return Starlette(
-        routes=[
-            Route("/", page),
-            Route("/favicon.ico", icon),
-            Route("/live", live),
-            Route("/orders", order, methods=["POST"]),
-        ],
-        lifespan=lifespan,
-    )
+    def _is_token(self, text: str) -> bool:
+        # As bytes: the comparison takes no text beyond ASCII.
+        return hmac.compare_digest(text.encode(), self._token.encode())
+
+    def _is_known(self, request: Request) -> bool:
+        return self._is_token(request.cookies.get(_cookie(request), ""))
 
 
 def _cookie(request: Request) -> str:

@@ -7,6 +7,7 @@ heading is one step of many, and rest is none. It reports at the ticks at which 
 from __future__ import annotations
 
 import math
+from typing import assert_never
 
 from apad_bridge.scenario.schema import APad
 from apad_bridge.vehicle.capabilities import of_simulated_apad
@@ -22,13 +23,14 @@ from apad_bridge.vehicle.commands import (
     MoveArm,
     OpenDock,
     PoseReported,
+    Stop,
     VehicleCommand,
 )
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.apad import BATTERY_EMPTY, ArrivalWatch
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, STEP_S, Pose
-from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Motion
 from apad_bridge.vehicle.simulated.power import Battery
 
@@ -108,18 +110,16 @@ class CruisingAPad:
                 self._set_load()
             case MoveArm():
                 pass  # arms cost nothing here
+            case Stop():
+                raise AssertionError("no guard stops this aPad: model_gap names guards")
+            case _:
+                assert_never(command)
 
     def close(self) -> None:
         pass
 
     def _close(self, command: CloseDock, now_ms: int) -> None:
-        reason = self._docks.refusal(command)
-        if reason is None and self._misses.misses(command.agent_id):
-            reason = MISSED
-        if reason is not None:
-            self._facts.append(CommandFailed(now_ms, command.command_id, reason))
-            return
-        closed = self._docks.close(command, now_ms)
+        closed = self._docks.try_to_close(command, self._misses, now_ms)
         self._facts.append(closed)
         if isinstance(closed, DockClosed):
             self._facts.append(self._carried(command.dock_index, command.agent_id, now_ms))

@@ -25,7 +25,7 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
-from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Coast, Motion, Steer
 from apad_bridge.vehicle.simulated.power import Battery
 from apad_bridge.vehicle.simulated.thrusters import Forces
@@ -113,7 +113,7 @@ class SimulatedAPad:
         elif self._battery.is_empty:
             facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
         elif isinstance(command, CloseDock):
-            facts.append(self._close(command, now_ms))
+            facts.append(self._docks.try_to_close(command, self._misses, now_ms))
             self._set_load()
         elif isinstance(command, OpenDock):
             facts.append(self._docks.open(command, now_ms))
@@ -130,14 +130,6 @@ class SimulatedAPad:
         self._battery.settle(now_ms)
         self._battery.add(fraction)
         return facts
-
-    def _close(self, command: CloseDock, now_ms: int) -> VehicleFact:
-        reason = self._docks.refusal(command)
-        if reason is None and self._misses is not None and self._misses.misses(command.agent_id):
-            reason = MISSED
-        if reason is not None:
-            return CommandFailed(now_ms, command.command_id, reason)
-        return self._docks.close(command, now_ms)
 
     def _accept(self, command: MotionCommand) -> None:
         self._arrival = None

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockClosed, DockOpened, OpenDock
+from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 
 
 class Docks:
@@ -31,6 +32,14 @@ class Docks:
         if agent_id in self._agent_by_dock.values():
             return f"aMussel {agent_id} is held in another dock"
         return None
+
+    def try_to_close(
+        self, command: CloseDock, misses: Misses | None, now_ms: int
+    ) -> DockClosed | CommandFailed:
+        """Like `close`, for a mechanism that may miss; one that cannot close makes no attempt."""
+        if self.refusal(command) is None and misses is not None and misses.misses(command.agent_id):
+            return CommandFailed(now_ms, command.command_id, MISSED)
+        return self.close(command, now_ms)
 
     def close(self, command: CloseDock, now_ms: int) -> DockClosed | CommandFailed:
         if (reason := self.refusal(command)) is not None:
