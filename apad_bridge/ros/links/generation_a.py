@@ -104,7 +104,7 @@ class Subscribers(LegacySubscribers):
 
 ANSWER_S = 0.25
 """Wall seconds that `advance` waits for the answer of a dock's mechanism commanded at the same tick."""
-ANSWER_ON_OUR_CLOCK_S = 1.0
+ANSWER_ON_OUR_CLOCK_S = 5.0
 """Longer on our own clock: waiting costs nothing there, and a busy machine decides as an idle one."""
 
 

@@ -177,6 +177,8 @@ class GenerationACore:
             return True
         sent = self._goals.pop(order.key, None)
         if sent is not None:
+            if isinstance(sent.command, CloseDock):
+                self.docks.perch_refused(sent.command.agent_id)
             self._facts.append(
                 CommandFailed(self._now_ms, sent.command.command_id, "a guard refused its goal")
             )
@@ -191,6 +193,7 @@ class GenerationACore:
                 self._post = command if isinstance(command, Hold) else None
                 self._away_ms = None
             case CloseDock(_, _, agent_id):
+                self.docks.order_perch(agent_id)
                 order = GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}", agent_id=agent_id)
             case OpenDock(_, _, agent_id):
                 self.docks.order_release(agent_id, now_ms)
@@ -203,7 +206,7 @@ class GenerationACore:
         """The goals that nobody commanded just now, returned once.
 
         They are a goal to repeat, because the vehicle was silent when it was sent; a hold after another party's order; and
-        the release by name of an aMussel whose dock opened by silence alone, as soon as no goal of ours runs.
+        the release by name of an aMussel that the vehicle may still hold, as soon as no goal of ours runs.
         """
         if self.docks.unordered_releases and not self._goals and not self._server.others_run:
             agent_id = self.docks.unordered_releases.pop(0)
@@ -332,6 +335,8 @@ class GenerationACore:
         if status.code is GoalCode.SUCCEEDED:
             self._report_success(sent.command, at_ms)
         elif status.key == self._latest_key or status.code not in (GoalCode.PREEMPTED, GoalCode.RECALLED):
+            if isinstance(sent.command, CloseDock):
+                self.docks.perch_refused(sent.command.agent_id)
             reason = f"the aPad's action server says {status.code.name}"
             self._fail(sent.command, at_ms, f"{reason}: {status.text}" if status.text else reason)
 

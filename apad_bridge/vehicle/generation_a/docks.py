@@ -4,6 +4,9 @@ A silence of that topic is no proof. The published server publishes for as many 
 first, and so falls silent about a higher dock when a lower one opens. So the aPad is asked what it holds before a
 silence that nobody ordered counts as a release. An answer that names none of the held aMussels is none: the public docking
 simulator counts by itself, and knows nothing of perches. Then a living action server holds what it held.
+
+A perch that seemed to fail may have been done late, and the one that repeats it makes the published server hold the
+aMussel twice. Its position then goes on after the release: that is no new docking, and the aPad has to release it again.
 """
 
 from __future__ import annotations
@@ -27,6 +30,9 @@ SILENCE_MS = 10_000
 because a gap in the Wi-Fi is no release. For the same reason silence counts only while the aPad itself is heard."""
 ANSWER_MS = 5_000
 """So long an answer is awaited."""
+TWICE_MS = 10_000
+"""A position so soon after a release is that of an aMussel held twice, if more than one perch was ordered. Later, a person
+may have docked it."""
 PAPERS_PLACES = published_docks(PAPER_DOCKS)
 
 
@@ -43,6 +49,16 @@ class _Holding:
     """The time since which the aPad's answer is awaited."""
     confirmed_ms: int = -1
     """The time at which this aMussel, whose `position_static` is silent, was last found to be held all the same."""
+
+
+@dataclass(slots=True)
+class _Surplus:
+    """The perches, beyond one, of an agent that was released."""
+
+    perches: int
+    until_ms: int
+    """A first position up to here shows that the aPad holds it still."""
+    is_held: bool = False
 
 
 class ReportedDocks:
@@ -64,9 +80,14 @@ class ReportedDocks:
         self._object_prefix = object_prefix
         self.dropped: Counter[str] = Counter()
         self.unordered_releases: list[int] = []
-        """Agents whose dock opened by silence alone: the vehicle may hold them still, and should release them by name."""
+        """Agents that the vehicle may hold though their dock opened, by silence alone or once of twice: it should release
+        them by name."""
         self.lost_m: dict[int, tuple[float, float]] = {}
         """The last place (north, east) of each free agent whose dock opened by silence alone."""
+        self._perches: Counter[int] = Counter()
+        """Perches ordered of each agent since its last release, without those that the server refused."""
+        self._surpluses: dict[int, _Surplus] = {}
+        """Released agents of which more than one perch was ordered."""
         self._asks = False
         self._served = frozenset(agent_ids)
         self._served_before: frozenset[int] = frozenset()
@@ -98,6 +119,18 @@ class ReportedDocks:
             and holding.confirmed_ms < holding.heard_ms
         ]
 
+    def order_perch(self, agent_id: int) -> None:
+        surplus = self._surpluses.pop(agent_id, None)
+        self._forget_release(agent_id)
+        self._perches[agent_id] += 1 + (surplus.perches if surplus is not None and surplus.is_held else 0)
+
+    def _forget_release(self, agent_id: int) -> None:
+        self.unordered_releases = [it for it in self.unordered_releases if it != agent_id]
+
+    def perch_refused(self, agent_id: int) -> None:
+        """The server did not carry the perch out."""
+        self._perches[agent_id] -= 1
+
     def order_release(self, agent_id: int, now_ms: int) -> None:
         if (holding := self._held.get(agent_id)) is not None:
             holding.release_ms = now_ms
@@ -114,6 +147,8 @@ class ReportedDocks:
             return []
         if message.agent_id not in self._served | self._served_before:
             self.dropped["position_static of an aMussel that is not of this fleet"] += 1
+            return []
+        if holding is None and self._is_surplus(message):
             return []
         if message.released:
             if holding is None:
@@ -132,12 +167,26 @@ class ReportedDocks:
             return []
         self._held[message.agent_id] = _Holding(free[0], message.at_ms, place_m, False)
         self.lost_m.pop(message.agent_id, None)
-        if message.agent_id in self.unordered_releases:
-            self.unordered_releases.remove(message.agent_id)
+        self._forget_release(message.agent_id)
         return [
             DockClosed(message.at_ms, free[0], message.agent_id),
             Carried(message.at_ms, message.agent_id, *place_m),
         ]
+
+    def _is_surplus(self, message: HeldPositionReceived) -> bool:
+        """The message is of an aMussel that was held twice and released once; the first such message orders a release."""
+        agent_id = message.agent_id
+        surplus = self._surpluses.get(agent_id)
+        if surplus is None or not (surplus.is_held or message.at_ms <= surplus.until_ms):
+            return False
+        if not surplus.is_held:
+            self.dropped["position_static of an aMussel that was held twice: released again"] += 1
+            self.unordered_releases += [agent_id] * surplus.perches
+        surplus.is_held = True
+        surplus.perches -= message.released
+        if surplus.perches == 0:
+            del self._surpluses[agent_id]
+        return True
 
     def receive_answer(self, answer: DocksReceived, *, server_lives: bool) -> list[LinkFact]:
         """Takes the aPad's answer about aMussels whose `position_static` is silent."""
@@ -210,4 +259,6 @@ class ReportedDocks:
 
     def _open(self, agent_id: int, at_ms: int) -> list[LinkFact]:
         holding = self._held.pop(agent_id)
+        if (perches := self._perches.pop(agent_id, 0)) > 1:
+            self._surpluses[agent_id] = _Surplus(perches - 1, at_ms + TWICE_MS)
         return [DockOpened(at_ms, holding.dock_index, agent_id), LetGo(at_ms, agent_id)]

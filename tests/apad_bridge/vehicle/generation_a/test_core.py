@@ -173,6 +173,53 @@ def test_a_perch_of_one_already_held_is_answered(core: GenerationACore) -> None:
     assert tells(core, 100) == [DockClosed(100, 0, 7)]
 
 
+def perched_twice(core: GenerationACore) -> None:
+    """aMussel 7's position comes too late for the first perch, and the server carries out the second, too."""
+    core.command(CloseDock(1, 0, 7), 0)
+    says(core, 100, "run-1", GoalCode.SUCCEEDED)
+    (failed,) = tells(core, 1_200)
+    assert isinstance(failed, CommandFailed)
+    core.command(CloseDock(2, 0, 7), 1_200)
+    shows(core, 1_250, 7)
+    assert tells(core, 1_250) == [DockClosed(1_250, 0, 7), Carried(1_250, 7, 2.0, 3.0)]
+    says(core, 1_300, "run-2", GoalCode.SUCCEEDED)
+    core.command(OpenDock(3, 0, 7), 60_000)
+    shows(core, 60_050, 7, released=True)
+    says(core, 60_050, "run-3", GoalCode.SUCCEEDED)
+    assert tells(core, 60_050) == [DockOpened(60_050, 0, 7), LetGo(60_050, 7)]
+
+
+def test_one_that_was_perched_twice_is_released_twice_and_docked_once(core: GenerationACore) -> None:
+    perched_twice(core)
+    shows(core, 60_100, 7)
+    assert tells(core, 60_100) == []
+    assert [(it.kind, it.name) for it in core.take_orders()] == [(RELEASE, "amussel7")]
+    shows(core, 60_150, 7)
+    shows(core, 60_200, 7, released=True)
+    assert tells(core, 60_200) == [] and core.take_orders() == []
+    assert list(core.dropped.values()) == [1]
+    shows(core, 61_000, 7)
+    assert tells(core, 61_000) == [DockClosed(61_000, 0, 7), Carried(61_000, 7, 2.0, 3.0)]
+
+
+def test_a_person_may_dock_one_again_that_seemed_to_be_perched_twice(core: GenerationACore) -> None:
+    perched_twice(core)
+    shows(core, 71_000, 7)
+    assert DockClosed(71_000, 0, 7) in tells(core, 71_000)
+    assert core.take_orders() == []
+
+
+def test_a_perch_that_missed_is_none(core: GenerationACore) -> None:
+    core.command(CloseDock(1, 0, 7), 0)
+    says(core, 100, "run-1", GoalCode.ABORTED, "missed")
+    core.command(CloseDock(2, 0, 7), 1_000)
+    shows(core, 1_050, 7)
+    core.command(OpenDock(3, 0, 7), 5_000)
+    shows(core, 5_050, 7, released=True)
+    shows(core, 5_100, 7)
+    assert [type(it) for it in tells(core, 5_100)][-2:] == [DockClosed, Carried]
+
+
 def test_of_places_only_the_newest_is_told(core: GenerationACore) -> None:
     shows(core, 0, 7)
     tells(core, 0)
