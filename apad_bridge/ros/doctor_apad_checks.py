@@ -23,7 +23,7 @@ from apad_bridge.ros.types.wire_probe import (
 )
 from apad_bridge.ros.types.workspace_services import service_by_text
 from apad_bridge.ros_names.names import AMUSSEL
-from apad_bridge.scenario.schema import MOST_DOCKS, Generation, Scenario
+from apad_bridge.scenario.schema import LIMITS, Generation, Scenario
 from apad_bridge.vehicle.generation_a.messages import RELEASE
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS
 from apad_bridge.vehicle.stack import Stack
@@ -193,7 +193,7 @@ def _tell_capabilities(name: str, stack: Stack) -> Finding:
         "holds a position" if able.can_hold else "holds a position by going there",
         "tells what its docks hold" if able.reports_contact else "leaves it to the bench what its docks hold",
         "obeys the speed of a go-to" if able.obeys_speed else "goes at a speed of its own",
-        f"has {MOST_DOCKS[stack.generation]} docks at most",
+        f"has {LIMITS[stack.generation].docks} docks at most",
     )
     return ok(f"{name} capabilities", "; ".join(told))
 

@@ -115,9 +115,9 @@ def _check_further_apads(scenario: Scenario) -> Iterator[Contradiction]:
     if scenario.fleet.count < len(names):
         yield "apads", f"{len(names)} aPads have no work with {scenario.fleet.count} aMussels: leave some out"
     for n, it in enumerate(scenario.apads):
-        possible = schema.POSSIBLE_FAULTS[scenario.apad.generation]
+        possible = schema.LIMITS[scenario.apad.generation].faults
         if it.fault is not None and it.fault not in possible:
-            yield f"apads[{n}].fault", f"of the other generation; possible are: {', '.join(sorted(possible))}"
+            yield f"apads[{n}].fault", f"of another generation; possible are: {', '.join(sorted(possible))}"
     if scenario.fleet.share:
         yield "apads", "a share of a fleet is one aPad's: leave this key out, or fleet.share"
     if scenario.water is not None:

@@ -8,6 +8,7 @@ Nothing physical has a default: a key is optional only if leaving it out has one
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Literal
 
@@ -319,9 +320,22 @@ class Generation(StrEnum):
     """Mission primitives: services below `commander/primitive`."""
 
 
-POSSIBLE_FAULTS = {Generation.AUTO: OF_A, Generation.A: OF_A, Generation.B: OF_B}
-MOST_DOCKS = {Generation.AUTO: MAX_DOCKS, Generation.A: MAX_DOCKS, Generation.B: 4}
-"""The docks that a generation's messages can name: the docking primitive of B knows slots 0 to 3."""
+@dataclass(frozen=True, slots=True)
+class GenerationLimits:
+    """The scenario keys that a generation can serve."""
+
+    faults: frozenset[Fault]
+    """The faults that its simulated aPad can have."""
+    docks: int = MAX_DOCKS
+    """The docks that its messages can name."""
+
+
+_LIMITS_OF_A = GenerationLimits(OF_A)
+LIMITS = {
+    Generation.AUTO: _LIMITS_OF_A,
+    Generation.A: _LIMITS_OF_A,
+    Generation.B: GenerationLimits(OF_B, docks=4),  # its docking primitive knows slots 0 to 3
+}
 
 
 @frozen
@@ -353,14 +367,14 @@ class APad:
     battery: APadBattery
 
     def __post_init__(self) -> None:
-        possible = POSSIBLE_FAULTS[self.generation]
-        if self.fault not in possible:
+        limits = LIMITS[self.generation]
+        if self.fault not in limits.faults:
             raise ValueError(
-                f"fault: {self.fault} is of the other generation; possible are: {', '.join(sorted(possible))}"
+                f"fault: {self.fault} is of another generation; possible are: {', '.join(sorted(limits.faults))}"
             )
-        if self.docks > MOST_DOCKS[self.generation]:
+        if self.docks > limits.docks:
             raise ValueError(
-                f"docks: {self.docks} are more than the {MOST_DOCKS[self.generation]} that an aPad of generation "
+                f"docks: {self.docks} are more than the {limits.docks} that an aPad of generation "
                 f"{self.generation} can name"
             )
 

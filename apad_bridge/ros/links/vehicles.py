@@ -13,7 +13,7 @@ from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.links.generations import live_generation, offered_generations
 from apad_bridge.ros.links.legacy_link import OpenedAPad, OpenLink
 from apad_bridge.scenario.run_options import APadKind, RunOptions
-from apad_bridge.scenario.schema import MOST_DOCKS, Generation, Scenario
+from apad_bridge.scenario.schema import LIMITS, Generation, Scenario
 from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
@@ -68,9 +68,9 @@ def open_apad(
             if it.depth_m < _AFLOAT_M and not it.docked
         }
 
-    if scenario.apad.docks > MOST_DOCKS[generation]:
+    if scenario.apad.docks > LIMITS[generation].docks:
         raise VehicleNotReady(
-            f"{scenario.apad.name} is of generation {generation.name}, which can name {MOST_DOCKS[generation]} docks, "
+            f"{scenario.apad.name} is of generation {generation.name}, which can name {LIMITS[generation].docks} docks, "
             f"and apad.docks is {scenario.apad.docks}: lower it"
         )
     open_link: OpenLink = load(stack_of(generation).link)

@@ -63,7 +63,7 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
         ({"apads": [{"name": "apad1", "start_m": [0, 0]}]}, "names must differ"),
         ({"apads": [{"name": f"b{n}", "start_m": [0, 0]} for n in range(8)]}, "9 aPads have no work with 8"),
         ({"apads": [{"name": "b", "start_m": [0, 0], "speed": 1}]}, r"apads\[0\].speed: unknown key"),
-        ({"apads": [{"name": "b", "start_m": [0, 0], "fault": "hangs"}]}, "of the other generation"),
+        ({"apads": [{"name": "b", "start_m": [0, 0], "fault": "hangs"}]}, "of another generation"),
         ({"water": {"sound": {}}}, "sound crosses shares"),
     ],
 )

@@ -448,5 +448,5 @@ def test_a_vehicle_that_wanders_is_told_again() -> None:
 
 def test_a_fault_of_the_other_generation_is_refused() -> None:
     assert {Fault.NONE, Fault.STUCK} == OF_A & OF_B and set(Fault) == OF_A | OF_B
-    with pytest.raises(ValueError, match="of the other generation"):
+    with pytest.raises(ValueError, match="of another generation"):
         replace(POOL.apad, fault=Fault.LIES)
