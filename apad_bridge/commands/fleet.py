@@ -19,4 +19,4 @@ def add_parser(commands: Any) -> None:
         epilog=f"Ends with the scenario's time or Ctrl-C. exit codes: {EXITS}",
     )
     run_command.add_scenario_arguments(parser)
-    parser.set_defaults(run=run_command.run, part=Part.FLEET, strategy="none", console=False)
+    parser.set_defaults(run=run_command.run, part=Part.FLEET, strategy="none", console=False, check=False)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.assembly.division import Member, members
+from apad_bridge.commands.check import broken_laws, exit_of_laws, print_laws
 from apad_bridge.commands.console import console_beside
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.commands.run_checks import check_run
@@ -48,10 +49,12 @@ def fly(
     script: Script | None = None,
     *,
     console: bool = False,
+    check: bool = False,
 ) -> int:
     """Flies one aPad or several, and returns the exit code. UserError, or a line and its exit code, before anything starts.
 
-    A run of several aPads has a directory for each, below its own. With `console` a browser can show the run live.
+    A run of several aPads has a directory for each, below its own. With `console` a browser can show the run live. With
+    `check` the records are checked at the end, and a broken law decides the exit code.
     """
     if console and scenario.apads:
         raise UserError(
@@ -88,7 +91,14 @@ def fly(
         code = report(scenario.name, flown_by, whole, summary, as_json, progress.messages)
         if flown.failures:
             raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
-        return code
+        return _checked(whole, code) if check else code
+
+
+def _checked(whole: RunDirectory, code: int) -> int:
+    """Checks the records, with lines on stderr; a broken law is a bug, whatever else the code says."""
+    broken = broken_laws(whole.path)
+    print_laws(broken, sys.stderr)
+    return exit_of_laws(broken) or code
 
 
 def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:

@@ -35,6 +35,7 @@ _COMMANDS = (
     "apad",
     "script",
     "runs",
+    "check",
     "replay",
     "console",
     "beliefs",

@@ -21,4 +21,4 @@ def add_parser(commands: Any) -> None:
     run_command.add_scenario_arguments(parser)
     parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
     run_command.add_manual_argument(parser)
-    parser.set_defaults(run=run_command.run, part=Part.MISSION, console=False)
+    parser.set_defaults(run=run_command.run, part=Part.MISSION, console=False, check=False)

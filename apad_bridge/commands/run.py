@@ -48,6 +48,11 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="serve a live page of the run to a browser on this machine, and print its address",
     )
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="at the end, check that the records obey the laws that hold in every run (musselbed check)",
+    )
     parser.set_defaults(run=run, part=Part.WHOLE)
 
 
@@ -199,4 +204,12 @@ def namespace_of_shell() -> str:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
-    return fly(options, scenario, starts, arguments.out, arguments.json, console=arguments.console)
+    return fly(
+        options,
+        scenario,
+        starts,
+        arguments.out,
+        arguments.json,
+        console=arguments.console,
+        check=arguments.check,
+    )

@@ -1,0 +1,263 @@
+"""Laws that hold in every run's journal. A line that breaks one shows a defect of musselbed, not of the mission.
+
+The checker takes the lines in order and knows nothing of the flight but these lines and the scenario.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, from_wire
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.line_file import Line, read_lines
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.samples import Water
+from apad_bridge.records.truth_lines import truth_of
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+from firmware_model.power.charge import FULL
+
+NEAR_M = 5.0
+"""A docked aMussel is nearer to the aPad than this, beside the way of the aPad since its last line."""
+WAY_FRACTION, WAY_M = 0.05, 2.0
+"""The counted way exceeds the way between the journal's places by no more than this fraction, and these metres."""
+_KEPT = 4
+"""The newest lines on an aMussel that are shown with a broken law."""
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """A law that a line breaks, with the lines that show it."""
+
+    law: str
+    reason: str
+    lines: tuple[Line, ...]
+
+
+class Invariants:
+    """Checks the lines of one journal as they come.
+
+    After a kill of the supervisor, lines that were not on disk are missing. So contacts and docks are not checked again
+    until the next line about them.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._charge_of = Water(scenario).charge_of
+        self._now_ms = 0
+        self._ids: frozenset[int] = frozenset()
+        self._truths: dict[int, Truth] = {}
+        self._docks: dict[int, int] = {}
+        """aMussels by dock index."""
+        self._contact: dict[int, bool] = {}
+        """Whether the newest contact of each aMussel closed around it."""
+        self._placed: set[int] = set()
+        """aMussels that were put somewhere since their last truth."""
+        self._apad_m: tuple[int, float, float] | None = None
+        self._way_m = 0.0
+        self._legs_m = 0.0
+        self._shown: dict[int, deque[Line]] = {}
+
+    def take(self, line: Line) -> list[Broken]:
+        """The laws that this line breaks."""
+        agent_id = line.get("id", line.get("agent"))
+        shown = self._shown.setdefault(agent_id if isinstance(agent_id, int) else -1, deque(maxlen=_KEPT))
+        shown.append(line)
+        return [Broken(law, reason, tuple(shown)) for law, reason in self._laws(line)]
+
+    def end(self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]) -> list[Broken]:
+        """The laws of a whole run. `kept` counts the lines of samples.jsonl, by aMussel and sequence number."""
+        return [Broken(law, reason, ()) for law, reason in self._last_laws(summary, kept)]
+
+    def _laws(self, line: Line) -> Iterator[tuple[str, str]]:
+        if line["t"] < self._now_ms:
+            yield "time never falls", f"{line['t']} ms after {self._now_ms} ms"
+        self._now_ms = max(self._now_ms, line["t"])
+        match line["kind"]:
+            case EventKind.RUN:
+                ids = [it["id"] for it in line["agents"]]
+                self._ids = frozenset(ids)
+                if len(ids) != len(self._ids):
+                    yield "ids are unique", f"{ids}"
+            case EventKind.TRUTH:
+                yield from self._of_truth(truth_of(line))
+            case EventKind.BELIEF:
+                yield from _of_belief(line)
+            case EventKind.STIMULUS:
+                self._take_stimulus(line)
+            case EventKind.DOCK:
+                yield from self._of_dock(line["dock"], line["agent"], closed=line["closed"])
+            case EventKind.APAD:
+                yield from self._of_apad(line)
+            case EventKind.LEG:
+                self._legs_m += line["metres"]
+            case EventKind.RESUMED:
+                self._docks, self._contact = {}, {}
+
+    def _of_truth(self, truth: Truth) -> Iterator[tuple[str, str]]:
+        agent_id, before, physical = truth.agent_id, self._truths.get(truth.agent_id), truth.physical
+        self._truths[agent_id] = truth
+        if self._ids and agent_id not in self._ids:
+            yield "every aMussel is of the fleet", f"aMussel {agent_id} is not in the line `run`"
+        for name, battery in (("primary", physical.primary), ("secondary", physical.secondary)):
+            if not 0 <= battery.charge <= FULL:
+                yield "a charge lies in 0 to 1", f"aMussel {agent_id}, {name}: {battery.charge / FULL}"
+        if physical.acknowledged > physical.samples:
+            yield (
+                "a sample is taken before it is acknowledged",
+                f"{physical.acknowledged} of {physical.samples}",
+            )
+        if physical.docked and self._contact.get(agent_id) is False:
+            yield "a dock that closed holds the aMussel", f"aMussel {agent_id} is docked, and its dock opened"
+        # Another aPad may hold it, and then no dock of this one closed around it.
+        if physical.docked and agent_id in self._docks.values():
+            yield from self._of_docked(truth)
+        was_placed = agent_id in self._placed
+        self._placed.discard(agent_id)
+        if before is not None and not was_placed:
+            yield from self._of_change(before, truth)
+
+    def _of_docked(self, truth: Truth) -> Iterator[tuple[str, str]]:
+        if self._apad_m is None:
+            return
+        at_ms, north_m, east_m = self._apad_m
+        there_m = truth.physical.north_um / 1e6, truth.physical.east_um / 1e6
+        most_m = NEAR_M + self._scenario.apad.max_speed_m_s * (self._now_ms - at_ms) / 1000
+        if (away_m := math.dist(there_m, (north_m, east_m))) > most_m:
+            yield (
+                "a docked aMussel is at the aPad",
+                f"aMussel {truth.agent_id} is docked {away_m:.1f} m from the aPad",
+            )
+
+    def _of_change(self, before: Truth, truth: Truth) -> Iterator[tuple[str, str]]:
+        agent_id, was, now = truth.agent_id, before.physical, truth.physical
+        if truth.at_ms < before.at_ms:
+            yield "time never falls", f"aMussel {agent_id}: {truth.at_ms} ms after {before.at_ms} ms"
+            return
+        if now.samples < was.samples or now.acknowledged < was.acknowledged:
+            yield (
+                "a log forgets nothing",
+                f"aMussel {agent_id}: {was.samples}, {was.acknowledged} became {now.samples}, {now.acknowledged}",
+            )
+        charge_at = self._charge_of(agent_id).charge_at
+        for name, old, new in (
+            ("primary", was.primary, now.primary),
+            ("secondary", was.secondary, now.secondary),
+        ):
+            if new.anchor_ms < old.anchor_ms:
+                yield "time never falls", f"aMussel {agent_id}, {name} battery"
+            elif (expected := charge_at(old, new.anchor_ms)) != new.charge:
+                yield (
+                    "energy is neither made nor lost",
+                    f"aMussel {agent_id}, {name}: {new.charge / FULL:.9f}, and {expected / FULL:.9f} follows from before",
+                )
+
+    def _take_stimulus(self, line: Line) -> None:
+        wire = [bytes.fromhex(it) if isinstance(it, str) else it for it in line["wire"]]
+        match from_wire(wire):
+            case ContactClosed():
+                self._contact[line["id"]] = True
+            case ContactOpened():
+                self._contact[line["id"]] = False
+            case Placed():
+                self._placed.add(line["id"])
+                self._contact[line["id"]] = False
+
+    def _of_dock(self, dock_index: int, agent_id: int, *, closed: bool) -> Iterator[tuple[str, str]]:
+        holder = self._docks.get(dock_index)
+        if closed:
+            others = [
+                index for index, held in self._docks.items() if held == agent_id and index != dock_index
+            ]
+            if holder not in (None, agent_id):
+                yield (
+                    "a dock holds one aMussel",
+                    f"dock {dock_index} closed around {agent_id} and holds {holder}",
+                )
+            if others:
+                yield (
+                    "an aMussel is in one dock",
+                    f"dock {dock_index} closed around {agent_id}, which is in dock {others[0]}",
+                )
+            self._docks = {index: held for index, held in self._docks.items() if held != agent_id}
+            self._docks[dock_index] = agent_id
+        else:
+            self._docks = {index: held for index, held in self._docks.items() if held != agent_id}
+
+    def _of_apad(self, line: Line) -> Iterator[tuple[str, str]]:
+        held = [it for it in line["docks"] if it >= 0]
+        if len(held) != len(set(held)):
+            yield "an aMussel is in one dock", f"the aPad holds {held}"
+        here = line["north_m"], line["east_m"]
+        if not all(map(math.isfinite, here)):
+            yield "a place is a number", f"the aPad is at {here}"
+            return
+        if self._apad_m is not None:
+            self._way_m += math.dist(self._apad_m[1:], here)
+        self._apad_m = (line["t"], *here)
+
+    def _last_laws(
+        self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]
+    ) -> Iterator[tuple[str, str]]:
+        cost_m, planned_m = summary["cost_m"], summary["planned_m"]
+        if cost_m > self._way_m * (1 + WAY_FRACTION) + WAY_M:
+            yield "the cost is the way driven", f"{cost_m:.2f} m, and the aPad drove {self._way_m:.2f} m"
+        if planned_m > self._legs_m + WAY_M:
+            yield (
+                "the planned way is that of the legs",
+                f"{planned_m:.2f} m, and the legs are {self._legs_m:.2f} m",
+            )
+        for agent_id, counts in sorted(kept.items()):
+            doubled = sorted(sequence for sequence, count in counts.items() if count > 1)
+            if doubled:
+                yield "a sample is kept once", f"aMussel {agent_id}: {doubled[:10]}"
+            truth = self._truths.get(agent_id)
+            if truth is not None and max(counts) >= truth.physical.samples:
+                yield (
+                    "a sample is taken before it is kept",
+                    f"aMussel {agent_id}: {max(counts)} of {truth.physical.samples}",
+                )
+
+
+def _of_belief(line: Line) -> Iterator[tuple[str, str]]:
+    numbers = {name: line[name] for name in ("charge", "secondary", "north_m", "east_m")}
+    if not all(map(math.isfinite, numbers.values())):
+        yield "a belief is finite", f"aMussel {line['id']}: {numbers}"
+    if line["heard"] > line["t"]:
+        yield (
+            "a packet is older than the belief of it",
+            f"aMussel {line['id']}: {line['heard']} ms at {line['t']} ms",
+        )
+    # The mean of a skewed mixture may lie outside its central interval; the interval itself has an order.
+    if "low" in line and not 0 <= line["low"] <= line["high"] <= 1:
+        yield "an interval has an order", f"aMussel {line['id']}: {line['low']} to {line['high']}"
+
+
+def check_run(directory: RunDirectory) -> list[Broken]:
+    """The laws that an aPad's run broke. OSError, JournalDamaged or ScenarioError for a directory that cannot be read.
+
+    A run that has not ended yet is checked as far as its journal goes.
+    """
+    checker = Invariants(load(directory.scenario))
+    broken = [it for line in read_journal(directory.journal).lines for it in checker.take(line)]
+    if directory.summary.exists():
+        broken += checker.end(json.loads(directory.summary.read_text()), kept_samples(directory.samples))
+    return broken
+
+
+def kept_samples(path: Path) -> dict[int, Counter[int]]:
+    """How many lines of samples.jsonl each sequence number has, by aMussel; nothing where there is no such file."""
+    kept: dict[int, Counter[int]] = {}
+    if path.exists():
+        for line in read_lines(path):
+            if line is not None:
+                kept.setdefault(line["id"], Counter())[line["sequence"]] += 1
+    return kept

@@ -1,0 +1,209 @@
+"""The laws of every run: they hold in runs of all kinds, and each is broken by a line that breaks it."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from scenario_files import POOL_FILE
+
+from apad_bridge.analysis.invariants import Broken, Invariants, check_run
+from apad_bridge.commands.main import main
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.scenario.loader import load
+
+Lines = list[dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("laws") / "run"
+    command = ["run", str(POOL_FILE), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
+    assert main([*command, "--check"]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def journal(run: Path) -> Lines:
+    return read_journal(run / "journal.jsonl").lines
+
+
+def laws_broken_in(lines: Lines, summary: dict[str, Any] | None = None) -> set[str]:
+    checker = Invariants(load(POOL_FILE))
+    broken: list[Broken] = [it for line in lines for it in checker.take(line)]
+    if summary is not None:
+        broken += checker.end(summary, {})
+    return {it.law for it in broken}
+
+
+def of_kind(lines: Lines, kind: str, **wanted: Any) -> list[int]:
+    return [
+        n
+        for n, line in enumerate(lines)
+        if line["kind"] == kind and all(line[name] == value for name, value in wanted.items())
+    ]
+
+
+def energy_from_nowhere(lines: Lines) -> None:
+    """The first aMussel's battery gains a grain between two truths."""
+    second = of_kind(lines, "truth", id=1)[1]
+    lines[second]["primary"][1] += 1
+
+
+def full_beyond_full(lines: Lines) -> None:
+    lines[of_kind(lines, "truth", id=1)[0]]["secondary"][1] = 6 * 10**14 + 1
+
+
+def back_in_time(lines: Lines) -> None:
+    lines[of_kind(lines, "truth", id=1)[1]]["agent_ms"] = -1
+
+
+def a_line_from_the_past(lines: Lines) -> None:
+    lines[-1]["t"] = 0
+
+
+def two_docks(lines: Lines) -> None:
+    closed = lines[of_kind(lines, "dock", closed=True)[0]]
+    lines.insert(lines.index(closed) + 1, closed | {"dock": closed["dock"] + 1})
+
+
+def two_in_a_dock(lines: Lines) -> None:
+    closed = lines[of_kind(lines, "dock", closed=True)[0]]
+    lines.insert(lines.index(closed) + 1, closed | {"agent": closed["agent"] % 12 + 1})
+
+
+def held_twice(lines: Lines) -> None:
+    lines[of_kind(lines, "apad")[-1]]["docks"] = [3, 3, -1, -1]
+
+
+def docked_far_away(lines: Lines) -> None:
+    lines[of_kind(lines, "truth", docked=True)[0]]["north_um"] += 50_000_000
+
+
+def docked_in_an_open_dock(lines: Lines) -> None:
+    docked = lines[of_kind(lines, "truth", docked=True)[-1]]
+    stimuli = [n for n in of_kind(lines, "stimulus", id=docked["id"]) if lines[n]["t"] <= docked["t"]]
+    opened = lines[stimuli[-1]] | {"wire": [2]}
+    lines.insert(lines.index(docked), opened)
+
+
+def a_stranger(lines: Lines) -> None:
+    lines[of_kind(lines, "truth")[-1]]["id"] = 99
+
+
+def two_of_an_id(lines: Lines) -> None:
+    lines[0]["agents"].append(lines[0]["agents"][0])
+
+
+def a_belief_of_nan(lines: Lines) -> None:
+    lines[of_kind(lines, "belief")[5]]["charge"] = float("nan")
+
+
+def heard_before_it_was_sent(lines: Lines) -> None:
+    belief = lines[of_kind(lines, "belief")[5]]
+    belief["heard"] = belief["t"] + 1
+
+
+def an_interval_the_wrong_way(lines: Lines) -> None:
+    lines[of_kind(lines, "belief")[5]] |= {"low": 0.9, "high": 0.8}
+
+
+def a_forgetful_log(lines: Lines) -> None:
+    first, second = of_kind(lines, "truth", id=1)[:2]
+    lines[first]["log"], lines[second]["log"] = [10, 5], [9, 5]
+
+
+def acknowledged_before_it_was_taken(lines: Lines) -> None:
+    lines[of_kind(lines, "truth", id=1)[-1]]["log"] = [3, 4]
+
+
+@pytest.mark.parametrize(
+    ("breaks", "law"),
+    [
+        (energy_from_nowhere, "energy is neither made nor lost"),
+        (full_beyond_full, "a charge lies in 0 to 1"),
+        (back_in_time, "time never falls"),
+        (a_line_from_the_past, "time never falls"),
+        (two_docks, "an aMussel is in one dock"),
+        (two_in_a_dock, "a dock holds one aMussel"),
+        (held_twice, "an aMussel is in one dock"),
+        (docked_far_away, "a docked aMussel is at the aPad"),
+        (docked_in_an_open_dock, "a dock that closed holds the aMussel"),
+        (a_stranger, "every aMussel is of the fleet"),
+        (two_of_an_id, "ids are unique"),
+        (a_belief_of_nan, "a belief is finite"),
+        (heard_before_it_was_sent, "a packet is older than the belief of it"),
+        (an_interval_the_wrong_way, "an interval has an order"),
+        (a_forgetful_log, "a log forgets nothing"),
+        (acknowledged_before_it_was_taken, "a sample is taken before it is acknowledged"),
+    ],
+)
+def test_a_broken_law_is_found(journal: Lines, breaks: Callable[[Lines], None], law: str) -> None:
+    assert laws_broken_in(journal) == set()
+    lines = copy.deepcopy(journal)
+    breaks(lines)
+    assert law in laws_broken_in(lines)
+
+
+def test_the_cost_is_the_way_driven(run: Path, journal: Lines) -> None:
+    summary = json.loads((run / "summary.json").read_text())
+    assert laws_broken_in(journal, summary) == set()
+    assert laws_broken_in(journal, summary | {"cost_m": 1.2 * summary["cost_m"]}) == {
+        "the cost is the way driven"
+    }
+    dearer = summary | {"planned_m": 1.2 * summary["planned_m"]}
+    assert laws_broken_in(journal, dearer) == {"the planned way is that of the legs"}
+
+
+def test_a_sample_is_kept_once_and_was_taken(journal: Lines, run: Path) -> None:
+    checker = Invariants(load(POOL_FILE))
+    lines = copy.deepcopy(journal)
+    lines[of_kind(lines, "truth", id=1)[-1]]["log"] = [3, 1]
+    for line in lines:
+        checker.take(line)
+    summary = json.loads((run / "summary.json").read_text())
+    assert checker.end(summary, {1: Counter({0: 1, 1: 1, 2: 1})}) == []
+    assert [it.law for it in checker.end(summary, {1: Counter({1: 2})})] == ["a sample is kept once"]
+    assert [it.law for it in checker.end(summary, {1: Counter({3: 1})})] == [
+        "a sample is taken before it is kept"
+    ]
+
+
+def test_a_whole_board_in_sound_obeys_them(tmp_path: Path) -> None:
+    scenarios = Path(__file__).parents[3] / "launch_scripts/scenarios"
+    data = yaml.safe_load((scenarios / "sound-12.yaml").read_text())
+    data["fleet"]["start"] = str(scenarios / data["fleet"]["start"])
+    scenario, out = tmp_path / "sound.yaml", tmp_path / "run"
+    scenario.write_text(yaml.safe_dump(data | {"duration_s": 600}))
+    command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
+    assert main(command) == 0
+    assert any(line["kind"] == "packet" for line in read_journal(out / "journal.jsonl").lines)
+    assert check_run(RunDirectory.open(out)) == []
+
+
+def test_the_command_shows_the_lines_that_break_a_law(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    for file in ("scenario.yaml", "summary.json"):
+        (broken / file).write_bytes((run / file).read_bytes())
+    lines = [json.loads(line) for line in (run / "journal.jsonl").read_text().splitlines()]
+    energy_from_nowhere(lines)
+    (broken / "journal.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    capsys.readouterr()
+    assert main(["check", str(run), str(broken)]) == 1
+    shown = capsys.readouterr().out
+    assert f"{run}: all laws hold" in shown and "energy is neither made nor lost: aMussel 1, primary" in shown
+    assert main(["check", str(broken), "--json"]) == 1
+    ((found, *_),) = json.loads(capsys.readouterr().out).values()
+    assert found["lines"][-1]["kind"] == "truth"
+    assert main(["check", str(tmp_path)]) == 1  # the runs below it
+    assert main(["check", str(tmp_path / "nothing")]) == 2
