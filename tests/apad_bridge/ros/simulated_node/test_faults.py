@@ -304,7 +304,7 @@ def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_clos
     assert isinstance(bench.outcome(6)[1], PrimitiveSucceeded)
     assert stack.vehicle.held == ["amussel8"]
     assert stack.core.dropped["silence on position_static of an aMussel that the aPad holds: reckoned"] == 1
-    assert "asked" in ROWS["counts_docks"]
+    assert "the bench asks" in ROWS["counts_docks"]
 
 
 def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
