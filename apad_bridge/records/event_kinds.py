@@ -209,7 +209,7 @@ KINDS: tuple[Kind, ...] = (
             ),
         ),
     ),
-    Kind(EventKind.TICK, "a tick in which nothing else happened; its time says how far the flight came"),
+    Kind(EventKind.TICK, "a tick without another event; its time shows the progress of the flight"),
     Kind(
         EventKind.END,
         "the mission has ended",
@@ -230,11 +230,11 @@ KINDS: tuple[Kind, ...] = (
             Field("north_um", INTEGER, "place, north", "um"),
             Field("east_um", INTEGER, "place, east", "um"),
             Field("depth", _row(INTEGER, INTEGER), "anchor, and the depth then", "agent ms, um"),
-            Field("buoyancy", _names(Buoyancy), "where its motors move it"),
-            Field("docked", BOOLEAN, "whether a dock holds it"),
+            Field("buoyancy", _names(Buoyancy), "the direction in which its motors move it"),
+            Field("docked", BOOLEAN, "true while a dock holds it"),
             _optional(Field("hover_um", INTEGER, "the depth to which it hovers", "um")),
             _optional(Field("pin_due", INTEGER, "when the coils will be aligned", "agent ms")),
-            _optional(Field("log", _row(INTEGER, INTEGER), "samples taken, and how many were acknowledged")),
+            _optional(Field("log", _row(INTEGER, INTEGER), "samples taken, and samples acknowledged")),
         ),
     ),
     Kind(
@@ -242,7 +242,7 @@ KINDS: tuple[Kind, ...] = (
         "the supervisor's belief of an aMussel changed noticeably",
         (
             _ID,
-            Field("heard", INTEGER, "when its newest packet was received", "mission ms"),
+            Field("heard", INTEGER, "the time of its newest packet", "mission ms"),
             Field("state", _names(State), "the board's state, by name"),
             Field("charge", NUMBER, "of the primary battery", "0 to 1"),
             Field("secondary", NUMBER, "charge of the other battery", "0 to 1"),
@@ -269,7 +269,7 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.MISSION,
-        "the mission's state changed; a resumed run goes on from the newest",
+        "the mission's state changed; a resumed run continues from the newest",
         (
             Field("phase", _values(Phase), "the box of the paper's Fig. 7"),
             Field("snapshot", _SNAPSHOT, "the whole state", "m, mission ms"),
@@ -295,7 +295,7 @@ KINDS: tuple[Kind, ...] = (
             Field(
                 "beliefs",
                 _list_of(_object("candidate", _ID, Field("charge", NUMBER, ""), _NORTH, _EAST)),
-                "the candidates as they were believed",
+                "the beliefs of the candidates",
                 "0 to 1, m",
             ),
         ),
@@ -310,9 +310,7 @@ KINDS: tuple[Kind, ...] = (
         "a primitive started, succeeded or failed, or a docking caught nothing within the catch radius",
         (
             Field("name", TEXT, "`go to point`, `hold position`, `dock` or `undock`"),
-            Field(
-                "phase", _one_of(["started", "succeeded", "failed", "nothing_caught"]), "what happened to it"
-            ),
+            Field("phase", _one_of(["started", "succeeded", "failed", "nothing_caught"]), "the result"),
             _optional(_AGENT),
             _optional(_DOCK_FIELD),
             _optional(Field("north_m", NUMBER, "the goal, north", "m")),
@@ -327,10 +325,10 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.RELEASED,
-        "an aMussel left its dock and was told to sink",
+        "an aMussel left its dock and was ordered to sink",
         (
             _AGENT,
-            Field("full", BOOLEAN, "it was believed full when that was ordered: it counts as a service"),
+            Field("full", BOOLEAN, "true if it was believed full at that order: it counts as a service"),
         ),
     ),
     Kind(
@@ -340,15 +338,15 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.LEFT_ALONE,
-        "the mission tries no more to serve an aMussel",
-        (_AGENT, Field("tries", INTEGER, "how many in a row failed"), _REASON),
+        "the mission stopped its tries to serve an aMussel",
+        (_AGENT, Field("tries", INTEGER, "number of failed tries in a row"), _REASON),
     ),
-    Kind(EventKind.STUCK, "several go-tos in a row failed: the aPad does not get anywhere", (_REASON,)),
+    Kind(EventKind.STUCK, "several go-tos in a row failed: the aPad is stuck", (_REASON,)),
     Kind(
         EventKind.OVERRIDE,
         "a person took the aPad over, or gave it back",
         (
-            Field("taken", BOOLEAN, "true when it was taken over"),
+            Field("taken", BOOLEAN, "true for taking over"),
             _optional(Field("by", TEXT, "`person`, or `vehicle` when another party steers it")),
         ),
     ),
@@ -370,7 +368,7 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.SCRIPT,
-        "a script said something, or noted an event of its own, with fields of its own",
+        "a script printed a line, or noted its own event with its own fields",
         (
             _optional(Field("said", TEXT, "a line for people")),
             _optional(Field("what", TEXT, "the name that the script gave its event")),
@@ -396,7 +394,7 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.GUARD,
-        "the aPad was found in danger between two orders, and the bench reacted",
+        "the monitor found the aPad in danger between two orders, and reacted",
         (
             Field(
                 "cause", TEXT, "`position`, `outside the fence`, `fence ahead`, `speed`, `late` or `person`"
@@ -405,10 +403,10 @@ KINDS: tuple[Kind, ...] = (
                 "reaction", TEXT, "`hold`, `stop` (its controllers go off) or `return` (to a place inside)"
             ),
             _REASON,
-            Field("calls_pilot", BOOLEAN, "true when a person must take it"),
+            Field("calls_pilot", BOOLEAN, "true when a person must take the aPad over"),
         ),
     ),
-    Kind(EventKind.GUARD_OVER, "that cause is over", (Field("cause", TEXT, "as above"),)),
+    Kind(EventKind.GUARD_OVER, "that danger is over", (Field("cause", TEXT, "as above"),)),
     Kind(EventKind.STANDS_DOWN, "one of several aPads leaves its aMussels to the others", (_REASON,)),
     Kind(
         EventKind.HANDED_ON,
@@ -449,7 +447,7 @@ KINDS: tuple[Kind, ...] = (
         "an aMussel became real, retired, or simulated again",
         (
             _ID,
-            Field("is", _values(Presence), "what it is from now on"),
+            Field("is", _values(Presence), "its new presence"),
             Field("by", TEXT, "the node that asked"),
         ),
     ),
@@ -463,13 +461,13 @@ KINDS: tuple[Kind, ...] = (
         "an acoustic packet ended, in simulated water",
         (
             Field("from", INTEGER, "the sender: an aMussel's id, 0 is the aPad"),
-            Field("address", _or_null(INTEGER), "the modem for which it is; null for all"),
+            Field("address", _or_null(INTEGER), "the addressed modem; null for all"),
             Field("what", TEXT, "the kind of frame"),
             Field("bytes", INTEGER, "its payload", "bytes"),
             Field("began_ms", INTEGER, "when it began", "agent ms"),
-            Field("lasted_ms", INTEGER, "how long it was sent", "agent ms"),
+            Field("lasted_ms", INTEGER, "the duration of its transmission", "agent ms"),
             Field("timeslot", _or_null(INTEGER), "the timeslot in which it began; null without timeslots"),
-            Field("unsent", _or_null(TEXT), "why it was not sent; null for one that was"),
+            Field("unsent", _or_null(TEXT), "why it was not sent; null for a sent one"),
             Field(
                 "heard",
                 _list_of(_row(INTEGER, TEXT, NUMBER, INTEGER, NUMBER, NUMBER)),
@@ -481,7 +479,7 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.RANGE,
-        "a ping was answered, or was not in time",
+        "a ping was answered, or its time-out passed",
         (_ID, Field("range_m", _or_null(NUMBER), "the range; null without an answer", "m")),
     ),
     Kind(
@@ -492,11 +490,11 @@ KINDS: tuple[Kind, ...] = (
             Field("covariance", _list_of(NUMBER), "north, north-east, east", "m^2"),
             Field("hdop", NUMBER, "dilution of precision, of the geometry"),
             Field("residual_m", NUMBER, "root mean square of the ranges' residuals", "m"),
-            Field("ranges", INTEGER, "how many were used"),
+            Field("ranges", INTEGER, "number of ranges used"),
         ),
     ),
     Kind(EventKind.ASKED, "an aMussel was asked for its status by sound", (_ID,)),
-    Kind(EventKind.UNANSWERED, "no answer to that came in time", (_ID,)),
+    Kind(EventKind.UNANSWERED, "the aMussel did not answer in time", (_ID,)),
     Kind(
         EventKind.SAMPLES_GONE,
         "samples that can no longer be uploaded",
@@ -524,30 +522,30 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.MODEM,
-        "a physical or opened modem: a packet was dropped, or something happened to it",
+        "a physical or opened modem dropped a packet, or changed",
         (
-            _optional(Field("dropped", TEXT, "why a packet was dropped")),
+            _optional(Field("dropped", TEXT, "why it dropped a packet")),
             _optional(Field("id", _or_null(INTEGER), "the aMussel of that packet")),
             _optional(Field("what", TEXT, "what happened")),
         ),
     ),
     Kind(
         EventKind.MASTER_GONE,
-        "somebody else's ROS master is not there",
-        (Field("uri", TEXT, "its address"), Field("why", TEXT, "how that was noticed")),
+        "another party's ROS master does not answer",
+        (Field("uri", TEXT, "its address"), Field("why", TEXT, "the symptom")),
     ),
     Kind(
         EventKind.MASTER_BACK,
-        "it is there again, and everything was registered",
+        "that master answers again, and the run has registered everything",
         (
             Field("uri", TEXT, "its address"),
-            Field("gone_s", NUMBER, "how long it was away, by the wall clock", "s"),
+            Field("gone_s", NUMBER, "the length of its absence, by the wall clock", "s"),
             Field("registered", INTEGER, "topics and services"),
         ),
     ),
     Kind(
         EventKind.VEHICLE_SILENT,
-        "a real aPad publishes nothing any more",
+        "a real aPad stopped publishing",
         (Field("name", TEXT, "the aPad"), Field("since_ms", INTEGER, "since when", "mission ms")),
     ),
     Kind(
@@ -560,7 +558,7 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.RESUMED,
-        "another supervisor goes on with the run",
+        "another supervisor continues the run",
         (
             Field("journal_dropped", INTEGER, "lines of the journal that could not be read"),
             Field("journal_torn_bytes", INTEGER, "of a torn last line", "bytes"),
@@ -580,8 +578,8 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.RESTORED,
-        "what that supervisor knows again",
-        (Field("told", _list_of(TEXT), "the lines that people were told"),),
+        "the knowledge that this supervisor restored",
+        (Field("told", _list_of(TEXT), "the lines printed for people"),),
     ),
 )
 

@@ -141,7 +141,7 @@ OURS = Section(
     ),
 )
 OURS_OF_APAD = Section(
-    "Mission primitives, over whichever aPad",
+    "Mission primitives of either generation",
     (
         _topic("musselbed/{apad}/goto_status", "std_msgs/Int32", "supervisor", "at each change, latched"),
         _topic("musselbed/{apad}/docking_status", "std_msgs/Int32", "supervisor", "at each change, latched"),
@@ -218,12 +218,10 @@ OF_AMUSSEL = Section(
 )
 _A, _B, _AB = "aPad, generation A", "aPad, generation B", "aPad"
 OF_APAD = Section(
-    "An aPad, as its own stack has it",
+    "An aPad, by its own stack",
     (
         _topic("{apad}/position", "auv_msgs/NavSts", _AB, "10 Hz"),
-        _topic(
-            "{apad}/stateRef", "auv_msgs/NavSts", _AB, "10 Hz; ours also when a time of /clock is handled"
-        ),
+        _topic("{apad}/stateRef", "auv_msgs/NavSts", _AB, "10 Hz; ours also after each time of /clock"),
         _topic("{apad}/battery_level", "std_msgs/Float64", _AB, "1 Hz, percent"),
         Row("{apad}/action_server", Kind.ACTION, "apad/aPad", _A, "go to, perch, release"),
         _topic("{apad}/charging", "std_msgs/Float64", "anybody", "generation A subscribes: percent gained"),
@@ -264,13 +262,17 @@ OF_APAD = Section(
             "{apad}/commander/docking", "misc_msgs/DockingService", _B, "the same with rates of its own"
         ),
         Row(
-            "{apad}/go2point", Kind.ACTION, "navcon_msgs/GoToPoint", _B, "underneath: every go-to, to its end"
+            "{apad}/go2point",
+            Kind.ACTION,
+            "navcon_msgs/GoToPoint",
+            _B,
+            "the layer below: every go-to, to its end",
         ),
         _service("{apad}/commander/stop_mission", "std_srvs/Trigger", _B, "ends the primitive"),
         _service("{apad}/commander/pause_mission", "std_srvs/Trigger", _B, "pauses it"),
-        _service("{apad}/commander/continue_mission", "std_srvs/Trigger", _B, "goes on with it"),
-        _topic("{apad}/goto_status", "std_msgs/Int32", _B, "how the go-to stands"),
-        _topic("{apad}/docking_status", "std_msgs/Int32", _B, "how the docking stands"),
+        _service("{apad}/commander/continue_mission", "std_srvs/Trigger", _B, "continues it"),
+        _topic("{apad}/goto_status", "std_msgs/Int32", _B, "status of the go-to"),
+        _topic("{apad}/docking_status", "std_msgs/Int32", _B, "status of the docking"),
         _topic("{apad}/eventString", "std_msgs/String", _B, "a primitive ended"),
         _topic(
             "{apad}/dock_out", "std_msgs/Float32MultiArray", f"{_B}, and the supervisor", "the docks' arms"
