@@ -29,6 +29,40 @@ def dataclasses_in(kind: Any) -> Iterator[type]:
             yield from dataclasses_in(hint)
 
 
+LONGEST_SENTENCE = 35
+"""Words; a span of code counts as one, and a link as its text."""
+
+
+def paragraphs(text: str) -> Iterator[tuple[int, str]]:
+    """(line, text) of each paragraph and list item: no code block, table, heading or picture."""
+    lines: list[str] = []
+    begun, is_code = 0, False
+    for number, line in enumerate([*text.splitlines(), ""], start=1):
+        is_fence = line.lstrip().startswith("```")
+        is_code ^= is_fence
+        is_indented_code = line.startswith("    ") and not lines
+        is_prose = not (is_code or is_fence or is_indented_code) and not re.match(r"\s*(?:$|[|#<!])", line)
+        is_item = re.match(r"\s*(?:[-*]|\d+\.) ", line) is not None
+        if lines and (is_item or not is_prose):
+            yield begun, " ".join(lines)
+            lines = []
+        if is_prose:
+            begun = begun if lines else number
+            lines.append(re.sub(r"^\s*(?:[-*]|\d+\.) ", "", line).strip())
+
+
+def long_sentences(text: str) -> list[tuple[int, int, str]]:
+    """(line of its paragraph, words, sentence) of each sentence in the text that is longer than `LONGEST_SENTENCE`."""
+    found = []
+    for line, paragraph in paragraphs(text):
+        plain = re.sub(r"`[^`]*`", "CODE", paragraph)
+        plain = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", plain)
+        for sentence in re.split(r"(?<!\bFig\.)(?<!\be\.g\.)(?<!\bi\.e\.)(?<=[.!?])[\"')*]*\s+", plain):
+            if (words := len(sentence.split())) > LONGEST_SENTENCE:
+                found.append((line, words, sentence))
+    return found
+
+
 DATACLASSES = list(dict.fromkeys(dataclasses_in(Scenario)))
 
 
@@ -98,6 +132,30 @@ def test_every_link_leads_somewhere(page: str, target: str) -> None:
     if anchor:
         headings = re.findall(r"^#+ (.*)$", linked.read_text(), re.MULTILINE)
         assert anchor in {heading.lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.name
+)
+def test_no_sentence_is_long(page: Path) -> None:
+    offenders = [
+        f"{page.name}:{line}: {words} words: {text}" for line, words, text in long_sentences(page.read_text())
+    ]
+    assert not offenders, "\n".join(offenders)
+
+
+def test_a_long_sentence_is_found_in_prose_and_lists_and_nowhere_else() -> None:
+    long = " ".join(["word"] * LONGEST_SENTENCE)
+    short = f"`a b c` {long[5:]}."
+    page = f"# {long} x\n\n| {long} x |\n\n```\n{long} x\n```\n\n    {long} x\n\n{short} {short}\n{short}\n"
+    assert long_sentences(page) == []
+    wrapped = long.replace(" ", "\n", 1)
+    assert [
+        it[:2] for it in long_sentences(f"{page}\n{wrapped} x. {short}\n\n1. {long}\n   x.\n- Short.\n")
+    ] == [
+        (14, LONGEST_SENTENCE + 1),
+        (17, LONGEST_SENTENCE + 1),
+    ]
 
 
 def test_launch_commands_name_launch_files() -> None:
