@@ -88,14 +88,19 @@ def truly(pose: Pose, at_ms: int) -> PoseReceived | None:
     return PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad)
 
 
-def scenario(generation: Generation, drift_m_s: Place = (0.0, 0.0)) -> Scenario:
+GUARDS = GuardOptions(clearance_m=2.0, battery_reserve=0.1, leg_s=240.0)
+
+
+def scenario(
+    generation: Generation, drift_m_s: Place = (0.0, 0.0), guards: GuardOptions = GUARDS
+) -> Scenario:
     """The pool's scenario in a square of 60 m with a fence."""
     pool = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
     return replace(
         pool,
         area=replace(pool.area, polygon_m=FENCE, fence=FENCE, home_m=START_M),
         apad=replace(pool.apad, start_m=START_M, generation=generation, drift_m_s=drift_m_s),
-        guards=GuardOptions(clearance_m=2.0, battery_reserve=0.1, leg_s=240.0),
+        guards=guards,
     )
 
 
@@ -371,9 +376,14 @@ class Bench:
     """A port and a guarded vehicle of one generation, in ticks of a second, as a flight runs them."""
 
     def __init__(
-        self, generation: Generation, drift_m_s: Place = (0.0, 0.0), *, is_real: bool = True
+        self,
+        generation: Generation,
+        drift_m_s: Place = (0.0, 0.0),
+        *,
+        guards: GuardOptions = GUARDS,
+        is_real: bool = True,
     ) -> None:
-        flown = scenario(generation, drift_m_s)
+        flown = scenario(generation, drift_m_s, guards)
         safety = safety_of(flown, needs_person=is_real)
         battery = flown.apad.battery
         battery_v = (battery.empty_v, battery.full_v)

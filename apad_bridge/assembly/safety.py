@@ -29,6 +29,7 @@ from apad_bridge.vehicle.guards.monitor import (
     Check,
     EndsInTime,
     IsInWaters,
+    KeepsClearOfAPads,
     Monitor,
     PositionIsGood,
     Reaction,
@@ -104,6 +105,7 @@ def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[C
         IsInWaters(waters, outside),
         CanStopInWaters(waters, scenario.apad.max_acceleration_m_s2),
         EndsInTime(options.leg_s or math.inf),
+        KeepsClearOfAPads(options.bodies_m, scenario.apad.max_acceleration_m_s2),
     ]
     if options.speed_limit_m_s is not None:
         checks.append(SpeedIsAllowed(options.speed_limit_m_s))

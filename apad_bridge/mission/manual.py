@@ -18,7 +18,7 @@ from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, Given
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import Order, TellClear
+from apad_bridge.mission.orders import AllowMotion, Order, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
@@ -137,6 +137,10 @@ class ManualMission(OrderBook):
         return []
 
     def take_over(self, by: str = "person") -> str:
+        """Changes nobody's part here. A person's word lets a vehicle move again that a guard or a pilot had stopped."""
+        if by == "person":
+            self.note("override", taken=True, by=by)
+            self.order(AllowMotion())
         return "no mission plans in this flight: orders are taken without it"
 
     def give_back(self) -> str:

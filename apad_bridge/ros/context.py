@@ -27,6 +27,7 @@ from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
 from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory, LaboratoryLink
 from apad_bridge.ros.links.legacy_link import LegacyLink
+from apad_bridge.ros.links.other_apads import OtherAPads
 from apad_bridge.ros.links.packet_topics import (
     AMusselServices,
     AMusselTopics,
@@ -102,9 +103,9 @@ def open_flight_context(
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
-            safety = safety_of(
-                scenario, needs_person=options.has_real_vehicle and not options.without_mission
-            )
+            safety = safety_of(scenario, needs_person=options.has_real_vehicle)
+            others = OtherAPads([it for it in options.apads if it != scenario.apad.name])
+            stack.callback(others.close)
             vehicle, watches = _vehicle(scenario, options, safety.gate, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             relayed = _open_relay(options, scenario, vehicle, presences, allocation, laboratory)
@@ -122,7 +123,7 @@ def open_flight_context(
             fleet=fleet,
             safety=safety,
             watchers=lambda supervisor: (
-                _bodies_watcher(safety.gate, supervisor, options, presences),
+                _bodies_watcher(safety.gate, supervisor, options, presences, others),
                 gateway.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
                 *watches,
@@ -132,7 +133,7 @@ def open_flight_context(
             relay=relayed.relay,
             held=held,
             capabilities=capabilities,
-            dropped=lambda: vehicle.dropped + laboratory.dropped + relayed.dropped,
+            dropped=lambda: vehicle.dropped + laboratory.dropped + relayed.dropped + others.dropped,
             take_events=_graph_events(stack, options, scenario, vehicle),
             roster=roster,
             keeps_samples=options.part is not Part.FLEET,
@@ -147,15 +148,23 @@ def _refuse_other_origin(scenario: Scenario, options: RunOptions) -> None:
         raise VehicleNotReady(f"{finding.found}: {finding.mend}")
 
 
-def _bodies_watcher(gate: Gate, supervisor: Supervisor, options: RunOptions, presences: Presences) -> Watcher:
-    """Tells the gate which real aMussels are at the surface, as far as they are heard. No hull touches a simulated one."""
+def _bodies_watcher(
+    gate: Gate, supervisor: Supervisor, options: RunOptions, presences: Presences, others: OtherAPads
+) -> Watcher:
+    """Tells the gate where other aPads are, and which real aMussels are at the surface, as far as they are heard.
+
+    No hull touches a simulated aMussel.
+    """
 
     def watch(now_ms: int) -> None:
         simulated = frozenset() if options.part is Part.MISSION else presences.simulated
-        gate.bodies = tuple(
-            Body(f"aMussel {it.agent_id}", (it.north_m, it.east_m), is_amussel=True)
-            for it in supervisor.beliefs.all()
-            if it.agent_id not in simulated and it.state in UP_AND_UNDOCKED
+        gate.bodies = (
+            tuple(
+                Body(f"aMussel {it.agent_id}", (it.north_m, it.east_m), is_amussel=True)
+                for it in supervisor.beliefs.all()
+                if it.agent_id not in simulated and it.state in UP_AND_UNDOCKED
+            )
+            + others.bodies()
         )
 
     return watch

@@ -78,11 +78,12 @@ def fly(
         options, nodes = _open_ros(stack, members, options, whole)
         if nodes:
             progress.print_message(f"the run's own ROS master: ROS_MASTER_URI={options.master_uri}")
-        runs = []
+        runs, names = [], tuple(it.name for it in members)
         for member in members:
             path = whole.of_apad(member.name, len(members)).path
             opened = tuple(it for it in options.open_modems if it in member.scenario.fleet.ids)
-            own = replace(options, open_modems=opened, is_one_of_several=takes_over).at_port(free_port())
+            own = replace(options, open_modems=opened, is_one_of_several=takes_over, apads=names)
+            own = own.at_port(free_port())
             own.save(path)
             if options.part is not Part.MISSION:
                 stack.callback(end_fleet, path, start_nursery(member.scenario, member.starts, path))

@@ -69,6 +69,8 @@ class RunOptions:
     """ROS remappings, FROM:=TO, for all names of the supervisor's node."""
     is_one_of_several: bool = False
     """The aPad is one of several that take over from each other."""
+    apads: tuple[str, ...] = ()
+    """The names of all aPads that the run flies."""
     keeps: bool = False
     """The former supervisor of one of several aPads died; this supervisor keeps the fleet and orders nothing."""
     namespace: str = ""
@@ -109,6 +111,7 @@ class RunOptions:
                     "on_death": OnDeath(data["on_death"]),
                     "open_modems": tuple(data["open_modems"]),
                     "remappings": tuple(data["remappings"]),
+                    "apads": tuple(data["apads"]),
                 }
             )
         except (KeyError, TypeError) as error:

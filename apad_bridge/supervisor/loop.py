@@ -206,7 +206,7 @@ class Flight:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
                 case AllowMotion():
-                    self._vehicle.gate.awaits_person = ""
+                    self._vehicle.allow_motion()
                 case SwitchMotorsOff(by):
                     self._vehicle.switch_off(f"a person wants the motors off: {by}", now_ms)
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):

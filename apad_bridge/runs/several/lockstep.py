@@ -26,7 +26,8 @@ from apad_bridge.runs.several.assignment import Assignment, Move, view_of
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.supervisor import recorder_interface
-from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.context import FlightContext, Watcher
+from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     Division,
@@ -36,6 +37,8 @@ from apad_bridge.supervisor.packet_relay import (
     Source,
     Standing,
 )
+from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.orders import Body, Point
 
 ASSIGNMENT_PERIOD_MS = 10_000
 """Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
@@ -52,12 +55,31 @@ class Exchange:
         self.home = {agent_id: name for name, ids in own.items() for agent_id in ids}
         self.server = dict(self.home)
         self._waiting: dict[str, list[RelayedPacket]] = {name: [] for name in own}
+        self._places_m: dict[str, Point] = {}
+        """The newest place of each aPad, which the guards of the others keep clear of."""
 
     def join(self, name: str, sharing: Sharing, context: FlightContext) -> FlightContext:
         """The same context, in which one of several aPads reaches the others."""
         division = Division(lambda agent_id: self._standing(name, agent_id), tuple(_AS_REMOTE.values()))
         relay = PacketRelay(division, [lambda now_ms: self._take(name)], {Outcome.PUBLISH: self._carry})
-        return replace(context, relay=relay, stands_down=Breakdown(sharing.failed_go_tos))
+        watchers, gate = context.watchers, context.safety.gate
+        return replace(
+            context,
+            relay=relay,
+            stands_down=Breakdown(sharing.failed_go_tos),
+            watchers=lambda supervisor: (self._place_watcher(name, supervisor, gate), *watchers(supervisor)),
+        )
+
+    def _place_watcher(self, name: str, supervisor: Supervisor, gate: Gate) -> Watcher:
+        """Tells the gate where the other aPads are, and the others where this one is."""
+
+        def watch(now_ms: int) -> None:
+            if supervisor.pose is not None:
+                self._places_m[name] = (supervisor.pose.north_m, supervisor.pose.east_m)
+            others = ((it, place_m) for it, place_m in self._places_m.items() if it != name)
+            gate.bodies = tuple(Body(it, place_m, is_amussel=False) for it, place_m in others)
+
+        return watch
 
     def _standing(self, name: str, agent_id: int) -> Standing:
         is_served_here = self.server.get(agent_id) == name

@@ -54,6 +54,7 @@ Event = tuple[str, dict[str, Any]]
 
 
 RETURN_RADIUS_M = 1.0
+GOES_BACK = "the aPad goes back inside the fence, and then waits for a person"
 STEERED_BY_OTHERS = "a pilot or another party has steered the aPad: take it over, or give it back"
 
 
@@ -170,6 +171,8 @@ class GuardedVehicle:
         self._own_id = 0
         """Commands of the guards' own have ids below 0, which no port uses."""
         self._looked_ms = -1
+        self._way_back: GoTo | None = None
+        """The way back inside the fence, while a real vehicle is on it; a person's word is awaited at its end."""
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """The link's facts, and the failures of refused commands. Once a tick the monitor looks, and reacts."""
@@ -190,12 +193,20 @@ class GuardedVehicle:
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         refusal = self.gate.refusal(command, now_ms)
-        if refusal is None:
+        if self._way_back is not None and not is_stop(command, self.gate.situation(now_ms)):
+            # The vehicle goes on: a hold here would leave it outside.
+            self._note_refusal(command, Refusal("person", GOES_BACK), now_ms)
+        elif refusal is None:
             self._send(command, now_ms)
         elif isinstance(command, Hold) and is_meant_as_stop(command, self.gate.situation(now_ms)):
             self._stop_here(command, now_ms)
         else:
             self._refuse(command, refusal, now_ms)
+
+    def allow_motion(self) -> None:
+        """A person lets the vehicle move again, whatever stopped it."""
+        self.gate.awaits_person = ""
+        self._way_back = None
 
     def switch_off(self, reason: str, now_ms: int) -> None:
         """A person wants the controllers off; where no order does that, a pilot is called."""
@@ -204,10 +215,13 @@ class GuardedVehicle:
     def close(self) -> None:
         self._link.close()
 
-    def _refuse(self, command: VehicleCommand, refusal: Refusal, now_ms: int) -> None:
+    def _note_refusal(self, command: VehicleCommand, refusal: Refusal, now_ms: int) -> None:
         self.gate.note_refused(command, refusal)
         if not isinstance(command, MoveArm):  # nobody awaits an answer to it
             self._facts.append(CommandFailed(now_ms, command.command_id, f"refused: {refusal.reason}"))
+
+    def _refuse(self, command: VehicleCommand, refusal: Refusal, now_ms: int) -> None:
+        self._note_refusal(command, refusal, now_ms)
         if self._under_way is not None:
             self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
 
@@ -227,6 +241,7 @@ class GuardedVehicle:
 
     def _send(self, command: VehicleCommand, now_ms: int) -> None:
         if not isinstance(command, MoveArm):
+            self._end_way_back(command.command_id)
             self._under_way = UnderWay(command, now_ms) if isinstance(command, GoTo) else None
             self.gate.watch.note_goal(goal_of(command))
         self._link.command(command, now_ms)
@@ -235,6 +250,15 @@ class GuardedVehicle:
         if self._under_way is not None and command_id == self._under_way.command.command_id:
             self._under_way = None
             self.gate.watch.note_goal(None)
+            self._end_way_back(None)
+
+    def _end_way_back(self, command_id: int | None) -> None:
+        """The way back has ended, by itself or for the command with this id: nothing moves until a person allows it."""
+        if self._way_back is not None and self._way_back.command_id != command_id:
+            self._way_back = None
+            self.gate.awaits_person = (
+                "a person must let the aPad go on: it had left the fence, and was sent back"
+            )
 
     def _take_id(self) -> int:
         self._own_id -= 1
@@ -253,6 +277,7 @@ class GuardedVehicle:
 
     def _react(self, finding: Finding, now_ms: int) -> None:
         """Fails the command under way, and brings the vehicle to rest or back."""
+        self._way_back = None
         calls_pilot = finding.cause is Cause.OUTSIDE or (
             finding.reaction is Reaction.STOP and not self._can_stop
         )
@@ -273,7 +298,8 @@ class GuardedVehicle:
             return  # they have it, and a person is told; an order would take it out of their hands
         if finding.reaction is Reaction.STOP:
             self._switch_off(self._take_id(), now_ms)
-        elif finding.reaction is Reaction.RETURN and (back := self._way_back()) is not None:
+        elif finding.reaction is Reaction.RETURN and (back := self._goal_inside()) is not None:
+            self._way_back = back if self._safety.needs_person else None
             self._send(back, now_ms)
             return
         else:
@@ -281,7 +307,7 @@ class GuardedVehicle:
         if self._safety.needs_person:
             self.gate.awaits_person = f"a person must let the aPad go on after this: {finding.reason}"
 
-    def _way_back(self) -> GoTo | None:
+    def _goal_inside(self) -> GoTo | None:
         place_m = self.gate.watch.place_m
         inside_m = None if place_m is None else self._safety.waters.nearest_inside(place_m)
         if inside_m is None:

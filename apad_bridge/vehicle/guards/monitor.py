@@ -28,6 +28,7 @@ class Cause(StrEnum):
     POSITION = "position"
     SPEED = "speed"
     LATE = "late"
+    ANOTHER_APAD = "another aPad"
     PERSON = "person"
     """A person wants the motors off."""
 
@@ -96,11 +97,7 @@ class CanStopInWaters:
         place_m, speed_m_s = situation.place_m, situation.speed_m_s
         if place_m is None or speed_m_s == 0.0 or self.waters.fault_of_place(place_m):
             return None
-        seconds = DELAY_S + speed_m_s / (2 * self.deceleration_m_s2)
-        there_m: Point = (
-            place_m[0] + situation.velocity_m_s[0] * seconds,
-            place_m[1] + situation.velocity_m_s[1] * seconds,
-        )
+        there_m = _place_at_rest(place_m, situation, self.deceleration_m_s2)
         if not (fault := self.waters.fault_of_place(there_m)):
             return None
         return Finding(
@@ -108,6 +105,34 @@ class CanStopInWaters:
             Reaction.HOLD,
             f"at {speed_m_s:.1f} m/s the aPad comes to rest where it may not be: {fault}",
         )
+
+
+@dataclass(frozen=True, slots=True)
+class KeepsClearOfAPads:
+    """The vehicle does not come nearer to another aPad than `least_m` if it is told to stop now. Both look."""
+
+    least_m: float
+    deceleration_m_s2: float
+    cause: Cause = Cause.ANOTHER_APAD
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+        if situation.place_m is None or situation.speed_m_s == 0.0:
+            return None
+        there_m = _place_at_rest(situation.place_m, situation, self.deceleration_m_s2)
+        for body in situation.bodies:
+            near_m = math.dist(there_m, body.place_m)
+            if not body.is_amussel and near_m < min(self.least_m, math.dist(situation.place_m, body.place_m)):
+                reason = (
+                    f"the aPad comes to rest {near_m:.1f} m from {body.name}, the least is {self.least_m:g} m"
+                )
+                return Finding(self.cause, Reaction.HOLD, reason)
+        return None
+
+
+def _place_at_rest(place_m: Point, situation: Situation, deceleration_m_s2: float) -> Point:
+    """The place at which a moving vehicle comes to rest if it is told to stop now."""
+    seconds = DELAY_S + situation.speed_m_s / (2 * deceleration_m_s2)
+    return place_m[0] + situation.velocity_m_s[0] * seconds, place_m[1] + situation.velocity_m_s[1] * seconds
 
 
 @dataclass(frozen=True, slots=True)

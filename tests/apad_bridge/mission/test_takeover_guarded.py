@@ -143,3 +143,24 @@ def test_an_abort_with_motors_off_ends_with_the_controllers_off_or_calls_a_pilot
     assert [type(it) for it in wire[-2:]][-1] is (Stop if can_stop else Hold)
     (told,) = flying.events("guard")
     assert (told["reaction"], told["calls_pilot"]) == ("stop", not can_stop)
+
+
+HAND_WORDS = {it: WORDS[it] for it in ("take_over", "continue")}
+
+
+@pytest.mark.parametrize("word", HAND_WORDS)
+def test_without_a_mission_of_ours_a_person_s_word_lets_a_stopped_apad_move(
+    fenced: Scenario, word: str
+) -> None:
+    """By hand and beside a script: a call is refused until a person has said so."""
+    flying = Flying.by_calls(fenced)
+    flying.seconds(3)
+    gate = flying.flight._vehicle.gate
+    gate.awaits_person = "a person must let the aPad go on"
+    flying.call(lambda hand: hand.go_to(20.0, 12.0))
+    flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
+    assert flying.events("refused")[-1]["guard"] == "person"
+    HAND_WORDS[word](flying)
+    flying.seconds(2)
+    flying.call(lambda hand: hand.go_to(20.0, 12.0))
+    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)

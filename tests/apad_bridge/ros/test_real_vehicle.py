@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from unittest.mock import MagicMock
+
 import pytest
 import rospy
 from scenario_files import POOL_FILE
@@ -12,7 +15,9 @@ from apad_bridge.ros import context
 from apad_bridge.ros.links import generation_b
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.fleet import NoFleet
+from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 
 OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1")
 
@@ -60,3 +65,41 @@ def test_a_real_vehicle_is_one_that_we_did_not_start(
     apad: APadKind, time: TimeSource, part: Part, is_real: bool
 ) -> None:
     assert RunOptions(part, apad, time, 1.0, OnDeath.WAIT).has_real_vehicle is is_real
+
+
+@pytest.mark.parametrize(
+    ("options", "waits"),
+    [
+        (OPTIONS, True),
+        (replace(OPTIONS, manual=True), True),
+        (replace(OPTIONS, script="/a/script.py"), True),
+        (replace(OPTIONS, time=TimeSource.ROS), False),
+    ],
+)
+def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_the_orders(
+    monkeypatch: pytest.MonkeyPatch, options: RunOptions, waits: bool
+) -> None:
+    asked: list[bool] = []
+
+    def safety_of(scenario: Scenario, *, needs_person: bool) -> None:
+        asked.append(needs_person)
+        raise VehicleNotReady("far enough")
+
+    for part in ("_refuse_other_origin", "_gateway", "_roster", "_laboratory", "_beside_the_gateway"):
+        monkeypatch.setattr(context, part, MagicMock())
+    monkeypatch.setattr(context, "safety_of", safety_of)
+    opened = context.open_flight_context(
+        load(POOL_FILE),
+        options,
+        fleet=NoFleet(),
+        docked={},
+        held=(),
+        now_ms=0,
+        truths_at=lambda now_ms: [],
+        presences=MagicMock(),
+        allocation=MagicMock(),
+        tell=print,
+    )
+    with pytest.raises(PeerFailed, match="far enough"), opened:
+        pass
+    assert asked == [waits]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
 from scenario_files import WHOLE_FILE
 
 from apad_bridge.assembly.division import members
@@ -152,3 +153,17 @@ def test_while_all_are_well_nothing_differs_from_flying_alone(tmp_path: Path) ->
         alone.runner.run()
         assert alone.recorders[member.name].events == together.recorders[member.name].events
         assert alone.figures()[member.name] == together.figures()[member.name]
+
+
+def test_the_guards_of_each_apad_know_where_the_other_is(tmp_path: Path) -> None:
+    opened = open_in(tmp_path, transfers=True)
+    first, second = opened.flights["apad1"].flight, opened.flights["apad2"].flight
+    for _ in range(30):
+        first.step()
+        second.step()
+    for flight, other, name in ((first, second, "apad2"), (second, first, "apad1")):
+        (body,) = flight._vehicle.gate.bodies
+        pose = other.supervisor.pose
+        assert pose is not None and not body.is_amussel and body.name == name
+        # One of the two is told at its next tick.
+        assert body.place_m == pytest.approx((pose.north_m, pose.east_m), abs=1.0)

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Generation
-from apad_bridge.vehicle.commands import CommandFailed, GoTo, Hold, PoseReported, Stop, VehicleCommand
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    CommandFailed,
+    GoTo,
+    Hold,
+    PoseReported,
+    Stop,
+    VehicleCommand,
+)
 from apad_bridge.vehicle.guards.gate import Gate, GuardedVehicle, Safety
 from apad_bridge.vehicle.guards.guards import GoodPosition, InWaters, PersonsWord, SoundNumbers
 from apad_bridge.vehicle.guards.monitor import (
@@ -26,7 +36,7 @@ from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWa
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 from apad_bridge.vehicle.stack_messages import PoseReceived
-from benchmarks.safety import SIDE_M, Bench, truly
+from benchmarks.safety import FAULTS, ROOT, SIDE_M, Bench, _is_safe, truly
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 
 LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=2.0)
@@ -166,6 +176,56 @@ def test_where_the_scenario_wants_it_it_returns_to_the_nearest_place_inside() ->
     bench.at(-1.0, 5.0)
     (back,) = bench.wire.out
     assert isinstance(back, GoTo) and (back.north_m, back.east_m) == pytest.approx((1.0, 5.0))
+
+
+def test_a_real_vehicle_that_was_sent_back_inside_then_waits_for_a_person() -> None:
+    bench = Guarded(is_real=True, outside=Reaction.RETURN)
+    bench.at(1.0, 5.0)
+    bench.at(-1.0, 5.0)
+    (back,) = bench.wire.out
+    # What the mission orders meanwhile neither ends the way back nor goes out.
+    assert bench.command(GoTo(1, 5.0, 5.0, 0.5, 0.5)) == []
+    assert [it.command_id for it in bench.at(-0.5, 5.0) if isinstance(it, CommandFailed)] == [1]
+    assert isinstance(back, GoTo)
+    bench.wire.facts.append(Arrived(bench.now_ms, back.command_id))
+    bench.at(1.0, 5.0)
+    assert bench.command(GoTo(2, 6.0, 5.0, 0.5, 0.5)) == []
+    bench.vehicle.allow_motion()
+    assert bench.command(GoTo(3, 6.0, 5.0, 0.5, 0.5)) == [GoTo(3, 6.0, 5.0, 0.5, 0.5)]
+
+
+@pytest.mark.parametrize("ends", ["a stop", "a silence"])
+def test_whatever_ends_the_way_back_a_person_is_awaited(ends: str) -> None:
+    bench = Guarded(is_real=True, outside=Reaction.RETURN)
+    bench.at(1.0, 5.0)
+    bench.at(-1.0, 5.0)
+    if ends == "a stop":
+        assert bench.command(Hold(1, -1.0, 5.0)) == [Hold(1, -1.0, 5.0)]
+    else:
+        bench.silent(6)
+    bench.at(-0.9, 5.0)
+    assert "a person must let the aPad go on" in bench.vehicle.gate.awaits_person
+
+
+@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
+@pytest.mark.parametrize("fault", ["NaN position", "silent position", "jumping position", "frozen position"])
+def test_by_the_real_apad_s_limits_a_bad_position_ends_in_a_safe_state_within_3_s(
+    generation: Generation, fault: str
+) -> None:
+    guards = load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml").guards
+    assert guards is not None
+    inflict, _ = FAULTS[fault]
+    for seed in range(10):
+        rng = random.Random(seed)
+        bench = Bench(generation, guards=guards)
+        bench.go(rng.uniform(40.0, 55.0), rng.uniform(40.0, 55.0))
+        bench.run(rng.randint(4, 12))
+        begun_ms = bench.now_ms
+        inflict(bench, rng)
+        while not _is_safe(bench, begun_ms):
+            bench.run(1)
+            assert bench.now_ms <= begun_ms + 3_000
+        assert bench.vehicle.gate.awaits_person
 
 
 def test_a_real_vehicle_that_had_to_be_stopped_waits_for_a_person() -> None:

@@ -34,6 +34,7 @@ from apad_bridge.vehicle.guards.guards import (
     RoomToDock,
     SoundNumbers,
 )
+from apad_bridge.vehicle.guards.monitor import KeepsClearOfAPads
 from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 
@@ -219,3 +220,25 @@ def test_a_hold_on_a_position_that_cannot_be_used_is_no_stop() -> None:
 def _pose_and_battery(place_m: Point, fraction: float | None) -> list[PoseReported | BatteryReported]:
     facts: list[PoseReported | BatteryReported] = [PoseReported(0, *place_m, 0.0)]
     return facts if fraction is None else [*facts, BatteryReported(0, 12.0, fraction)]
+
+
+@pytest.mark.parametrize(
+    ("place", "velocity", "is_held"),
+    [
+        ((0.0, 0.0), (1.0, 0.0), False),  # it comes to rest 2 m on, 3 m before the other
+        ((0.5, 0.0), (1.0, 0.0), True),
+        ((4.0, 0.0), (-1.0, 0.0), False),  # it leaves the other
+        ((4.0, 0.0), (0.0, 0.0), False),
+        ((0.0, 4.0), (1.0, 0.0), False),  # it passes beside
+    ],
+)
+def test_a_vehicle_comes_to_rest_before_it_is_too_near_to_another_apad(
+    place: Point, velocity: Point, is_held: bool
+) -> None:
+    """At 1 m/s it makes a metre before an order acts, and another while it brakes with 0.5 m/s^2."""
+    check = KeepsClearOfAPads(3.0, 0.5)
+    other = Body("apad2", (5.0, 0.0), is_amussel=False)
+    situation = Situation(place, velocity, bodies=(other,))
+    assert (check.look(situation, None, 0) is not None) is is_held
+    amussel = replace(other, is_amussel=True)
+    assert check.look(replace(situation, bodies=(amussel,)), None, 0) is None

@@ -1,0 +1,56 @@
+"""Listens to the positions of the other aPads of a run, which the guards of this one keep clear of."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.ros.types.any_listener import AnyListener
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_apad
+from apad_bridge.vehicle.guards.orders import Body, Point
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+
+
+class OtherAPads:
+    """Keeps the newest place of each aPad in `names`. A silent one is still taken to be where it was heard last."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._lock = threading.Lock()
+        self._places_m: dict[str, Point] = {}
+        self._dropped: Counter[str] = Counter()
+        self._listener = AnyListener(self._drop)
+        self._subscribers = [
+            self._listener.listen(of_apad(it, "position"), NavSts, self._take, it) for it in names
+        ]
+
+    @property
+    def dropped(self) -> Counter[str]:
+        with self._lock:
+            return self._dropped.copy()
+
+    def bodies(self) -> tuple[Body, ...]:
+        with self._lock:
+            return tuple(Body(name, it, is_amussel=False) for name, it in self._places_m.items())
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _take(self, message: Any, name: str) -> None:
+        north_m, east_m = message.position.north, message.position.east
+        if out_of_range(north_m=north_m, east_m=east_m) is not None:
+            self._drop(f"{name}: a position out of range")
+            return
+        with self._lock:
+            self._places_m[name] = (north_m, east_m)
+
+    def _drop(self, reason: str) -> None:
+        with self._lock:
+            self._dropped[reason] += 1
