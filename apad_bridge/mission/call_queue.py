@@ -14,6 +14,7 @@ from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.values import Refused, Status
+from apad_bridge.vehicle.primitives import GoToPoint
 
 ANSWER_S = 10.0
 """A tick comes once a mission second; after so many wall seconds without one the caller withdraws the call."""
@@ -48,6 +49,21 @@ def _snapshot_of(mission: ManualMission) -> Snapshot:
 
 class FlightMission(Protocol):
     """The mission of a flight: flown by hand all the time, or one that can be taken over."""
+
+    now_ms: int
+    """The mission time of its newest tick."""
+
+    def go_to_target(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> GoToPoint:
+        """The target that `go_to` would take; Refused for one that it would not take."""
+        ...
+
+    def go_to(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> None:
+        """A person's go-to; it takes the aPad over where a plan flies it."""
+        ...
+
+    def hold(self, north_m: float, east_m: float) -> None:
+        """A person's order to hold position at a point; it takes the aPad over where a plan flies it."""
+        ...
 
     def finish(self, end: MissionEnd) -> None: ...
 

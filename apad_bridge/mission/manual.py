@@ -189,6 +189,15 @@ class ManualMission(OrderBook):
     ) -> None:
         """Goes to a point; the scenario gives the default speed and victory radius."""
         self._require_place()
+        target = self.go_to_target(north_m, east_m, speed_m_s, radius_m)
+        self._pre_empt_docking()
+        self.goto_orders += 1
+        self._start_go_to(target)
+
+    def go_to_target(
+        self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
+    ) -> GoToPoint:
+        """The target that `go_to` would take, without an id yet; Refused for one that it would not take."""
         speed_m_s = self.config.speed_m_s if speed_m_s is None else speed_m_s
         radius_m = self.config.victory_radius_m if radius_m is None else radius_m
         if not all(map(math.isfinite, (north_m, east_m, speed_m_s, radius_m))):
@@ -200,9 +209,7 @@ class ManualMission(OrderBook):
             )
         if speed_m_s > self._max_speed_m_s:
             raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
-        self._pre_empt_docking()
-        self.goto_orders += 1
-        self._start_go_to(GoToPoint(0, north_m, east_m, speed_m_s, radius_m))
+        return GoToPoint(0, north_m, east_m, speed_m_s, radius_m)
 
     def hold(self, north_m: float | None = None, east_m: float | None = None) -> None:
         """Dynamic positioning at a point, or at the aPad's place; it pre-empts any primitive."""
@@ -284,6 +291,18 @@ class ManualMission(OrderBook):
             return "the aPad holds its position already"
         self.pause()
         return ""
+
+    def forget_stopped(self) -> None:
+        """Forgets the go-to that `pause` stopped, for another order in its place; the aPad goes on holding."""
+        if not self.paused:
+            return
+        self.paused = False
+        self._docking_routine.paused_for(self.now_ms - self._paused_ms)
+        if self.goto is Status.RUNNING:
+            self._target = None
+            self.goto = Status.PREEMPTED
+            self.events.record(self.now_ms, "goto", status=self.goto, reason=PRE_EMPTED)
+        self.snapshot()
 
     def go_on(self) -> str:
         """Like `resume`; a message when nothing was paused."""

@@ -18,7 +18,7 @@ from apad_bridge.mission.orders import AllowMotion, Note, Order
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
-from apad_bridge.vehicle.primitives import Outcome
+from apad_bridge.vehicle.primitives import GoToPoint, Outcome
 
 
 class Takeover:
@@ -34,7 +34,7 @@ class Takeover:
         self._planned = planned
         self._by_hand = by_hand
         self._calls = calls
-        self._now_ms = 0
+        self.now_ms = 0
         self._pose: tuple[float, float] | None = None
         self._orders: list[Order] = []
         self._flying: EnergyExchange | ManualMission
@@ -64,7 +64,7 @@ class Takeover:
         return self._flying.receive(outcome, now_ms)
 
     def advance(self, now_ms: int) -> list[Order]:
-        self._now_ms = now_ms
+        self.now_ms = now_ms
         self._calls.serve(self, lambda: self.by_hand)
         orders, self._orders = self._orders, []
         orders += self._flying.advance(now_ms)
@@ -80,7 +80,7 @@ class Takeover:
 
     def finish(self, end: MissionEnd) -> None:
         """Like `end`, from within a call."""
-        self._orders += self.end(end, self._now_ms)
+        self._orders += self.end(end, self.now_ms)
 
     def note(self, kind: str, **data: object) -> None:
         """An event for the journal."""
@@ -104,6 +104,20 @@ class Takeover:
         manual.go_on_with(planned.docking_routine.mechanism)
         self._change(manual, taken=True, by=by)
         return ""
+
+    def go_to_target(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> GoToPoint:
+        """As `ManualMission.go_to_target`, also while the plan flies."""
+        return (self.by_hand or self._by_hand(self.state)).go_to_target(north_m, east_m, speed_m_s)
+
+    def go_to(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> None:
+        """A person's go-to. It takes the aPad over where the plan flies it, and replaces an order that was stopped."""
+        self.go_to_target(north_m, east_m, speed_m_s)
+        self._taken_over().go_to(north_m, east_m, speed_m_s)
+
+    def hold(self, north_m: float, east_m: float) -> None:
+        """A person's order to hold position at a point; it takes the aPad over as `go_to` does."""
+        self.go_to_target(north_m, east_m)
+        self._taken_over().hold(north_m, east_m)
 
     def give_back(self) -> str:
         """Refused while a docking is under way. The mission then tries aMussels again that it had left alone."""
@@ -138,6 +152,14 @@ class Takeover:
             return "a person goes on flying the aPad: continue again to give it back"
         return self.give_back()
 
+    def _taken_over(self) -> ManualMission:
+        if self.by_hand is None:
+            self.take_over()
+        manual = self.by_hand
+        assert manual is not None
+        manual.forget_stopped()
+        return manual
+
     def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool, by: str) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
@@ -148,7 +170,7 @@ class Takeover:
             mission.moved(*self._pose)
         self._note_override(taken=taken, by=by)
         # The new mission's first orders go out before those that callers give within the same tick.
-        self._orders += mission.advance(self._now_ms)
+        self._orders += mission.advance(self.now_ms)
 
     def _note_override(self, *, taken: bool, by: str) -> None:
         """A person who decides who flies the aPad also lets it move again."""

@@ -354,8 +354,14 @@ KINDS: tuple[Kind, ...] = (
         EventKind.OPERATOR,
         "a person gave the supervisor an order by a command",
         (
-            Field("order", _one_of(("stop", "continue", "abort", "motors off")), "the order"),
+            Field(
+                "order",
+                _one_of(("stop", "continue", "abort", "motors off", "go to", "hold")),
+                "the order",
+            ),
             Field("by", TEXT, "the person's name on that machine"),
+            _optional(Field("north_m", NUMBER, "the goal, north", "m")),
+            _optional(Field("east_m", NUMBER, "the goal, east", "m")),
         ),
     ),
     Kind(

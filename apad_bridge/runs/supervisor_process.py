@@ -157,7 +157,7 @@ def _under_control(
     stack: ExitStack, context: FlightContext, run_dir: Path, calls: CallQueue
 ) -> FlightContext:
     """Takes orders of commands, too, and counts those that it drops."""
-    dropped = stack.enter_context(control_offered(run_dir, calls))
+    dropped = stack.enter_context(control_offered(run_dir, calls, context.safety.gate))
     return replace(context, dropped=lambda: context.dropped() + dropped)
 
 

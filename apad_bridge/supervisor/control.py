@@ -19,14 +19,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, assert_never
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.orders import AllowMotion, SwitchMotorsOff
 from apad_bridge.mission.values import Refused
+from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.guards.gate import Gate
 
 SOCKET_NAME = "control.sock"
 _MOTORS_OFF = "motors off"
@@ -42,6 +44,8 @@ class Act(StrEnum):
     CONTINUE = "continue"
     ABORT = "abort"
     REMARK = "remark"
+    GO_TO = "go to"
+    HOLD = "hold"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,10 @@ class Request:
     """The remark."""
     motors_off: bool = False
     """After an abort the controllers of the aPad go off, where it has an order for that; else a pilot is called."""
+    goal_m: tuple[FiniteFloat, FiniteFloat] | None = None
+    """The goal (north, east) of a go-to or a hold, which need one."""
+    speed_m_s: FiniteFloat | None = None
+    """The speed of a go-to; None: the scenario's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +77,18 @@ class NobodyListens(Exception):
 _REQUEST, _ANSWER = TypeAdapter(Request), TypeAdapter(Answer)
 
 
-def carry_out(request: Request, calls: CallQueue) -> Answer:
-    """Has the supervisor carry the request out at its next tick. It answers within `ANSWER_S`."""
+def carry_out(request: Request, calls: CallQueue, gate: Gate) -> Answer:
+    """Has the supervisor carry the request out at its next tick. It answers within `ANSWER_S`.
+
+    The vehicle's `gate` judges a go-to or a hold before the mission loses the aPad to it.
+    """
 
     def act(mission: FlightMission) -> str:
         if request.act is Act.REMARK:
             mission.note("remark", text=request.text, by=request.by)
+            return ""
+        if request.act is Act.GO_TO or request.act is Act.HOLD:
+            _move(request, mission, gate)
             return ""
         mission.note("operator", order=request.act.value, by=request.by)
         match request.act:
@@ -98,8 +112,27 @@ def carry_out(request: Request, calls: CallQueue) -> Answer:
         return Answer(False, str(refused))
 
 
+def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
+    """A go-to or a hold, as by a person who takes the aPad over. Where a guard objects, it changes nothing."""
+    if request.goal_m is None:
+        raise Refused(f"an order to {request.act} needs a goal")
+    north_m, east_m = request.goal_m
+    target = mission.go_to_target(north_m, east_m, request.speed_m_s)
+    command: GoTo | Hold = Hold(0, north_m, east_m)
+    if request.act is Act.GO_TO:
+        command = GoTo(0, north_m, east_m, target.speed_m_s, target.victory_radius_m)
+    if (refusal := gate.refusal(command, mission.now_ms)) is not None:
+        gate.note_refused(command, refusal)
+        raise Refused(f"refused: {refusal.reason}")
+    mission.note("operator", order=request.act.value, by=request.by, north_m=north_m, east_m=east_m)
+    if request.act is Act.GO_TO:
+        mission.go_to(north_m, east_m, request.speed_m_s)
+    else:
+        mission.hold(north_m, east_m)
+
+
 @contextmanager
-def control_offered(run_dir: Path, calls: CallQueue) -> Iterator[Counter[str]]:
+def control_offered(run_dir: Path, calls: CallQueue, gate: Gate) -> Iterator[Counter[str]]:
     """Listens in the run's directory while it is entered; yields the counts of dropped requests, by reason.
 
     For the process that holds the run's lock: a socket that is there already is a dead supervisor's.
@@ -107,7 +140,7 @@ def control_offered(run_dir: Path, calls: CallQueue) -> Iterator[Counter[str]]:
     with _short_path(run_dir) as path:
         with suppress(FileNotFoundError):
             os.unlink(path)
-        server = _Server(path, calls)
+        server = _Server(path, calls, gate)
     thread = threading.Thread(target=server.serve_forever, name="control", daemon=True)
     thread.start()
     try:
@@ -169,8 +202,9 @@ class _Server(socketserver.ThreadingUnixStreamServer):
     daemon_threads = True
     block_on_close = False
 
-    def __init__(self, path: str, calls: CallQueue) -> None:
+    def __init__(self, path: str, calls: CallQueue, gate: Gate) -> None:
         self.calls = calls
+        self.gate = gate
         self.dropped: Counter[str] = Counter()
         super().__init__(path, _Handler)
 
@@ -194,5 +228,5 @@ class _Handler(socketserver.StreamRequestHandler):
                 self.server.dropped["orders that cannot be read"] += 1
                 answer = Answer(False, f"the request cannot be read: {error.errors()[0]['msg']}")
             else:
-                answer = carry_out(request, self.server.calls)
+                answer = carry_out(request, self.server.calls, self.server.gate)
             self.wfile.write(_ANSWER.dump_json(answer) + b"\n")

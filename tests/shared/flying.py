@@ -13,6 +13,7 @@ from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.guards.gate import Gate
 
 
 class Flying:
@@ -71,6 +72,11 @@ class Flying:
         if isinstance(answer[0], Refused):
             raise answer[0]
         return answer[0]
+
+    @property
+    def gate(self) -> Gate:
+        """Judges every order to the vehicle."""
+        return self.flight._vehicle.gate
 
     @property
     def by_hand(self) -> ManualMission:

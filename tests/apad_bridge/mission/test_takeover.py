@@ -166,7 +166,7 @@ def test_a_mission_stands_aside_while_another_party_commands_the_apad(pool: Scen
 
 def asked(flying: Flying, act: Act, text: str = "") -> tuple[bool, str]:
     """A command's request, carried out while the flight goes on, and its answer."""
-    answer = flying.answered(lambda: carry_out(Request(act, "Anna", text), flying.calls))
+    answer = flying.answered(lambda: carry_out(Request(act, "Anna", text), flying.calls, flying.gate))
     return answer.accepted, answer.message
 
 
@@ -220,7 +220,7 @@ def test_an_aborted_mission_ends_with_a_hold_and_takes_no_more_orders(pool: Scen
     assert end == MissionEnd(EndReason.CALL, "a call: abort by Anna")
     started = [it["name"] for it in flying.events("primitive") if it["phase"] == "started"]
     assert started[-1] == "hold position"
-    answer = carry_out(Request(Act.CONTINUE, "Anna"), flying.calls)
+    answer = carry_out(Request(Act.CONTINUE, "Anna"), flying.calls, flying.gate)
     assert not answer.accepted and answer.message == "the mission is over: a call: abort by Anna"
 
 

@@ -77,7 +77,9 @@ def test_the_mission_calls_up_and_fetches_nobody_outside_the_fence(pool: Scenari
 
 
 def continue_by_command(flying: Flying) -> None:
-    assert flying.answered(lambda: carry_out(Request(Act.CONTINUE, "Anna"), flying.calls)).accepted
+    assert flying.answered(
+        lambda: carry_out(Request(Act.CONTINUE, "Anna"), flying.calls, flying.gate)
+    ).accepted
 
 
 WORDS: dict[str, Callable[[Flying], None]] = {
@@ -138,7 +140,7 @@ def test_an_abort_with_motors_off_ends_with_the_controllers_off_or_calls_a_pilot
     flying = Flying(fenced, watched)
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     request = Request(Act.ABORT, "Anna", motors_off=True)
-    assert flying.answered(lambda: carry_out(request, flying.calls)).accepted
+    assert flying.answered(lambda: carry_out(request, flying.calls, flying.gate)).accepted
     assert flying.phase is Phase.ENDED
     assert [type(it) for it in wire[-2:]][-1] is (Stop if can_stop else Hold)
     (told,) = flying.events("guard")

@@ -1,10 +1,12 @@
 """The socket in a run's directory by which commands give a supervisor orders."""
 
 import json
+import math
 import os
 import socket
 import stat
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.commands import main
 from apad_bridge.mission.state import Phase
+from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control
 from apad_bridge.supervisor.control import (
@@ -41,7 +44,7 @@ def run_dir(tmp_path: Path) -> Path:
 def flying(pool: Scenario, run_dir: Path) -> Iterator[Flying]:
     flying = Flying(pool)
     flying.seconds(3)
-    with control_offered(run_dir, flying.calls):
+    with control_offered(run_dir, flying.calls, flying.gate):
         yield flying
 
 
@@ -91,7 +94,7 @@ def test_without_a_supervisor_the_command_says_what_can_be_done(
 def test_a_dead_supervisors_socket_is_replaced_and_its_own_removed(run_dir: Path, pool: Scenario) -> None:
     (run_dir / SOCKET_NAME).write_text("left over")
     flying = Flying(pool)
-    with control_offered(run_dir, flying.calls):
+    with control_offered(run_dir, flying.calls, flying.gate):
         request = Request(Act.REMARK, "Anna", "after the crash")
         assert flying.answered(lambda: ask(run_dir, request)) == Answer(True, "")
     assert not (run_dir / SOCKET_NAME).exists()
@@ -129,7 +132,7 @@ def test_what_is_no_request_is_answered_and_counted_and_orders_nothing(
 
 
 def test_dropped_requests_are_counted_by_reason(run_dir: Path, pool: Scenario) -> None:
-    with control_offered(run_dir, Flying(pool).calls) as dropped:
+    with control_offered(run_dir, (unflown := Flying(pool)).calls, unflown.gate) as dropped:
         for _ in range(3):
             with connected(run_dir) as link:
                 link.sendall(b"stop\n")
@@ -143,7 +146,7 @@ def test_a_supervisor_that_does_not_tick_is_told_of_and_the_order_withdrawn(
     flying = Flying(pool)
     call = flying.calls.call_mission
     monkeypatch.setattr(flying.calls, "call_mission", lambda act: call(act, 0.05))
-    with control_offered(run_dir, flying.calls):
+    with control_offered(run_dir, flying.calls, flying.gate):
         answer = ask(run_dir, Request(Act.STOP, "Anna"))
     assert answer == Answer(False, "no mission tick came within 0.05 s: nothing was ordered")
     flying.seconds(3)
@@ -156,3 +159,67 @@ def connected(run_dir: Path) -> socket.socket:
     with control._short_path(run_dir) as path:
         link.connect(path)
     return link
+
+
+def test_a_go_to_takes_the_apad_over_and_moves_it_and_a_hold_follows(flying: Flying, run_dir: Path) -> None:
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    order = Request(Act.GO_TO, "Anna", goal_m=(20.0, 15.0), speed_m_s=0.4)
+    assert flying.answered(lambda: ask(run_dir, order)) == Answer(True, "")
+    assert flying.phase is Phase.COMMANDED
+    assert [it["taken"] for it in flying.events("override")] == [True]
+    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
+    here = flying.flight.supervisor.pose
+    assert here is not None and math.dist((here.north_m, here.east_m), (20.0, 15.0)) < 1.0
+
+    hold = Request(Act.HOLD, "Anna", goal_m=(18.0, 15.0))
+    assert flying.answered(lambda: ask(run_dir, hold)).accepted
+    assert flying.by_hand.state.phase is Phase.COMMANDED
+    orders = [(it["order"], it["north_m"], it["east_m"]) for it in flying.events("operator")]
+    assert orders == [("go to", 20.0, 15.0), ("hold", 18.0, 15.0)]
+
+    assert flying.answered(lambda: ask(run_dir, Request(Act.CONTINUE, "Anna"))).accepted
+    assert flying.phase is not Phase.COMMANDED
+
+
+def test_a_go_to_replaces_the_one_that_was_stopped(flying: Flying, run_dir: Path) -> None:
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    assert flying.answered(lambda: ask(run_dir, Request(Act.GO_TO, "Anna", goal_m=(20.0, 15.0)))).accepted
+    flying.seconds(2)
+    assert flying.answered(lambda: ask(run_dir, Request(Act.STOP, "Anna"))).accepted
+    assert flying.calls.wait(0).paused
+    assert flying.answered(lambda: ask(run_dir, Request(Act.GO_TO, "Anna", goal_m=(14.0, 5.0)))).accepted
+    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
+    here = flying.flight.supervisor.pose
+    assert here is not None and math.dist((here.north_m, here.east_m), (14.0, 5.0)) < 1.0
+    # No stopped order is left to go on with: `continue` gives the aPad back.
+    assert flying.answered(lambda: ask(run_dir, Request(Act.CONTINUE, "Anna"))) == Answer(True, "")
+    assert flying.phase is not Phase.COMMANDED
+
+
+@pytest.mark.parametrize(
+    ("goal_m", "speed_m_s", "why"),
+    [
+        ((20.0, 40.0), None, "fence"),
+        ((20.0, 15.0), 9.0, "max_speed_m_s"),
+        ((1e6, 0.0), None, "from the scenario's origin"),
+        (None, None, "needs a goal"),
+    ],
+)
+@pytest.mark.parametrize("act", [Act.GO_TO, Act.HOLD])
+def test_a_refused_go_to_leaves_the_mission_flying(
+    pool: Scenario,
+    run_dir: Path,
+    act: Act,
+    goal_m: tuple[float, float] | None,
+    speed_m_s: float | None,
+    why: str,
+) -> None:
+    fence = ((-4.0, -4.0), (32.0, -4.0), (32.0, 25.0), (-4.0, 25.0))
+    flying = Flying(replace(pool, area=replace(pool.area, fence=fence)))
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    with control_offered(run_dir, flying.calls, flying.gate):
+        answer = flying.answered(lambda: ask(run_dir, Request(act, "Anna", "", False, goal_m, speed_m_s)))
+    assert not answer.accepted and why in answer.message
+    assert flying.phase is Phase.GO_COLLECT
+    assert flying.events("override") == [] and flying.events("operator") == []
+    assert [it["guard"] for it in flying.events("refused")] == (["fence"] if why == "fence" else [])
