@@ -266,6 +266,8 @@ class Board:
         return actions
 
     def _motors(self) -> RunBuoyancy:
+        if isinstance(self._batteries, WorstCase):
+            self._batteries.spend(self.config.motor_run, self._now_ms)
         return RunBuoyancy(self._now_ms, MOTORS[self.state])
 
     def _power(self) -> list[Action]:

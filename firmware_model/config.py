@@ -182,6 +182,9 @@ class BoardConfig:
     surfacing_timeout_ms: int = 180_000
     """A board that has not come up after so long gives the surfacing up."""
 
+    motor_run: int = 0
+    """Grains that one run of the buoyancy motors takes from the primary battery; a whole board counts its motors' load."""
+
     def __post_init__(self) -> None:
         cycle = None if self.whole is None else self.whole.cycle
         if cycle is not None and cycle.slots is not None and not 0 <= self.slot < cycle.slots.count:

@@ -1,8 +1,8 @@
-"""Watches a charging batch; the mission does not wait for aMussels that are silent or whose charge does not rise."""
+"""Watches the docked aMussels; the mission does not wait for one that is silent or whose charge does not rise."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.scenario.schema import FullWhen, Mission
@@ -13,30 +13,45 @@ def is_full(belief: Belief | None, config: Mission) -> bool:
     return belief is not None and _level(belief, config.full_when) > config.full_threshold
 
 
+def is_charged(belief: Belief | None, config: Mission) -> bool:
+    """The aMussel is believed full, or above the scenario's `charge_to`, at which it makes room for others."""
+    threshold = config.full_threshold if config.charge_to is None else config.charge_to
+    return belief is not None and _level(belief, config.full_when) > threshold
+
+
 def _level(belief: Belief, full_when: FullWhen) -> float:
     """The charge that counts: the primary battery's, or the lower of both, as the scenario says."""
     return belief.primary if full_when is FullWhen.PRIMARY else min(belief.primary, belief.secondary)
 
 
 class ChargingWatch:
-    """Gives an aMussel up after the scenario's `silence_timeout_s` without a gain in believed charge."""
+    """Gives an aMussel up after the scenario's `silence_timeout_s` without a gain in believed charge.
+
+    The time begins with `begin`, and anew after `restart`.
+    """
 
     def __init__(self, config: Mission) -> None:
         self._config = config
-        self._start_ms = 0
         self._best: dict[int, tuple[float, int]] = {}
         self._given_up: set[int] = set()
 
-    def start(self, now_ms: int) -> None:
-        self._start_ms = now_ms
-        self._best = {}
-        self._given_up = set()
+    def begin(self, docked: Iterable[int], now_ms: int) -> None:
+        """Watches these docked aMussels from now on; nothing changes for those that it watches already."""
+        for agent_id in docked:
+            self._best.setdefault(agent_id, (-1.0, now_ms))
+
+    def restart(self, agent_id: int) -> None:
+        """Watches an aMussel anew, as one that was docked just now."""
+        self._best.pop(agent_id, None)
+        self._given_up.discard(agent_id)
 
     def give_up_stalled(self, docked: Mapping[int, Belief | None], now_ms: int) -> list[tuple[int, str]]:
-        """Takes the docked aMussels' beliefs; returns (agent, reason) for each aMussel that it gives up now."""
+        """Takes the beliefs of all docked aMussels; returns (agent, reason) for each aMussel that it gives up now."""
+        for agent_id in self._best.keys() - docked.keys():
+            self.restart(agent_id)
         given_up: list[tuple[int, str]] = []
         for agent_id, belief in sorted(docked.items()):
-            best, gained_ms = self._best.get(agent_id, (-1.0, self._start_ms))
+            best, gained_ms = self._best.get(agent_id, (-1.0, now_ms))
             if belief is not None and (level := _level(belief, self._config.full_when)) > best:
                 best, gained_ms = level, now_ms
             self._best[agent_id] = (best, gained_ms)
@@ -49,8 +64,5 @@ class ChargingWatch:
                 given_up.append((agent_id, "its believed charge does not rise"))
         return given_up
 
-    def done(self, docked: Mapping[int, Belief | None]) -> bool:
-        """Every docked aMussel is believed full, or was given up."""
-        return all(
-            agent_id in self._given_up or is_full(belief, self._config) for agent_id, belief in docked.items()
-        )
+    def has_given_up(self, agent_id: int) -> bool:
+        return agent_id in self._given_up

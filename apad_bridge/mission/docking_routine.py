@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charging_watch import is_full
+from apad_bridge.mission.charging_watch import is_charged
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
@@ -183,7 +183,7 @@ class DockingRoutine:
         A service counts by the belief at this order: on the way down the aMussel draws from its battery again.
         """
         self._wait = self._next = self._search = None
-        self._book.set(leaves_full=is_full(self._beliefs.get(agent_id), self._config))
+        self._book.set(leaves_full=is_charged(self._beliefs.get(agent_id), self._config))
         self.mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self.mechanism)
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.dispatch import Docked, dispatch_of
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -79,6 +80,9 @@ class EnergyExchange(OrderBook):
         self._charging = ChargingWatch(config)
         self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._pool = ChargingPool(config, beliefs)
+        self._dispatch = dispatch_of(
+            config, self._charging, lambda pool: self._pool.batch_of(pool, self._left_alone)
+        )
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._breakdown = Breakdown(STUCK_AFTER)
         self._legs = 0
@@ -164,7 +168,7 @@ class EnergyExchange(OrderBook):
 
     def _hold_and_charge(self, now_ms: int) -> None:
         self._hold(now_ms)
-        self._charging.start(now_ms)
+        self._charging.begin(self._to_release, now_ms)
 
     def _resume_collecting(self, now_ms: int) -> None:
         if self._is_held(self._step.agent_id):
@@ -191,12 +195,18 @@ class EnergyExchange(OrderBook):
             # Docked by hand, or before a crash: charge the docked aMussels first.
             self._start_charging(now_ms)
             return
+        self._collect_if_due({}, now_ms)
+
+    def _collect_if_due(self, docked: Docked, now_ms: int) -> None:
         pool = self._pool.candidates(now_ms, self._left_alone)
-        batch = min(self._pool.batch_of(pool, self._left_alone), self.docks.count(None))
-        if not batch:
-            return
-        if self._plan_collection(pool, batch, now_ms):
+        count = self._dispatch.to_collect(pool, docked, self.docks.count(None))
+        if count and self._plan_collection(pool, count, now_ms):
             self._go_collect(now_ms)
+
+    def _waiting(self, now_ms: int) -> int:
+        """The number of aMussels that the aPad would collect now if its docks were free."""
+        pool = self._pool.candidates(now_ms, self._left_alone)
+        return self._dispatch.to_collect(pool, {}, self.state.dock_count)
 
     def _plan_collection(self, pool: list[Belief], batch: int, now_ms: int) -> bool:
         """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now."""
@@ -266,12 +276,14 @@ class EnergyExchange(OrderBook):
         beliefs = {agent_id: self._beliefs.get(agent_id) for agent_id in docked}
         for agent_id, reason in self._charging.give_up_stalled(beliefs, now_ms):
             self.note("given_up", agent=agent_id, what="charge", reason=reason)
-        if not self._charging.done(beliefs):
-            return
         if not docked:
             self._idle(now_ms)
             return
-        known = [belief or placeholder_belief(agent_id, self._here) for agent_id, belief in beliefs.items()]
+        released = self._dispatch.to_release(beliefs, lambda: self._waiting(now_ms))
+        if not released:
+            self._collect_if_due(beliefs, now_ms)
+            return
+        known = [beliefs[it] or placeholder_belief(it, self._here) for it in released]
         situation = self._situation(known, docked)
         name = self._config.redeployment
         solution = plan_or_reason(
@@ -319,6 +331,7 @@ class EnergyExchange(OrderBook):
             self.note("left_alone", agent=agent_id, tries=tries[agent_id], reason=reason)
 
     def _count_failed_undocking(self, agent_id: int, reason: str) -> None:
+        self._charging.restart(agent_id)
         tries = dict(self.state.failed_undockings)
         tries[agent_id] = tries.get(agent_id, 0) + 1
         self.set(failed_undockings=tuple(sorted(tries.items())))

@@ -23,6 +23,9 @@ class Board:
     profile: Literal["worst-case", "mu"] | None = None
     discharge_per_min: RatePerMinute | None = None
     charge_segments: ChargeSegments | None = None
+    motor_run_charge: Fraction = 0.0
+    """The charge that one run of the buoyancy motors takes from the primary battery, to surface or to sink; 0 as in the
+    paper's experiments. The paper's heavy run bounds it at 0.045. `whole` has the motors' load instead."""
     pin_debounce_ms: Milliseconds
     pin_chatter_ms: Milliseconds = 2000
     """A charger's pin that bounces for this long takes the level that it had for the greater part of that time."""
@@ -54,6 +57,8 @@ class Board:
             raise ValueError("surfacing_timeout_s must be longer than surfacing_s")
         if self.whole is None and missing:
             raise ValueError(f"{' and '.join(missing)} must be there, or `whole` for the whole firmware")
+        if self.whole is not None and self.motor_run_charge:
+            given.append("motor_run_charge")
         if self.whole is not None and given:
             raise ValueError(
                 f"{' and '.join(given)} must be left out where `whole` is: its numbers are in whole.power"

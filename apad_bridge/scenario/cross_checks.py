@@ -267,6 +267,16 @@ def _check_mission(scenario: Scenario) -> list[Contradiction]:
                 "or one that was charged would be a candidate again at once",
             )
         )
+    if mission.charge_to is not None and not (
+        mission.pool_threshold < mission.charge_to <= mission.full_threshold
+    ):
+        found.append(
+            (
+                "mission.charge_to",
+                f"must lie above mission.pool_threshold ({mission.pool_threshold}) and not above "
+                f"mission.full_threshold ({mission.full_threshold})",
+            )
+        )
     if mission.full_when is FullWhen.BOTH and scenario.board.whole is None:
         found.append(
             (

@@ -58,6 +58,7 @@ def board_config(board: Board, seed: int = 0, modems: Generation = Generation.V3
         pin_chatter_ms=board.pin_chatter_ms,
         pin_check_ms=_ms(board.pin_check_s),
         surfacing_timeout_ms=_ms(board.surfacing_timeout_s or 3 * board.surfacing_s),
+        motor_run=grains(board.motor_run_charge),
     )
     ageing = None if board.whole is None else board.whole.power.ageing
     return as_new if ageing is None else aged(as_new, capacity_left(ageing.cycles, ageing.years))

@@ -271,6 +271,14 @@ class FullWhen(StrEnum):
     BOTH = "both"
 
 
+class Dispatch(StrEnum):
+    """The rule of collecting and releasing, for every strategy alike. `batch`: the paper's, a whole batch is collected,
+    charged and released. `asynchronous`: each aMussel by itself, as soon as a dock is free for it, until it is charged."""
+
+    BATCH = "batch"
+    ASYNCHRONOUS = "asynchronous"
+
+
 @frozen
 class Mission:
     collection: str
@@ -278,8 +286,11 @@ class Mission:
     redeployment: str = "greedy-redeploy"
     pool_threshold: Fraction
     batch: Annotated[int, Ge(1), Le(MAX_DOCKS)]
-    """Left out in a file: the number of the aPad's docks."""
+    """Left out in a file: the number of the aPad's docks. `dispatch: asynchronous` has no batches."""
+    dispatch: Dispatch = Dispatch.BATCH
     full_threshold: Fraction
+    charge_to: Fraction | None = None
+    """A docked aMussel above this makes room when others wait for its dock. None: only full aMussels leave."""
     full_when: FullWhen = FullWhen.PRIMARY
     speed_m_s: Positive
     victory_radius_m: Positive

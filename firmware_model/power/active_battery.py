@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import IntEnum
 
 from firmware_model.power.charge import Battery, ChargeModel, Flow
@@ -31,6 +32,12 @@ class WorstCase:
         flow = Flow.CHARGING if charging else Flow.DISCHARGING
         if flow is not self.primary.flow:
             self.primary = self._model.settle(self.primary, now_ms, flow)
+
+    def spend(self, grains: int, now_ms: int) -> None:
+        """Takes a charge from the primary battery at once, at most what it holds."""
+        if grains:
+            held = self._model.charge_at(self.primary, now_ms)
+            self.primary = replace(self.primary, anchor_ms=now_ms, charge=max(0, held - grains))
 
     def readings(self, now_ms: int) -> tuple[int, int]:
         """Primary and secondary charge, in grains: the worst case knows them exactly."""

@@ -1,5 +1,7 @@
 """Stories of one board as golden traces, and the law that the division of time into windows changes nothing."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -38,9 +40,9 @@ POWER = PowerCameOn(ResetCause.POWER_ON, at_surface=False, pin_high=False)
 MIN = 60_000
 
 
-def board(charge: float = 0.9) -> Board:
+def board(charge: float = 0.9, config: BoardConfig = CONFIG) -> Board:
     return Board(
-        CONFIG,
+        config,
         MusselbedCodec(),
         Battery(0, grains(charge), Flow.DISCHARGING),
         Battery(0, FULL, Flow.RESTING),
@@ -229,3 +231,21 @@ def test_cutting_time_does_not_change_the_trace(
         whole.primary,
         whole.next_due_ms,
     )
+
+
+@given(st.floats(0.0, 1.0), st.integers(0, FULL // 10))
+def test_a_run_of_the_motors_takes_its_charge_to_surface_and_to_sink_and_no_more_than_there_is(
+    charge: float, run: int
+) -> None:
+    facts: list[tuple[int, Stimulus]] = [
+        (0, POWER),
+        (10_000, PERMISSION),
+        (20_000, SurfaceReached()),
+        (30_000, WifiReceived(CommandPacket(Kind.RELEASE, 24).encode())),
+    ]
+    free, paid = board(charge), board(charge, replace(CONFIG, motor_run=run))
+    story(free, facts, 40_000)
+    story(paid, facts, 40_000)
+    left, without = MODEL.charge_at(paid.primary, 40_000), MODEL.charge_at(free.primary, 40_000)
+    assert paid.state is State.SINKING
+    assert left == max(0, without - 2 * run)

@@ -35,7 +35,7 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.firmware_config import charge_models
-from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Positioning, Scenario
+from apad_bridge.scenario.schema import Dispatch, DriftMode, FullWhen, HearingMode, Positioning, Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
@@ -257,7 +257,11 @@ class Ticks:
         self._recorder = recorder
         self._low_charge = _highest_charge_at_most(scenario.mission.pool_threshold)
         self._collects = not isinstance(registry.collection(scenario.mission.collection), NoCollection)
-        self._full_charge = _highest_charge_at_most(scenario.mission.full_threshold) + 1
+        self._is_asynchronous = scenario.mission.dispatch is Dispatch.ASYNCHRONOUS
+        self._releases_at = [_highest_charge_at_most(scenario.mission.full_threshold) + 1]
+        """The charges in grains at which a docked aMussel may leave, the highest last."""
+        if scenario.mission.charge_to is not None:
+            self._releases_at.insert(0, _highest_charge_at_most(scenario.mission.charge_to) + 1)
 
     def next_tick_ms(self, now_ms: int, agents_due_ms: int | None) -> int:
         """The next tick after `now_ms`; `agents_due_ms` is when an agent next acts by itself."""
@@ -284,7 +288,7 @@ class Ticks:
             case Phase.IDLE:
                 if not self._collects:
                     return due_ms
-                return min(due_ms, self._enough_in_pool_ms(beliefs, now_ms))
+                return min(due_ms, self._enough_in_pool_ms(beliefs, self._config.batch, now_ms))
             case Phase.GO_COLLECT:
                 step = state.plan.steps[0]
                 belief = self._beliefs.get(step.agent_id)
@@ -297,7 +301,7 @@ class Ticks:
             case Phase.DOCK | Phase.UNDOCK:
                 return port_due_ms
             case Phase.CHARGE:
-                return self._all_full_ms(held, now_ms)
+                return self._next_release_ms(beliefs, held, now_ms)
             case _:
                 return now_ms
 
@@ -306,43 +310,58 @@ class Ticks:
         given_up_ms = self._recorder.given_up_ms
         return given_up_ms is not None and now_ms - given_up_ms <= self._config.silence_timeout_s * 1000
 
-    def _enough_in_pool_ms(self, beliefs: Sequence[Belief], now_ms: int) -> int:
+    def _enough_in_pool_ms(self, beliefs: Sequence[Belief], batch: int, now_ms: int) -> int:
         """The mission time by which a batch may have gathered: the charges fall to the threshold one by one."""
         alive = [it for it in beliefs if it.state not in BEYOND_HELP]
         tries = dict(self._supervisor.mission.state.failed_tries).values()
         if max(tries, default=0) >= self._config.collection_attempts:
             return now_ms  # an aMussel that is left alone makes the batch smaller
-        batch = min(self._config.batch, max(1, len(alive)))
+        batch = 1 if self._is_asynchronous else min(batch, max(1, len(alive)))
         low_at_ms = []
         for belief in alive:
             physical = self._beliefs.truths[belief.agent_id].physical
             if belief.state is State.FLOATING and belief.primary <= 0:
                 return now_ms
+            if belief.state in DOCKED:
+                continue
             falls_ms = self._charge_model(belief).falls_to_at_ms(physical.primary, self._low_charge)
             if falls_ms is not None:
                 low_at_ms.append(falls_ms // self._tick_agent_ms * TICK_MS)
         return sorted(low_at_ms)[batch - 1] if len(low_at_ms) >= batch else _NEVER_MS
 
-    def _all_full_ms(self, held: Collection[int], now_ms: int) -> int:
-        """The mission time by which every docked aMussel is full, or a watch for stalls must see it."""
-        found_ms = now_ms
-        for agent_id in held:
-            physical = self._beliefs.truths[agent_id].physical
-            belief = self._beliefs.get(agent_id)
-            if belief is None or belief.state not in DOCKED:
-                return now_ms
-            batteries = [physical.primary]
-            if self._config.full_when is FullWhen.BOTH:
-                batteries.append(physical.secondary)
-            for battery in batteries:
-                full_ms = self._full_at_ms(battery, agent_id)
-                if full_ms is None:
-                    return now_ms
-                found_ms = max(found_ms, full_ms)
+    def _next_release_ms(self, beliefs: Sequence[Belief], held: Collection[int], now_ms: int) -> int:
+        """The mission time by which a docked aMussel may leave, one may be collected beside those, or a watch for stalls
+        must see them."""
+        releases_ms = [self._leaves_at_ms(agent_id) for agent_id in held]
+        if not held or None in releases_ms:
+            return now_ms
+        last_of = min if self._is_asynchronous else max
+        times_ms = [last_of(times) for times in zip(*filter(None, releases_ms), strict=True)]
+        soonest_ms = next((it for it in times_ms if it > now_ms), now_ms)
+        makes_room = self._config.charge_to is not None and times_ms[0] <= now_ms
+        has_room = self._is_asynchronous and len(held) < self._supervisor.mission.state.dock_count
+        if makes_room or has_room:
+            return min(soonest_ms, self._enough_in_pool_ms(beliefs, self._config.batch, now_ms))
+        return soonest_ms
+
+    def _leaves_at_ms(self, agent_id: int) -> list[int] | None:
+        """The mission times at which a docked aMussel reaches each of the charges at which it may leave."""
+        physical, belief = self._beliefs.truths[agent_id].physical, self._beliefs.get(agent_id)
+        if belief is None or belief.state not in DOCKED:
+            return None
+        both = self._config.full_when is FullWhen.BOTH
+        batteries = [physical.primary, physical.secondary] if both else [physical.primary]
+        found_ms = []
+        for charge in self._releases_at:
+            times_ms = [self._reaches_at_ms(battery, agent_id, charge) for battery in batteries]
+            reached_ms = [it for it in times_ms if it is not None]
+            if len(reached_ms) < len(times_ms):
+                return None
+            found_ms.append(max(reached_ms))
         return found_ms
 
-    def _full_at_ms(self, battery: Battery, agent_id: int) -> int | None:
-        reaches_ms = self._beliefs.charge_of(agent_id).reaches_at_ms(battery, self._full_charge)
+    def _reaches_at_ms(self, battery: Battery, agent_id: int, charge: int) -> int | None:
+        reaches_ms = self._beliefs.charge_of(agent_id).reaches_at_ms(battery, charge)
         return None if reaches_ms is None else reaches_ms // self._tick_agent_ms * TICK_MS
 
     def _charge_model(self, belief: Belief) -> ChargeModel:

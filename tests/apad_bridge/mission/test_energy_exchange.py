@@ -15,6 +15,8 @@ from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Dispatch
+from apad_bridge.scenario.schema import Mission as MissionConfig
 from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.primitives import (
     DockChanged,
@@ -53,12 +55,13 @@ class Bench:
         collection: str = "cautious",
         state: MissionState | None = None,
         place: tuple[float, float] = (0.0, 0.0),
+        config: MissionConfig = MISSION,
     ) -> None:
         self.told = Told()
         self.now_ms = 0
         self.orders: list[Order] = []
         self.mission = EnergyExchange(
-            MISSION,
+            config,
             self.told,
             registry.collection(collection),
             registry.redeployment("greedy-redeploy"),
@@ -688,3 +691,69 @@ def test_nothing_is_ordered_before_the_aPad_s_place_is_known() -> None:
         MISSION, told, registry.collection("greedy"), registry.redeployment("greedy-redeploy")
     )
     assert mission.advance(0) == []
+
+
+ASYNCHRONOUS = replace(MISSION, dispatch=Dispatch.ASYNCHRONOUS)
+
+
+def one_by_one(agents: int = 2, config: MissionConfig = ASYNCHRONOUS) -> Bench:
+    """An aPad that has collected aMussel 1 alone and waits beside it; the others are above the pool's threshold."""
+    bench = Bench(agents=agents, config=config)
+    for agent_id in range(2, agents + 1):
+        bench.told.say(agent_id, 0, State.ACTIVE, 0.9)
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.collect(1)
+    assert bench.mission.state.phase is Phase.CHARGE
+    bench.tick()
+    return bench
+
+
+def test_asynchronous_dispatch_collects_one_beside_one_that_charges() -> None:
+    bench = one_by_one()
+    bench.told.say(2, bench.now_ms, State.ACTIVE, 0.8)
+    bench.tick()
+    assert [step.agent_id for step in bench.mission.state.plan.steps] == [2]
+    bench.collect(2)
+    assert bench.mission.docks[:2] == (1, 2) and bench.mission.state.phase is Phase.CHARGE
+
+
+def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_other() -> None:
+    bench = one_by_one()
+    bench.told.say(2, bench.now_ms, State.ACTIVE, 0.8)
+    bench.tick()
+    bench.collect(2)
+    bench.told.say(1, bench.now_ms, State.CHARGING, 0.995)
+    bench.told.say(3, bench.now_ms, State.ACTIVE, 0.5)
+    bench.tick()
+    assert [(step.kind, step.agent_id) for step in bench.mission.state.plan.steps] == [(StepKind.DEPLOY, 1)]
+    bench.succeed()
+    assert isinstance(bench.succeed(), UndockMussel)
+    assert bench.mission.state.services == 1 and bench.mission.docks[:2] == (None, 2)
+
+
+@pytest.mark.parametrize(("charge_to", "leaves"), [(0.85, True), (None, False)])
+def test_a_charged_one_makes_room_only_when_another_waits_and_no_dock_is_free(
+    charge_to: float | None, leaves: bool
+) -> None:
+    bench = one_by_one(agents=6, config=replace(ASYNCHRONOUS, charge_to=charge_to))
+    for agent_id in (2, 3, 4):
+        bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.7)
+        bench.tick()
+        bench.collect(agent_id)
+    bench.told.say(3, bench.now_ms, State.CHARGING, 0.9)
+    bench.tick()
+    assert bench.mission.state.phase is Phase.CHARGE
+    bench.told.say(5, bench.now_ms, State.ACTIVE, 0.7)
+    bench.tick()
+    assert [step.agent_id for step in bench.mission.state.plan.steps] == ([3] if leaves else [])
+
+
+def test_an_asynchronous_aPad_gives_up_one_whose_charge_does_not_rise_and_releases_it() -> None:
+    bench = one_by_one()
+    for _ in range(round(MISSION.silence_timeout_s) + 2):
+        bench.tick()
+        if bench.notes("given_up"):
+            break
+    assert [note["what"] for note in bench.notes("given_up")] == ["charge"]
+    assert [step.kind for step in bench.mission.state.plan.steps] == [StepKind.DEPLOY]

@@ -9,12 +9,13 @@ from scenario_files import WHOLE_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.dispatch import dispatch_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import FullWhen
+from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission
 from firmware_model.states import TABLE, State, Trigger
 
 MISSION = load(WHOLE_FILE).mission
@@ -87,6 +88,16 @@ def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
     assert mission.state.homes == (((1, 1.0, 0.0),) if is_home else ())
 
 
+def is_released(config: Mission, watch: ChargingWatch, docked: Told) -> set[int]:
+    """The aMussels that both rules of dispatch release; fails if they differ."""
+    released = {
+        frozenset(dispatch_of(replace(config, dispatch=rule), watch, len).to_release(docked, lambda: 0))
+        for rule in Dispatch
+    }
+    (only,) = released
+    return set(only)
+
+
 @pytest.mark.parametrize(
     ("full_when", "primary", "secondary", "full"),
     [
@@ -100,20 +111,18 @@ def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
 def test_full_is_what_the_scenario_says(
     full_when: FullWhen, primary: float, secondary: float, full: bool
 ) -> None:
-    watch = ChargingWatch(replace(MISSION, full_threshold=0.99, full_when=full_when))
+    config = replace(MISSION, full_threshold=0.99, full_when=full_when)
+    watch = ChargingWatch(config)
     docked = told(State.REPORTING, primary=primary, secondary=secondary)
-    watch.start(0)
     assert watch.give_up_stalled(docked, 0) == []
-    assert watch.done(docked) is full
+    assert (is_released(config, watch, docked) == {1}) is full
 
 
 def test_who_gains_in_the_battery_that_is_waited_for_is_not_given_up() -> None:
-    watch = ChargingWatch(
-        replace(MISSION, full_threshold=0.99, full_when=FullWhen.BOTH, silence_timeout_s=1.0)
-    )
-    watch.start(0)
+    config = replace(MISSION, full_threshold=0.99, full_when=FullWhen.BOTH, silence_timeout_s=1.0)
+    watch = ChargingWatch(config)
     for now_ms in range(0, 5001, 1000):
         docked = told(State.CHARGING, primary=1.0, secondary=0.5 + now_ms / 20_000)
         assert watch.give_up_stalled(docked, now_ms) == []
     assert watch.give_up_stalled(docked, 6500) == [(1, "its believed charge does not rise")]
-    assert watch.done(docked)
+    assert is_released(config, watch, docked) == {1}

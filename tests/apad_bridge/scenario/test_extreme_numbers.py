@@ -26,8 +26,8 @@ fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: paper, amplitude_m:
 hearing: {mode: paper, report_period_s: 5}
 """
 POOL = """
-board: {surfacing_timeout_s: 600}
-mission: {pool_threshold: 0.9, batch: 2}
+board: {surfacing_timeout_s: 600, motor_run_charge: 0.01}
+mission: {pool_threshold: 0.9, batch: 2, dispatch: asynchronous, charge_to: 0.95}
 area: {fence: [[-50, -50], [80, -50], [80, 80], [-50, 80]], keep_out: [[[60, 60], [70, 60], [70, 70]]], home_m: [14, 10]}
 guards: {leg_m: 500, leg_s: 600, speed_limit_m_s: 5, battery_reserve: 0.1, amussel_depth_m: 50}
 apads: [{name: apad2, start_m: [5, 5], battery_start_fraction: 0.9}]

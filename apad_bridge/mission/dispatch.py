@@ -1,0 +1,89 @@
+"""The rules of dispatch and release: how many aMussels to collect now, and which of the docked ones to release now.
+
+The strategy decides whom and in which order; the rule is the scenario's `mission.dispatch` and serves every strategy. So a
+study can split a gain into the rule's part and the strategy's.
+
+Source of `batch`: the paper's Fig. 7, which waits for as many aMussels as there are docks and releases them when all are
+full. Source of `asynchronous`: the on-demand charging of single nodes, with a full or a partial charge, as in L. He and
+others, MASS 2013.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Protocol
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.charging_watch import ChargingWatch, is_charged, is_full
+from apad_bridge.scenario.schema import Dispatch, Mission
+
+Docked = Mapping[int, Belief | None]
+"""The beliefs of the docked aMussels, by id; None for one that was never heard."""
+
+
+class DispatchRule(Protocol):
+    def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
+        """Returns the number of aMussels of the pool to collect now; 0 means to wait."""
+
+    def to_release(self, docked: Docked, waiting: Callable[[], int]) -> Collection[int]:
+        """Returns the ids of the docked aMussels to release now.
+
+        `waiting` tells the number of aMussels that could be collected now if all docks were free.
+        """
+
+
+class BatchDispatch:
+    """Collects when nobody is docked and a batch waits; releases all when all are charged, or given up."""
+
+    def __init__(
+        self, config: Mission, watch: ChargingWatch, batch_of: Callable[[Sequence[Belief]], int]
+    ) -> None:
+        self._config = config
+        self._watch = watch
+        self._batch_of = batch_of
+
+    def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
+        return 0 if docked else min(self._batch_of(pool), free_docks)
+
+    def to_release(self, docked: Docked, waiting: Callable[[], int]) -> Collection[int]:
+        left = {it: belief for it, belief in docked.items() if not self._watch.has_given_up(it)}
+        if all(is_full(belief, self._config) for belief in left.values()):
+            return tuple(docked)
+        makes_room = all(is_charged(belief, self._config) for belief in left.values()) and waiting() > 0
+        return tuple(docked) if makes_room else ()
+
+
+class AsynchronousDispatch:
+    """Collects one aMussel as soon as a dock is free; releases each when it is full, or given up.
+
+    One that is charged, if not full, makes room when no dock is free and another waits: the fullest of them.
+    """
+
+    def __init__(self, config: Mission, watch: ChargingWatch) -> None:
+        self._config = config
+        self._watch = watch
+
+    def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
+        return min(1, len(pool), free_docks)
+
+    def to_release(self, docked: Docked, waiting: Callable[[], int]) -> Collection[int]:
+        done = tuple(
+            agent_id
+            for agent_id, belief in docked.items()
+            if self._watch.has_given_up(agent_id) or is_full(belief, self._config)
+        )
+        if done:
+            return done
+        charged = [it for it in docked.values() if it is not None and is_charged(it, self._config)]
+        if not charged or not waiting():
+            return ()
+        return (max(charged, key=lambda it: (it.primary, -it.agent_id)).agent_id,)
+
+
+def dispatch_of(
+    config: Mission, watch: ChargingWatch, batch_of: Callable[[Sequence[Belief]], int]
+) -> DispatchRule:
+    """Builds the scenario's rule. `batch_of` tells how many of a pool make a batch now, 0 if it must grow."""
+    if config.dispatch is Dispatch.ASYNCHRONOUS:
+        return AsynchronousDispatch(config, watch)
+    return BatchDispatch(config, watch, batch_of)
