@@ -16,8 +16,8 @@ from apad_bridge.runs.studies.specification import plan_of
 
 SCENARIOS = Path(__file__).parents[1] / "launch_scripts/scenarios"
 MISSIONS = 1200
-STRATEGIES = ["greedy", "cautious"]
-"""Both with Greedy Redeploy."""
+STRATEGIES = ["greedy", "cautious", "blend"]
+"""All with Greedy Redeploy and the paper's batches; the blend weighs a battery as 1 m."""
 
 
 def measure() -> dict[str, Any]:

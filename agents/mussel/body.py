@@ -25,8 +25,13 @@ def drift_step_um(seed: int, agent_id: int, n: int, amplitude_um: int) -> tuple[
     another by more than one part in 2^64 / (2 amplitude_um + 1).
     """
     width = 2 * amplitude_um + 1
-    north, east = _WORDS(blake2b(_KEY(seed, agent_id, n), digest_size=16).digest())
+    north, east = _WORDS(drift_words(seed, agent_id, n))
     return (north * width >> 64) - amplitude_um, (east * width >> 64) - amplitude_um
+
+
+def drift_words(seed: int, agent_id: int, n: int) -> bytes:
+    """The two random 64-bit words of step `n`, north and east, little-endian."""
+    return blake2b(_KEY(seed, agent_id, n), digest_size=16).digest()
 
 
 def gps_fix_um(

@@ -40,7 +40,7 @@ class Goal:
         return math.hypot(self.north_m - pose.north_m, self.east_m - pose.east_m)
 
     def is_held_by(self, pose: Pose) -> bool:
-        """At rest exactly at the goal: `within_reach` lets the last step end there, so equality is correct."""
+        """At rest exactly at the goal: `Motion` lets the last step end there, so equality is correct."""
         return (
             pose.north_m == self.north_m
             and pose.east_m == self.east_m
@@ -60,19 +60,14 @@ def braking_speed_m_s(distance_m: float, speed_m_s: float, acceleration_m_s2: fl
     return max(0.0, acceleration_m_s2 * (math.sqrt(max(0.0, root)) - STEP_S / 2))
 
 
-def within_reach(pose: Pose, goal: Goal, acceleration_m_s2: float) -> bool:
-    """One step can end at rest at the goal: a few millimetres away, and slow enough to stop."""
-    reach_m = acceleration_m_s2 * STEP_S * STEP_S
-    return goal.distance_m(pose) <= reach_m and pose.speed_m_s <= acceleration_m_s2 * STEP_S
-
-
-def wanted_velocity(pose: Pose, goal: Goal, acceleration_m_s2: float) -> tuple[float, float]:
-    """Velocity (north, east) at the end of the step, within the acceleration limit.
+def wanted_velocity(
+    pose: Pose, goal: Goal, distance_m: float, acceleration_m_s2: float
+) -> tuple[float, float]:
+    """Velocity (north, east) at the end of the step, within the acceleration limit, `distance_m` from the goal.
 
     It points towards the goal, at the lower of the goal's speed and the braking speed. It has no component
     across that line, so that a vehicle on its way elsewhere turns in.
     """
-    distance_m = goal.distance_m(pose)
     if distance_m > 0.0:
         to_north, to_east = (
             (goal.north_m - pose.north_m) / distance_m,

@@ -17,7 +17,6 @@ from apad_bridge.vehicle.simulated.kinematics import (
     moved,
     turned,
     wanted_velocity,
-    within_reach,
     wrapped,
 )
 from apad_bridge.vehicle.simulated.thrusters import NO_FORCES, allocate, electrical_w, weakest_force_n
@@ -111,19 +110,31 @@ class Motion:
         elif goal.is_held_by(pose):
             self.forces_n = NO_FORCES
             self._planned = pose
-        elif within_reach(pose, goal, self.acceleration_m_s2):
-            heading_rad = turned(pose.heading_rad, goal.heading_rad, self._config.max_yaw_rate_rad_s)
-            self._push((0.0, 0.0))
+        else:
+            self._plan_towards(goal)
+
+    def _plan_towards(self, goal: Goal) -> None:
+        pose, change_m_s = self.pose, self.acceleration_m_s2 * STEP_S
+        # Each of these is needed more than once, and this runs ten times a second of every flight.
+        distance_m, speed_m_s = goal.distance_m(pose), pose.speed_m_s
+        heading_rad = pose.heading_rad
+        if heading_rad != goal.heading_rad:
+            heading_rad = turned(heading_rad, goal.heading_rad, self._config.max_yaw_rate_rad_s)
+        if distance_m <= change_m_s * STEP_S and speed_m_s <= change_m_s:
+            # One step can end at rest at the goal: a few millimetres away, and slow enough to stop.
+            self._push((0.0, 0.0), speed_m_s)
             self._planned = Pose(goal.north_m, goal.east_m, heading_rad)
         else:
-            heading_rad = turned(pose.heading_rad, goal.heading_rad, self._config.max_yaw_rate_rad_s)
-            velocity_m_s = self._push(wanted_velocity(pose, goal, self.acceleration_m_s2))
-            self._planned = moved(pose, velocity_m_s, heading_rad)
+            wanted_m_s = wanted_velocity(pose, goal, distance_m, self.acceleration_m_s2)
+            self._planned = moved(pose, self._push(wanted_m_s, speed_m_s), heading_rad)
 
-    def _push(self, wanted_m_s: tuple[float, float]) -> tuple[float, float]:
-        """Set the thrusts F = m a + drag |v| v for a wanted velocity; return the velocity that they reach."""
+    def _push(self, wanted_m_s: tuple[float, float], speed_m_s: float) -> tuple[float, float]:
+        """Set the thrusts F = m a + drag |v| v for a wanted velocity; return the velocity that they reach.
+
+        `speed_m_s` is the present speed |v|.
+        """
         pose, mass_kg = self.pose, self._config.mass_kg
-        drag_n_s_m = self._config.drag_n_per_m2_s2 * pose.speed_m_s
+        drag_n_s_m = self._config.drag_n_per_m2_s2 * speed_m_s
         drag_north_n, drag_east_n = drag_n_s_m * pose.north_m_s, drag_n_s_m * pose.east_m_s
         north_n = mass_kg * (wanted_m_s[0] - pose.north_m_s) / STEP_S + drag_north_n
         east_n = mass_kg * (wanted_m_s[1] - pose.east_m_s) / STEP_S + drag_east_n
@@ -149,7 +160,7 @@ class Motion:
         limit_m_s = self.acceleration_m_s2 * STEP_S
         scale = limit_m_s / change_m_s if change_m_s > limit_m_s else 1.0
         wanted = (pose.north_m_s + scale * change_north, pose.east_m_s + scale * change_east)
-        velocity_m_s = self._push(wanted)
+        velocity_m_s = self._push(wanted, pose.speed_m_s)
         return moved(pose, velocity_m_s, wrapped(pose.heading_rad + yaw_rate_rad_s * STEP_S))
 
     def _coasted(self) -> Pose:

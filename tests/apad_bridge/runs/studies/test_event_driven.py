@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 
+from agents.mussel.body import drift_step_um
 from apad_bridge.assembly import parts
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.event_driven import drift_sums, fly_event_driven, model_gap
@@ -173,6 +174,16 @@ def test_drift_is_a_sum_of_steps_within_their_amplitude(start: int, count: int) 
     (north, east), (north_to, east_to) = sum_to(start), sum_to(start + count)
     assert abs(north_to - north) <= 5000 * count and abs(east_to - east) <= 5000 * count
     assert sum_to(0) == (0, 0)
+
+
+@given(st.integers(0, 2**64 - 1), st.integers(1, 1000), st.integers(1, 10**6))
+def test_drift_is_the_sum_of_the_body_s_own_steps(seed: int, agent_id: int, amplitude_um: int) -> None:
+    sum_to = drift_sums(seed, agent_id, amplitude_um)
+    north = east = 0
+    for n in range(1, 40):
+        step = drift_step_um(seed, agent_id, n, amplitude_um)
+        north, east = north + step[0], east + step[1]
+        assert sum_to(n) == (north, east)
 
 
 def test_a_strategy_that_fails_fails_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
