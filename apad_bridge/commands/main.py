@@ -37,6 +37,7 @@ _COMMANDS = (
     "runs",
     "check",
     "replay",
+    "export",
     "console",
     "beliefs",
     "mu",

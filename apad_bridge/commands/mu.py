@@ -4,26 +4,33 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import EXITS, Exit, UserError
 from firmware_model.bench.state_diagram import blocks
 from firmware_model.bench.table_one_runs import ROWS, rows
 from firmware_model.bench.trace import line, vcd
 from firmware_model.table_one import ASSUMED, FITTED, METERED, METERING, TAKEN
 
+if TYPE_CHECKING:
+    from apad_bridge.analysis.energy.energy import AgentEnergy
+
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "mu",
         help="one MU board by itself: Table I, an energy budget, its states",
-        description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad.",
+        description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad; `energy` does "
+        "so for the boards of a run.",
         epilog=f"exit codes: {EXITS}",
     )
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
@@ -50,6 +57,25 @@ def add_parser(commands: Any) -> None:
         "--trace", action="store_true", help="print all that the board did, before the budget"
     )
     budget.set_defaults(run=run_script)
+    energy = parts.add_parser(
+        "energy",
+        help="what the boards of a run drew, by module and by state",
+        description="Runs the aMussels of a run again, from their starts and from what reached them, and sums what their "
+        "boards drew so far. Docked, a part of that came from the charger.",
+        epilog=f"examples: musselbed mu energy runs/pool-12-1; musselbed mu energy runs/pool-12-1 --agent 3 --json. "
+        f"exit codes: {EXITS}",
+    )
+    energy.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    energy.add_argument(
+        "--agent",
+        type=int,
+        action="append",
+        default=[],
+        metavar="ID",
+        help="of this aMussel alone; can be repeated",
+    )
+    energy.add_argument("--json", action="store_true", help="each aMussel's energy as JSON on stdout")
+    energy.set_defaults(run=run_energy)
     states = parts.add_parser(
         "states", help="print the diagram of the states, in Mermaid, and what each powers"
     )
@@ -161,6 +187,45 @@ def _show_budget(budget: Budget, console: Console) -> None:
         soft_wrap=True,
     )
     console.print(_life(budget), soft_wrap=True)
+
+
+def run_energy(arguments: argparse.Namespace) -> int:
+    from apad_bridge.analysis.energy.energy import energy_of
+
+    try:
+        found = energy_of(RunDirectory.open(arguments.directory), tuple(dict.fromkeys(arguments.agent)))
+    except (RunDirectoryError, OSError) as error:
+        raise UserError(str(error)) from error
+    if arguments.json:
+        print(json.dumps([asdict(it) for it in found]))
+    else:
+        _show_energy(found, Console())
+    if strange := [it.agent_id for it in found if not it.is_exact]:
+        print(
+            f"warning: another version flew this run, or another codec: aMussels {', '.join(map(str, strange))} went "
+            "another way than its journal says",
+            file=sys.stderr,
+        )
+    return Exit.DONE
+
+
+def _show_energy(found: list[AgentEnergy], console: Console) -> None:
+    from apad_bridge.analysis.energy.energy import summed
+
+    whose = f"aMussel {found[0].agent_id}" if len(found) == 1 else f"{len(found)} aMussels"
+    columns: dict[str, Callable[[AgentEnergy], Mapping[str, float]]] = {
+        "by module": lambda it: it.by_module,
+        "by state": lambda it: it.by_state,
+    }
+    for title, of in columns.items():
+        table = _table(f"{whose}, {title}: % of a battery", title[3:], "mean", "least", "most", "share")
+        totals = summed(found, of)
+        for name, drawn in totals.items():
+            each = [of(it).get(name, 0.0) for it in found]
+            share = drawn / (sum(totals.values()) or 1.0)
+            figures = (f"{100 * it:.3f}" for it in (drawn / len(found), min(each), max(each)))
+            table.add_row(name.replace("_", " "), *figures, f"{100 * share:.1f} %")
+        console.print(table)
 
 
 def _life(budget: Budget) -> str:

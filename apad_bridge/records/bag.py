@@ -174,7 +174,7 @@ def repair_bag(path: Path) -> BagRepair | None:
 
     The new bag is written beside the old one and renamed over it, so that a second kill loses nothing more.
     """
-    if _is_closed(path):
+    if is_closed(path):
         return None
     fresh = path.with_name(f".{path.name}.repaired")
     fresh.unlink(missing_ok=True)
@@ -231,7 +231,8 @@ def _compressed(chunk: bytes) -> bytes:
     return packed
 
 
-def _is_closed(path: Path) -> bool:
+def is_closed(path: Path) -> bool:
+    """True for a bag with its index; False for one that was never closed."""
     with path.open("rb") as file:
         try:
             file.readline()

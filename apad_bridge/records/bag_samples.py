@@ -6,7 +6,7 @@ So bags of other versions can be read: a field that their definition did not hav
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,7 +60,7 @@ def instants(paths: list[Path], period_ms: int) -> Iterator[Instant]:
 def has_deviations(path: Path) -> bool:
     """True if a bag's beliefs have deviations; false too for a bag without beliefs, or that cannot be read."""
     try:
-        with closing(_open(path)) as reader:
+        with open_bag(path) as reader:
             return any(
                 "charge_deviation" in it.msgdef.data for it in reader.connections if it.msgtype == BELIEFS
             )
@@ -89,9 +89,9 @@ class _Grid:
 
 
 def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
-    with closing(_open(path)) as reader:
+    with open_bag(path) as reader:
         wanted = [it for it in reader.connections if it.msgtype in (TRUTH, BELIEFS)]
-        store = _definitions(path, wanted)
+        store = definitions_in(path, wanted)
         truths: tuple[int, tuple[TruthSample, ...]] | None = None
         for connection, stamp_ns, data in reader.messages(wanted) if wanted else ():
             # The earliest stamp is a nanosecond, as ROS reads 0 as no time. A message that is not due is not unpacked.
@@ -106,16 +106,22 @@ def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
                 yield Instant(at_ms, message.agent_time_ms, truths[1], beliefs)
 
 
-def _open(path: Path) -> Reader:
+@contextmanager
+def open_bag(path: Path) -> Iterator[Reader]:
+    """A reader of a bag that was closed; BagUnreadable for any other file."""
     reader = Reader(path)
     try:
         reader.open()
     except (ReaderError, OSError, AssertionError) as error:
         raise BagUnreadable(f"{path}: not a bag that can be read: {error}") from error
-    return reader
+    try:
+        yield reader
+    finally:
+        reader.close()
 
 
-def _definitions(path: Path, connections: list[Connection]) -> Typestore:
+def definitions_in(path: Path, connections: list[Connection]) -> Typestore:
+    """The message types as the bag itself defines them. BagUnreadable for definitions that make no sense."""
     store = get_typestore(Stores.ROS1_NOETIC)
     for connection in connections:
         try:

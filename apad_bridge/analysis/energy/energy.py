@@ -1,0 +1,185 @@
+"""The energy of a run's aMussels by module and by state.
+
+The firmware does the same twice, so an aMussel of a run is run again from its start and from the stimuli in the journal. A
+ledger takes what its board switches. The truths that follow are compared with those that the run recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from agents.fleet import FleetConfig
+from agents.mussel.agent import Agent, AgentConfig
+from agents.mussel.outputs import Output, Truth
+from agents.mussel.physical import Physical
+from agents.mussel.stimuli import WasReset, from_wire
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.parts import fleet_config, initial_states
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.truth_lines import truth_of
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
+from firmware_model.actions import Action
+from firmware_model.packets.codec import Codec, load_codec
+from firmware_model.power.charge import Battery, ChargeModel, Flow, fraction
+from firmware_model.power.energy_ledger import EnergyLedger
+from firmware_model.sampling.flash import Flash, MemoryFlash
+from firmware_model.stimuli import ResetCause
+
+_MS_PER_HOUR = 3_600_000
+BOARD = "board"
+"""The one module of the paper's worst case, which switches none."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentEnergy:
+    """What one aMussel drew, in fractions of a new battery; docked, a part of it came from the charger."""
+
+    agent_id: int
+    by_module: dict[str, float]
+    by_state: dict[str, float]
+    state_hours: dict[str, float]
+    """Agent time."""
+    is_exact: bool
+    """The truths of the second run are the recorded ones, each of them."""
+
+
+def energy_of(directory: RunDirectory, agent_ids: Sequence[int] = ()) -> list[AgentEnergy]:
+    """The energy of these aMussels of a run so far, or of all.
+
+    RunDirectoryError, one line, for a directory without a scenario that can be read, and for an id that its fleet has not.
+    """
+    try:
+        scenario = load(directory.scenario)
+        fleet = fleet_config(flight_config(scenario))
+    except ScenarioError as error:
+        raise RunDirectoryError(error.lines[0]) from error
+    except ValueError as error:
+        raise RunDirectoryError(f"{directory.scenario}: {error}") from error
+    journal = read_journal(directory.journal)
+    starts = initial_states(scenario, starts_of(scenario))
+    if unknown := sorted(set(agent_ids) - starts.keys()):
+        raise RunDirectoryError(
+            f"{directory.path}: there is no aMussel {unknown[0]}; its fleet has {min(starts)} to {max(starts)}"
+        )
+    lines: dict[int, list[Line]] = {agent_id: [] for agent_id in agent_ids or starts}
+    for line in journal.lines:
+        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED, EventKind.TRUTH) and line["id"] in lines:
+            lines[line["id"]].append(line)
+    until_ms = scenario.theta * journal.last_ms
+    return [_run_again(fleet, agent_id, starts[agent_id], own, until_ms) for agent_id, own in lines.items()]
+
+
+def summed(
+    energies: Iterable[AgentEnergy], of: Callable[[AgentEnergy], Mapping[str, float]]
+) -> dict[str, float]:
+    """The sums over all aMussels by name, the greatest first."""
+    sums: dict[str, float] = {}
+    for energy in energies:
+        for name, drawn in of(energy).items():
+            sums[name] = sums.get(name, 0.0) + drawn
+    return dict(sorted(sums.items(), key=lambda item: -item[1]))
+
+
+def _run_again(
+    fleet: FleetConfig, agent_id: int, start: Physical, lines: list[Line], until_ms: int
+) -> AgentEnergy:
+    agent = _Metered(
+        fleet.maker().config(agent_id), load_codec(fleet.codec), start, MemoryFlash(fleet.flash_pages)
+    )
+    recorded = [truth_of(line) for line in lines if line["kind"] == EventKind.TRUTH]
+    for line in lines:
+        at_ms = line.get("agent_ms", 0)
+        if line["kind"] == EventKind.STIMULUS:
+            agent.receive(from_wire([_unpacked(it) for it in line["wire"]]), at_ms)
+        elif line["kind"] == EventKind.DIED:
+            agent.receive(WasReset(ResetCause[line["cause"]]), at_ms)
+            if line["gave_up"] is not None:
+                until_ms = at_ms
+                break
+    if not recorded or recorded[-1].at_ms <= until_ms:
+        agent.advance(until_ms)
+    return agent.energy(until_ms, recorded)
+
+
+def _unpacked(part: Any) -> Any:
+    return bytes.fromhex(part) if isinstance(part, str) else part
+
+
+class _Metered(Agent):
+    """An agent whose board's actions go into a ledger."""
+
+    def __init__(self, config: AgentConfig, codec: Codec, physical: Physical, flash: Flash) -> None:
+        whole = config.board.whole
+        self._ledger = None if whole is None else EnergyLedger(whole.power.loads, 0)
+        self._told: list[Truth] = []
+        super().__init__(config, codec, physical, 0, ResetCause.POWER_ON, flash)
+
+    def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
+        if self._ledger is not None:
+            self._ledger.power_off(now_ms)
+        return super()._power_on(physical, now_ms, cause)
+
+    def _carry_out(self, actions: list[Action]) -> list[Output]:
+        if self._ledger is not None:
+            self._ledger.take(actions)
+        return super()._carry_out(actions)
+
+    def energy(self, until_ms: int, recorded: list[Truth]) -> AgentEnergy:
+        truths = self.take_truths()
+        is_exact = _is_same_course(truths, recorded)
+        agent_id, charge = self.config.board.agent_id, self.config.board.charge
+        if self._ledger is None:
+            drawn = _Drawn()
+            for truth, end_ms in _spans(truths, until_ms):
+                drawn.add(truth, end_ms, charge)
+            by_module = {BOARD: fraction(sum(drawn.grains.values()))}
+            by_state, hours = drawn.grains, drawn.ms
+        else:
+            self._ledger.settle(until_ms)
+            by_module = {it.name.lower(): fraction(n) for it, n in self._ledger.by_rail().items()}
+            by_state = {it.name: n for it, n in self._ledger.by_state().items()}
+            hours = {it.name: n for it, n in self._ledger.state_ms().items() if n}
+        return AgentEnergy(
+            agent_id,
+            by_module,
+            {name.lower(): fraction(n) for name, n in by_state.items()},
+            {name.lower(): n / _MS_PER_HOUR for name, n in hours.items()},
+            is_exact,
+        )
+
+
+@dataclass
+class _Drawn:
+    """Grains and time by state, from truths: of the paper's worst case, which has no modules."""
+
+    grains: dict[str, int] = field(default_factory=dict)
+    ms: dict[str, int] = field(default_factory=dict)
+
+    def add(self, truth: Truth, end_ms: int, charge: ChargeModel) -> None:
+        name, physical = truth.state.name, truth.physical
+
+        def fallen(battery: Battery) -> int:
+            if battery.flow is not Flow.DISCHARGING:
+                return 0
+            return charge.charge_at(battery, truth.at_ms) - charge.charge_at(battery, end_ms)
+
+        both = fallen(physical.primary) + fallen(physical.secondary)
+        self.grains[name] = self.grains.get(name, 0) + both
+        self.ms[name] = self.ms.get(name, 0) + end_ms - truth.at_ms
+
+
+def _spans(truths: list[Truth], until_ms: int) -> Iterator[tuple[Truth, int]]:
+    ends = [*(it.at_ms for it in truths[1:]), until_ms]
+    return zip(truths, ends, strict=True)
+
+
+def _is_same_course(truths: Iterable[Truth], recorded: list[Truth]) -> bool:
+    """The journal leaves out small steps of drift, and each truth that it has is one of these."""
+    found = {(it.at_ms, it.state, it.physical.primary, it.physical.secondary) for it in truths}
+    return all((it.at_ms, it.state, it.physical.primary, it.physical.secondary) in found for it in recorded)

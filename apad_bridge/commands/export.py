@@ -1,0 +1,61 @@
+"""`musselbed export RUN --to FORMAT`: every series of a run for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.analysis.export.formats import Format, default_path, export
+from apad_bridge.records.bag_samples import BagUnreadable
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "export",
+        help="every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
+        description="Writes the samples of a run's bags, the events of its journal, uploaded samples and the summary. MCAP "
+        "opens in Foxglove with the layout of `musselbed layout foxglove`; .mat opens in MATLAB and Octave. Also of a run "
+        "that still flies or that was killed.",
+        epilog="examples: musselbed export runs/pool-12-1 --to mcap; musselbed export runs/pool-12-1 --to csv --out "
+        f"tables. See docs/records.md. exit codes: {EXITS}",
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "--to",
+        type=Format,
+        choices=list(Format),
+        required=True,
+        help="csv and parquet: a file for each series",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="PATH",
+        help="the file, or the folder of csv and parquet (default: in the run's directory)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the path and the rows of each series as JSON"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    try:
+        directory = RunDirectory.open(arguments.directory)
+        path = arguments.out or default_path(directory, arguments.to)
+        counts = export(directory, arguments.to, path)
+    except ImportError as error:
+        raise UserError(f"--to {arguments.to} needs {error.name}: pip install 'musselbed[export]'") from error
+    except (RunDirectoryError, BagUnreadable) as error:
+        raise UserError(str(error)) from error
+    except OSError as error:
+        raise UserError(f"{error.filename or path}: {error.strerror}") from error
+    if arguments.json:
+        print(json.dumps({"path": str(path), "rows": counts}))
+    else:
+        print(path)
+    return Exit.DONE

@@ -1,0 +1,71 @@
+"""The energy of a run's boards, against the batteries that the run recorded."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from apad_bridge.analysis.energy.energy import BOARD, energy_of, summed
+from apad_bridge.commands.main import main
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.truth_lines import truth_of
+
+
+def test_the_second_run_goes_the_way_of_the_first(pool_run, whole_run):
+    for run in (pool_run, whole_run):
+        assert any(line["kind"] == "stimulus" for line in read_journal(run.journal).lines)
+        found = energy_of(run)
+        assert [it.agent_id for it in found] == list(range(1, 13)) and all(it.is_exact for it in found)
+        for energy in found:
+            assert sum(energy.by_module.values()) == pytest.approx(sum(energy.by_state.values()))
+            assert sum(energy.state_hours.values()) == pytest.approx(600 * 30 / 3600)
+
+
+def test_an_amussel_that_nothing_reaches_drew_what_its_battery_lost(pool_run, whole_run):
+    """By its first and last truths, from which its charge at the end follows; no board rests on its backup here."""
+    for run in (pool_run, whole_run):
+        lines = read_journal(run.journal).lines
+        reached = {line["id"] for line in lines if line["kind"] == "stimulus"}
+        summary = json.loads(run.summary.read_text())["amussels"]
+        alone = [it for it in energy_of(run) if it.agent_id not in reached]
+        assert alone
+        for energy in alone:
+            first = truth_of(
+                next(it for it in lines if it["kind"] == "truth" and it["id"] == energy.agent_id)
+            )
+            lost = first.physical.primary.charge / 6e14 - summary[str(energy.agent_id)]["final_charge"]
+            assert sum(energy.by_module.values()) == pytest.approx(lost, abs=1e-6)
+
+
+def test_modules_are_those_of_the_board(pool_run, whole_run):
+    assert energy_of(pool_run, (3,))[0].by_module.keys() == {BOARD}
+    modules = summed(energy_of(whole_run), lambda it: it.by_module)
+    assert {"mu_active", "pi", "wifi", "motors"} <= modules.keys()
+    assert list(modules.values()) == sorted(modules.values(), reverse=True)
+
+
+def test_another_journal_is_told(pool_run, tmp_path, capsys):
+    """Without the contact that charged it, the board goes another way than its truths say."""
+    copy = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+    lines = [json.loads(line) for line in copy.journal.read_text().splitlines()]
+    docked = next(line["agent"] for line in lines if line["kind"] == "dock")
+    kept = [line for line in lines if not (line["kind"] == "stimulus" and line["id"] == docked)]
+    copy.journal.write_text("".join(f"{json.dumps(line)}\n" for line in kept))
+    assert [it.agent_id for it in energy_of(copy) if not it.is_exact] == [docked]
+    assert main(["mu", "energy", str(copy.path)]) == 0
+    assert f"aMussels {docked} went another way" in capsys.readouterr().err
+
+
+def test_the_command(pool_run, whole_run, capsys):
+    assert main(["mu", "energy", str(whole_run.path), "--agent", "2", "--json"]) == 0
+    (energy,) = json.loads(capsys.readouterr().out)
+    assert energy["agent_id"] == 2 and energy["by_module"]["pi"] > 0
+    assert main(["mu", "energy", str(pool_run.path)]) == 0
+    assert "12 aMussels, by module" in capsys.readouterr().out
+    assert main(["mu", "energy", str(pool_run.path), "--agent", "13"]) == 2
+    assert "there is no aMussel 13; its fleet has 1 to 12" in capsys.readouterr().err
+    with pytest.raises(RunDirectoryError, match="no run"):
+        RunDirectory.open(pool_run.path / "fleet")

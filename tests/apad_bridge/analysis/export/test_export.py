@@ -1,0 +1,136 @@
+"""A run in each format, read back by that format's own reader."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+
+import pytest
+from mcap.reader import make_reader
+from pyarrow import parquet
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.io import loadmat
+
+from apad_bridge.analysis.export.formats import Format, default_path, export
+from apad_bridge.analysis.export.tables import tables_of
+from apad_bridge.commands.main import main
+from apad_bridge.records.bag_messages import TRUTH
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.run_directory import RunDirectory
+
+OCTAVE = shutil.which("octave")
+
+
+def test_every_kind_of_event_and_every_sample_has_its_table(pool_run):
+    tables = {it.name: it for it in tables_of(pool_run)}
+    for table in tables.values():
+        assert {len(it) for it in table.columns.values()} == {table.rows}
+    lines = read_journal(pool_run.journal).lines
+    kinds = {line["kind"] for line in lines} - {"truth", "belief", "apad", "tick"}
+    assert {f"event_{kind}" for kind in kinds} == {name for name in tables if name.startswith("event_")}
+    for kind in kinds:
+        assert tables[f"event_{kind}"].rows == sum(line["kind"] == kind for line in lines)
+    assert tables["truth"].rows == 12 * 601 and tables["apad"].rows == 601
+    closed = [line for line in lines if line["kind"] == "dock"]
+    assert tables["event_dock"].columns["agent"] == [line["agent"] for line in closed]
+    assert tables["summary_amussels"].columns["id"] == list(range(1, 13))
+
+
+def test_mcap_has_the_bag_s_messages_with_their_definitions(pool_run, tmp_path):
+    rows = export(pool_run, Format.MCAP, tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros1"
+        messages = list(reader.iter_messages(topics="/musselbed/truth"))
+        assert len(messages) == rows["/musselbed/truth"] == 601
+        schema, channel, message = messages[-1]
+        assert (schema.name, schema.encoding) == ("musselbed_msgs/FleetTruth", "ros1msg")
+        assert channel.message_encoding == "ros1" and message.log_time == 600 * 10**9
+        store = get_typestore(Stores.ROS1_NOETIC)
+        types = get_types_from_msg(schema.data.decode(), TRUTH)
+        store.register({name: fields for name, fields in types.items() if name not in store.types})
+        fleet = store.deserialize_ros1(message.data, TRUTH)
+        summary = json.loads(pool_run.summary.read_text())["amussels"]
+        assert {it.id: it.primary for it in fleet.agents} == pytest.approx(
+            {int(n): it["final_charge"] for n, it in summary.items()}, abs=1e-5
+        )
+        assert {it.name for it in reader.iter_attachments()} == {"scenario.yaml", "summary.json"}
+
+
+def test_csv_and_parquet_say_the_same(pool_run, tmp_path):
+    rows = export(pool_run, Format.CSV, tmp_path / "csv")
+    assert export(pool_run, Format.PARQUET, tmp_path / "parquet") == rows
+    assert {it.stem for it in (tmp_path / "csv").iterdir()} == rows.keys()
+    for name, count in rows.items():
+        table = parquet.read_table(tmp_path / "parquet" / f"{name}.parquet")
+        with (tmp_path / "csv" / f"{name}.csv").open(newline="") as file:
+            read = list(csv.DictReader(file))
+        assert len(read) == table.num_rows == count
+        assert list(read[0]) == table.column_names
+    truths = parquet.read_table(tmp_path / "parquet" / "truth.parquet").to_pylist()
+    with (tmp_path / "csv" / "truth.csv").open(newline="") as file:
+        assert [float(it["primary"]) for it in csv.DictReader(file)] == [it["primary"] for it in truths]
+    assert truths[0]["docked"] is False
+
+
+def test_mat_has_a_struct_for_each_table(pool_run, tmp_path):
+    rows = export(pool_run, Format.MAT, tmp_path / "run.mat")
+    data = loadmat(tmp_path / "run.mat", simplify_cells=True)
+    assert rows.keys() <= data.keys()
+    assert len(data["truth"]["primary"]) == rows["truth"]
+    assert data["event_plan"]["strategy"][0] == "cautious"
+
+
+@pytest.mark.skipif(OCTAVE is None, reason="octave is not installed: scipy has read the file above")
+def test_octave_opens_the_mat_file(pool_run, tmp_path):
+    rows = export(pool_run, Format.MAT, tmp_path / "run.mat")
+    look = "load run.mat; printf('%d %d %s', numel(truth.primary), numel(event_dock.agent), event_plan.strategy{1})"
+    answered = subprocess.run(
+        [OCTAVE, "--no-gui", "--no-init-file", "--eval", look],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+    )
+    assert answered.stdout == f"{rows['truth']} {rows['event_dock']} cautious"
+
+
+def test_a_run_that_was_killed_is_exported_and_left_as_it_is(pool_run, tmp_path):
+    copy = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+    bag = copy.bags[0]
+    torn = bytearray(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
+    # A bag that was never closed has an index at 0.
+    at = torn.index(b"index_pos=") + len(b"index_pos=")
+    torn[at : at + 8] = bytes(8)
+    bag.write_bytes(torn)
+    rows = export(copy, Format.MCAP, tmp_path / "run.mcap")
+    assert 100 < rows["/musselbed/truth"] < 601
+    assert bag.read_bytes() == torn
+
+
+def test_samples_that_were_uploaded_go_along(pool_run, tmp_path):
+    copy = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+    sample = {"id": 3, "sequence": 0, "mission_ms": 1500, "oxygen": 7.5, "counts": [1, 2], "saturated": []}
+    copy.samples.write_text(json.dumps(sample) + "\n")
+    (samples,) = (it for it in tables_of(copy) if it.name == "samples")
+    assert samples.columns["oxygen"] == [7.5] and samples.columns["counts"] == ["[1,2]"]
+    export(copy, Format.MCAP, tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        ((schema, _, message),) = make_reader(file).iter_messages(topics="/musselbed/samples")
+    assert schema.encoding == "jsonschema" and json.loads(message.data) == sample
+    assert json.loads(schema.data)["properties"]["oxygen"] == {"type": "number"}
+
+
+def test_the_command(pool_run, tmp_path, capsys):
+    assert main(["export", str(pool_run.path), "--to", "mcap", "--json", "--out", str(tmp_path / "a")]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["path"] == str(tmp_path / "a") and answer["rows"]["/musselbed/apad"] == 601
+    assert default_path(pool_run, Format.CSV) == pool_run.path / "export-csv"
+    assert main(["export", str(tmp_path / "none"), "--to", "csv"]) == 2
+    assert "no run: there is no journal.jsonl" in capsys.readouterr().err
+    assert main(["export", str(pool_run.path), "--to", "mat", "--out", str(tmp_path / "no" / "a.mat")]) == 2
+    assert "No such file or directory" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["export", str(pool_run.path), "--to", "xls"])
