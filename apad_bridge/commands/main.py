@@ -38,6 +38,7 @@ _COMMANDS = (
     "check",
     "replay",
     "export",
+    "report",
     "console",
     "beliefs",
     "mu",

@@ -38,6 +38,12 @@ def event_text(line: Line) -> str | None:
             return f"aMussel {agent} is {presence}"
         case EventKind.FAULT, {"id": agent, "fault": fault}:
             return f"fault of aMussel {agent}: {fault}"
+        case EventKind.REFUSED, {"order": order, "guard": guard}:
+            return f"refused to {order}, by the guard {guard}: {reason}"
+        case EventKind.GUARD, {"cause": cause, "reaction": reaction}:
+            return f"in danger ({cause}): {reaction}, because {reason}"
+        case EventKind.GUARD_OVER, {"cause": cause}:
+            return f"no longer in danger ({cause})"
         case EventKind.STANDS_DOWN, _:
             return f"the aPad stands down: {reason}"
         case EventKind.MASTER_GONE, _:

@@ -29,6 +29,15 @@ TEXTS = [
     ({"kind": "override", "taken": True}, "a person took the aPad over"),
     ({"kind": "operator", "order": "stop", "by": "Anna"}, "Anna ordered: stop"),
     ({"kind": "remark", "text": "gulls", "by": "Anna"}, "Anna: gulls"),
+    (
+        {"kind": "refused", "order": "dock", "guard": "fence", "reason": "outside the fence"},
+        "refused to dock, by the guard fence: outside the fence",
+    ),
+    (
+        {"kind": "guard", "cause": "late", "reaction": "hold", "reason": "no position", "calls_pilot": True},
+        "in danger (late): hold, because no position",
+    ),
+    ({"kind": "guard_over", "cause": "late"}, "no longer in danger (late)"),
     ({"kind": "tick"}, None),
 ]
 

@@ -1,0 +1,127 @@
+"""What a report says of a run: its figures and series, its energy, its beliefs' scores, its faults and what followed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from apad_bridge.analysis.belief_scores.comparisons import best_record, comparisons_in
+from apad_bridge.analysis.belief_scores.scores import Scores, scores_of
+from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
+from apad_bridge.analysis.replay.event_texts import event_text
+from apad_bridge.analysis.replay.series import page_data
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.firmware_config import charge_models
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.docking import PRE_EMPTED
+from firmware_model.power.charge import ChargeModel
+
+_PERIOD_MS = 10_000
+"""Between two comparisons of beliefs, as `musselbed beliefs` has it."""
+_FOLLOWS_MS = 600_000
+_MOST_FOLLOWING = 4
+_MOST_FAULTS = 200
+_TROUBLES = frozenset(
+    {
+        EventKind.FAULT,
+        EventKind.DIED,
+        EventKind.GIVEN_UP,
+        EventKind.LEFT_ALONE,
+        EventKind.STUCK,
+        EventKind.PRIMITIVE,
+        EventKind.REFUSED,
+        EventKind.GUARD,
+        EventKind.STANDS_DOWN,
+        EventKind.MASTER_GONE,
+        EventKind.VEHICLE_SILENT,
+        EventKind.RESUMED,
+    }
+)
+
+
+class Told(NamedTuple):
+    """An event for a person; `agent_id` is None for one that is of no aMussel."""
+
+    at_ms: int
+    kind: str
+    agent_id: int | None
+    text: str
+
+
+class Trouble(NamedTuple):
+    """A fault, and the events of the next ten minutes: of that aMussel, or of all where it is of none."""
+
+    fault: Told
+    followed: tuple[Told, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RunReport:
+    name: str
+    """Of the run's directory."""
+    data: dict[str, Any]
+    """The series of the replay page."""
+    summary: dict[str, Any] | None
+    """None for a run that has not ended."""
+    charge_model: ChargeModel
+    """Of a nominal board."""
+    energy: list[AgentEnergy]
+    scores: Scores | None
+    """None where no aMussel has both a belief and a truth."""
+    troubles: list[Trouble]
+    more_troubles: int
+    """How many there were beyond those."""
+
+
+def contents_of(directory: RunDirectory) -> RunReport:
+    """RunDirectoryError, one line, when the directory holds no run that can be shown."""
+    try:
+        scenario = load(directory.scenario)
+        journal = read_journal(directory.journal)
+        summary: dict[str, Any] | None = None
+        if directory.summary.is_file():
+            summary = json.loads(directory.summary.read_text(encoding="utf-8"))
+        data = page_data(scenario, journal, summary)
+    except ScenarioError as error:
+        raise RunDirectoryError(error.lines[0]) from error
+    except RunDirectoryError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
+        raise RunDirectoryError(f"{directory.journal}: cannot be shown: {error}") from error
+    troubles = list(troubles_in(journal.lines))
+    return RunReport(
+        directory.path.resolve().name,
+        data,
+        summary,
+        charge_models(scenario)(0),
+        energy_of(directory) if data["has_truth"] else [],
+        scores_of(comparisons_in(directory.path, _PERIOD_MS, best_record(directory.path))),
+        troubles[:_MOST_FAULTS],
+        max(0, len(troubles) - _MOST_FAULTS),
+    )
+
+
+def troubles_in(lines: list[Line]) -> Iterator[Trouble]:
+    """Yields the faults of a run in their order, each with what followed."""
+    told = [it for line in lines if not _is_routine(line) and (it := _told(line)) is not None]
+    for n, fault in enumerate(told):
+        if fault.kind in _TROUBLES:
+            later = (it for it in told[n + 1 :] if it.at_ms <= fault.at_ms + _FOLLOWS_MS)
+            same = (it for it in later if fault.agent_id is None or it.agent_id == fault.agent_id)
+            yield Trouble(fault, tuple(it for it, _ in zip(same, range(_MOST_FOLLOWING), strict=False)))
+
+
+def _is_routine(line: Line) -> bool:
+    """A go-to that makes way for another has not failed."""
+    return line["kind"] == EventKind.PRIMITIVE and line.get("reason") == PRE_EMPTED
+
+
+def _told(line: Line) -> Told | None:
+    text = event_text(line)
+    agent_id = line.get("agent", line.get("id"))
+    return None if text is None else Told(line["t"], line["kind"], agent_id, text)

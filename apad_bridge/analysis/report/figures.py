@@ -1,0 +1,130 @@
+"""The figures of a report: the paper's 5, 6 and 9 drawn from a run's data, and its energy. Matplotlib's, for any format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from apad_bridge.analysis.energy.energy import AgentEnergy, summed
+from apad_bridge.analysis.report.contents import RunReport
+from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, fraction, grains
+
+_MS_PER_MINUTE = 60_000
+_MODEL, _DATA = "#1f4e79", "#c77d0a"
+_LONGEST_MS = 48 * 3_600_000
+"""Agent time: no course of a battery is drawn longer."""
+
+
+def _figure(width: float = 9.0, height: float = 4.2) -> Any:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def activity(reports: Sequence[RunReport]) -> Any:
+    """The paper's Fig. 9: the number of active aMussels, a line for each run."""
+    figure = _figure()
+    axes = figure.subplots()
+    for report in reports:
+        if report.data["has_truth"]:
+            minutes = [ms / _MS_PER_MINUTE for ms in report.data["times_ms"]]
+            axes.step(minutes, report.data["active"], where="post", linewidth=1.4, label=report.name)
+    axes.set(
+        xlabel="mission time (min)", ylabel="active aMussels", title="Number of active aMussels (as Fig. 9)"
+    )
+    axes.set_ylim(bottom=0)
+    axes.grid(alpha=0.3)
+    if axes.lines:
+        axes.legend(fontsize=8)
+    return figure
+
+
+def places(report: RunReport) -> Any:
+    """The paper's Fig. 6: where the aMussels began, in their area, and the aPad's way."""
+    data = report.data
+    figure = _figure(7, 6)
+    axes = figure.subplots()
+    norths, easts = zip(*[*data["polygon"], data["polygon"][0]], strict=True)
+    axes.fill(easts, norths, facecolor="#d9ecf7", edgecolor="#7fb2d3", linewidth=1.2)
+    if data["trace"]:
+        _, norths, easts = zip(*data["trace"], strict=True)
+        axes.plot(easts, norths, color=_MODEL, alpha=0.35, linewidth=0.8)
+    for agent_id, (north, east) in data["homes"].items():
+        axes.plot(east, north, "o", color="#2b9a57", markersize=6)
+        axes.annotate(str(agent_id), (east, north), xytext=(5, 4), textcoords="offset points", fontsize=7)
+    axes.set_aspect("equal")
+    axes.set(xlabel="east (m)", ylabel="north (m)", title=f"{report.name}: starting positions (as Fig. 6)")
+    return figure
+
+
+def batteries(report: RunReport) -> Any:
+    """The paper's Fig. 5: the primary batteries' courses against the model, each begun at its own charge on the curve.
+
+    Whole boards discharge by what they do, so their model is drawn where it charges alone.
+    """
+    figure = _figure(10, 4)
+    model = report.charge_model
+    for axes, flow in zip(figure.subplots(1, 2), (Flow.DISCHARGING, Flow.CHARGING), strict=True):
+        whole = Battery(0, FULL if flow is Flow.DISCHARGING else 0, flow)
+        has_model = flow is Flow.CHARGING or model.discharge > 0
+        if has_model:
+            times_ms = range(0, _end_ms(model, whole) + 1, _MS_PER_MINUTE)
+            curve = [fraction(model.charge_at(whole, ms)) for ms in times_ms]
+            axes.plot([ms / _MS_PER_MINUTE for ms in times_ms], curve, color=_MODEL, linewidth=1.2)
+        for course in _courses(report, flow):
+            first_ms = _meets(model, whole, course[0][1]) if has_model else 0
+            minutes = [(first_ms + ms - course[0][0]) / _MS_PER_MINUTE for ms, _ in course]
+            axes.plot(minutes, [charge for _, charge in course], ".", color=_DATA, alpha=0.5, markersize=4)
+        name = "discharging" if flow is Flow.DISCHARGING else "charging"
+        axes.set(xlabel="agent time (min)", ylabel="charge", ylim=(0, 1.02), title=f"{name} (as Fig. 5)")
+        axes.grid(alpha=0.3)
+    figure.suptitle(f"{report.name}: primary batteries; line: the model, points: the run", fontsize=10)
+    return figure
+
+
+def _end_ms(model: ChargeModel, battery: Battery) -> int:
+    ends = model.empty_at_ms(battery) if battery.charge else model.reaches_at_ms(battery, FULL)
+    return min(_LONGEST_MS, ends or _LONGEST_MS)
+
+
+def _meets(model: ChargeModel, battery: Battery, charge: float) -> int:
+    """When the model's course comes to this charge."""
+    find = model.falls_to_at_ms if battery.flow is Flow.DISCHARGING else model.reaches_at_ms
+    return find(battery, grains(charge)) or 0
+
+
+def _courses(report: RunReport, flow: Flow) -> Iterator[list[tuple[int, float]]]:
+    """The spans of (agent ms, charge) in which an aMussel's samples fall, or rise."""
+    data = report.data
+    times_ms = [data["theta"] * ms for ms in data["times_ms"]]
+    for agent in data["agents"]:
+        course: list[tuple[int, float]] = []
+        for ms, charge in zip(times_ms, agent["charge"], strict=True):
+            known = charge is not None
+            if known and course and (charge - course[-1][1]) * (1 if flow is Flow.CHARGING else -1) <= 0:
+                yield from [course] if len(course) > 2 else []
+                course = []
+            if known:
+                course.append((ms, charge))
+        yield from [course] if len(course) > 2 else []
+
+
+def energy(report: RunReport) -> Any:
+    """What each aMussel drew, in percent of a battery: by module, and by state."""
+    figure = _figure(10, 4)
+    columns: dict[str, Callable[[AgentEnergy], Mapping[str, float]]] = {
+        "by module": lambda it: it.by_module,
+        "by state": lambda it: it.by_state,
+    }
+    for axes, (title, of) in zip(figure.subplots(1, 2), columns.items(), strict=True):
+        places_, bottom = range(len(report.energy)), [0.0] * len(report.energy)
+        for name in summed(report.energy, of):
+            drawn = [100 * of(it).get(name, 0.0) for it in report.energy]
+            axes.bar(places_, drawn, bottom=bottom, width=0.8, label=name.replace("_", " "))
+            bottom = [below + it for below, it in zip(bottom, drawn, strict=True)]
+        few = len(report.energy) <= 40
+        axes.set_xticks(places_ if few else [], [it.agent_id for it in report.energy] if few else [])
+        axes.set(xlabel="aMussel", ylabel="% of a battery", title=title)
+        axes.legend(fontsize=6)
+    figure.suptitle(f"{report.name}: energy drawn", fontsize=10)
+    return figure

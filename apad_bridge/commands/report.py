@@ -1,0 +1,67 @@
+"""`musselbed report RUN...`: runs as one page and one PDF, with their data beside them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+
+_DATA = ("csv", "parquet")
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "report",
+        help="one HTML page and one PDF about runs: table, figures, energy, beliefs, faults",
+        description="Writes report.html and report.pdf: the runs' figures side by side, the paper's figures 5, 6 and 9 "
+        "drawn from their data, energy by module and state, how good beliefs were, and the faults and what followed. Every "
+        "series goes into a folder for each run beside them.",
+        epilog="examples: musselbed report runs/pool-12-1; musselbed report runs/pool-12-1 runs/pool-12-2 --out "
+        f"comparison --data parquet. exit codes: {EXITS}",
+    )
+    parser.add_argument("directories", type=Path, metavar="RUN", nargs="+", help="a run's directory")
+    parser.add_argument(
+        "--out", type=Path, default=Path("report"), metavar="DIR", help="the folder (default: report)"
+    )
+    parser.add_argument(
+        "--data", choices=(*_DATA, "none"), default="csv", help="the form of every series (default: csv)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the paths as JSON on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from apad_bridge.analysis.export.formats import Format, export
+    from apad_bridge.analysis.report.contents import contents_of
+    from apad_bridge.analysis.report.document import write_report
+    from apad_bridge.records.bag_samples import BagUnreadable
+
+    out: Path = arguments.out
+    try:
+        directories = [RunDirectory.open(it) for it in arguments.directories]
+        reports = [contents_of(it) for it in directories]
+        names = [it.name for it in reports]
+        if twice := {it for it in names if names.count(it) > 1}:
+            raise UserError(
+                f"two runs are called {min(twice)}: the folders of their data would be one; rename one"
+            )
+        page, pdf = write_report(reports, out)
+        for name, directory in zip(names, directories, strict=True):
+            if arguments.data != "none":
+                export(directory, Format(arguments.data), out / name)
+    except ImportError as error:
+        raise UserError(f"--data parquet needs {error.name}: pip install 'musselbed[export]'") from error
+    except (RunDirectoryError, BagUnreadable) as error:
+        raise UserError(str(error)) from error
+    except OSError as error:
+        raise UserError(f"{error.filename or out}: {error.strerror}") from error
+    if arguments.json:
+        data = [str(out / name) for name in names] if arguments.data != "none" else []
+        print(json.dumps({"page": str(page), "pdf": str(pdf), "data": data}))
+    else:
+        print(page, pdf, sep="\n")
+    return Exit.DONE
