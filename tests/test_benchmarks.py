@@ -1,0 +1,58 @@
+"""The command that runs benchmarks: one, or all with a page of their results."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RUN = Path(__file__).parents[1] / "benchmarks" / "run"
+GOOD = '''"""Counts its runs <and> says so."""
+from pathlib import Path
+
+
+def measure(tries=1):
+    count = Path(__file__).with_name("count")
+    count.write_text(str(int(count.read_text() if count.exists() else 0) + 1))
+    return {"tries": tries, "ratio": 1.5}
+
+
+def show(result, console):
+    console.print(f"ratio {result['ratio']}")
+'''
+BAD = '"""Cannot measure anything."""\n\n\ndef measure():\n    raise RuntimeError("no peer here")\n'
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """The command beside two benchmarks of its own."""
+    (tmp_path / "benchmarks").mkdir()
+    (tmp_path / "benchmarks" / "good.py").write_text(GOOD)
+    (tmp_path / "benchmarks" / "bad.py").write_text(BAD)
+    return Path(shutil.copy(RUN, tmp_path / "benchmarks" / "run"))
+
+
+def flown(run: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run([sys.executable, str(run), *arguments], capture_output=True, text=True, timeout=120)
+
+
+def test_all_write_a_page_and_go_on_where_they_ended(run: Path, tmp_path: Path) -> None:
+    report = tmp_path / "report"
+    done = flown(run, "all", "--report", str(report))
+    assert done.returncode == 1 and "failed: bad" in done.stdout and "no peer here" in done.stderr
+    assert json.loads((report / "good.json").read_text()) == {"tries": 1, "ratio": 1.5}
+    page = (report / "index.html").read_text()
+    assert "ratio" in page and "Counts its runs &lt;and&gt; says so." in page and "<p>It failed.</p>" in page
+    (run.parent / "bad.py").write_text(GOOD)
+    assert flown(run, "all", "--report", str(report)).returncode == 0
+    assert (run.parent / "count").read_text() == "2"  # one for each: what had a result did not run again
+    assert "It failed" not in (report / "index.html").read_text()
+
+
+def test_one_prints_json_and_refuses_what_it_has_no_use_for(run: Path) -> None:
+    assert json.loads(flown(run, "good", "--json", "--tries", "3").stdout)["tries"] == 3
+    refused = flown(run, "good", "--minutes", "1")
+    assert refused.returncode == 2 and "leave out --minutes" in refused.stderr
+    assert flown(run, "all").returncode == 2
