@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import re
 import shlex
@@ -109,6 +110,36 @@ def test_every_command_parses(page: str, command: str, capsys: pytest.CaptureFix
         assert ended.code == 0, f"{page}: {command}: {capsys.readouterr().err}"
     if (scenario := next((word for word in words if "/" in word), None)) is not None:
         assert (ROOT / scenario).exists()
+
+
+def parsers(of: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    yield of
+    for action in of._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for each in action.choices.values():
+                yield from parsers(each)
+
+
+PARSERS = list(parsers(parser()))
+
+
+@pytest.mark.parametrize("each", PARSERS, ids=lambda each: each.prog)
+def test_every_help_ends_with_two_commands_that_parse(each: argparse.ArgumentParser) -> None:
+    lines = each.format_help().splitlines()
+    examples = [line.strip() for line in lines if line.startswith("  musselbed ")]
+    assert len(examples) >= 2
+    for example in examples:
+        assert example.startswith(each.prog)
+        words = shlex.split(example.partition(" > ")[0])[1:]
+        parser().parse_args(words)
+        for path in words:
+            assert not path.startswith(ROOMS) or (ROOT / path).exists(), example
+
+
+@pytest.mark.parametrize("each", PARSERS, ids=lambda each: each.prog)
+def test_no_sentence_of_a_help_is_long(each: argparse.ArgumentParser) -> None:
+    texts = [each.description or "", *(action.help or "" for action in each._actions)]
+    assert [found for text in texts for found in long_sentences(text)] == []
 
 
 def test_commands_are_found_at_all() -> None:

@@ -10,9 +10,10 @@ from typing import Any
 
 from agents.hosting import started
 from apad_bridge.commands.flight import peers_may_fail
+from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.run import namespace_of_shell
 from apad_bridge.ros.system.route import environment_for, somebodys_master
-from apad_bridge.runs.exits import EXITS, UserError
+from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Generation
@@ -21,24 +22,27 @@ from apad_bridge.scenario.schema import Generation
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "apad",
-        help="the simulated aPad alone, for any ROS 1 client",
+        help="fly the simulated aPad alone, for any ROS 1 client",
         description="Puts the scenario's simulated aPad on the master at ROS_MASTER_URI, with the topics, services and "
-        "actions of its generation, and nothing else: no fleet, no mission. It prints `ready` when it is on the graph, "
+        "actions of its generation, and without a fleet or a mission. It prints `ready` when it is on the graph, "
         "and ends at Ctrl-C.",
-        epilog=f"exit codes: {EXITS}",
+        epilog=ending(
+            "musselbed apad launch_scripts/scenarios/pool-12.yaml",
+            "musselbed apad launch_scripts/scenarios/pool-12.yaml --generation b --time clock",
+        ),
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
-    parser.add_argument("--apad", metavar="NAME", help="which of the scenario's aPads (default: the first)")
+    parser.add_argument("--apad", metavar="NAME", help="one of the scenario's aPads (default: the first)")
     parser.add_argument(
         "--generation",
         choices=[it.value for it in Generation],
-        help="of the aPad's software, instead of the scenario's",
+        help="generation of the aPad's software, instead of the scenario's",
     )
     parser.add_argument(
         "--time",
         choices=["wall", "clock"],
         default="wall",
-        help="wall: real time; clock: the master's /clock, and it ends when that is silent for 10 min (default: wall)",
+        help="wall: real time; clock: the master's /clock; the aPad ends when that is silent for 10 min (default: wall)",
     )
     parser.set_defaults(run=run)
 

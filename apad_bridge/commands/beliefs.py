@@ -12,8 +12,9 @@ from rich.table import Table
 
 from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, comparisons_in
 from apad_bridge.analysis.belief_scores.scores import LOW_COVERAGE, Score, Scores, scores_of
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 """The formats of `--figure`, here and in `musselbed fit battery`."""
@@ -22,11 +23,15 @@ FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "beliefs",
-        help="how good a run's beliefs were: error, coverage and consistency",
-        description="Compares what the supervisor believed with what was so, at times a period apart: by the age of the "
-        "last packet, by mode and by aMussel. Reads the run's bags; its journal where a bag is not closed, as of a run "
-        "that is still flying, or does not say how sure beliefs were.",
-        epilog=f"See docs/beliefs.md. exit codes: {EXITS}",
+        help="evaluate a run's beliefs: error, coverage and consistency",
+        description="Compares the supervisor's beliefs with the truth, at times a period apart: by the age of the last "
+        "packet, by mode and by aMussel. Reads the run's bags. Reads the journal where a bag is not closed, as of a "
+        "flying run, or has no deviations of beliefs.",
+        epilog=ending(
+            "musselbed beliefs runs/sound-12-1",
+            "musselbed beliefs runs/sound-12-1 --figure beliefs.png",
+            note="See docs/beliefs.md.",
+        ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument(
@@ -41,10 +46,10 @@ def add_parser(commands: Any) -> None:
         dest="record",
         type=Record,
         choices=list(Record),
-        help="what of the run's records is read (default: the bag, if it will do)",
+        help="the record to read (default: the bag, if it is complete)",
     )
-    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw it, as .png, .svg or .pdf")
-    parser.add_argument("--json", action="store_true", help="print a JSON object")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw the result, as .png, .svg or .pdf")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
     parser.set_defaults(run=run)
 
 

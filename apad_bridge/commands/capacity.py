@@ -8,21 +8,26 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
 
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "capacity",
-        help="upper bounds on a scenario's uptime, activity and samples, and on the fleet that its docks sustain",
-        description="Prints bounds that follow from the batteries, the docks and the duty cycle alone: no strategy exceeds "
-        "them, because travel, docking and waiting are left out. The derivation is in docs/studies.md.",
-        epilog="example: musselbed capacity launch_scripts/scenarios/bay-24.yaml --agents 12. "
-        f"exit codes: {EXITS}",
+        help="print upper bounds of a scenario's uptime, activity and samples, and of the fleet that its docks sustain",
+        description="Prints bounds that follow from the batteries, the docks and the duty cycle alone. No strategy exceeds "
+        "them, because they exclude travel, docking and waiting. docs/studies.md derives them.",
+        epilog=ending(
+            "musselbed capacity launch_scripts/scenarios/pool-12.yaml",
+            "musselbed capacity launch_scripts/scenarios/bay-24.yaml --agents 12 --json",
+        ),
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
-    parser.add_argument("--theta", type=int, metavar="N", help="the aMussels' time runs N times the aPad's")
+    parser.add_argument(
+        "--theta", type=int, metavar="N", help="run the aMussels' time N times as fast as the aPad's"
+    )
     parser.add_argument("--agents", type=int, metavar="N", help="another number of aMussels")
     parser.add_argument("--seed", type=int, metavar="N", help="another seed")
     parser.add_argument(

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from apad_bridge.analysis.invariants import Broken, check_run
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
 
 MOST_SHOWN = 10
@@ -26,7 +27,7 @@ def add_parser(commands: Any) -> None:
         description="Reads the journal and the samples of a run: time never falls, energy is neither made nor lost, an "
         "aMussel is in one dock and at one place, samples are kept once, beliefs are finite, the cost is the way driven. A "
         "law that is broken shows a defect of musselbed, with the lines that show it.",
-        epilog=f"examples: musselbed check runs/NAME; musselbed check runs/* --json. exit codes: {EXITS}",
+        epilog=ending("musselbed check runs/NAME", "musselbed check runs/* --json"),
     )
     parser.add_argument("directories", type=Path, nargs="+", metavar="RUN", help="a run's directory")
     parser.add_argument("--json", action="store_true", help="print the broken laws as JSON, by directory")

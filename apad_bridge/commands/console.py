@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting.link_protocol import readable
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.children import Child
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 LOOPBACK = "127.0.0.1"
 _LAST_PAGE_S = 2.0
@@ -24,10 +25,11 @@ def add_parser(commands: Any) -> None:
         "console",
         help="show a run live in a browser, and give it orders from there",
         description="Serves the replay page of a run with live data: the map, the batteries, the events, and buttons for "
-        "stop, continue, abort and remarks. Ctrl-C ends the console and not the run. Each console has a token of its own, "
-        "which is in the address that it prints: whoever has the address may give orders.",
-        epilog=f"examples: musselbed console runs/pool-12-1 --open; musselbed console runs/pool-12-1 --port 8080. "
-        f"exit codes: {EXITS}",
+        "stop, continue, abort and remarks. Ctrl-C ends the console and not the run. Each console prints an address with "
+        "its own token. Anybody with the address may give orders.",
+        epilog=ending(
+            "musselbed console runs/pool-12-1 --open", "musselbed console runs/pool-12-1 --port 8080"
+        ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""`musselbed stop`, `continue`, `abort` and `remark`: a person's word to a run that flies, from any terminal."""
+"""`musselbed stop`, `continue`, `abort` and `remark`: a person's orders to a flying run, from any terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.supervisor.control import (
     LONGEST_REMARK,
     SOCKET_NAME,
@@ -20,28 +21,31 @@ from apad_bridge.supervisor.control import (
 )
 from apad_bridge.vehicle.errors import PeerFailed
 
-_NO_EMERGENCY_STOP = "This is no emergency stop: it needs a living supervisor and a link to the vehicle."
-_COMMANDS: dict[Act, tuple[str, str, str]] = {
+_NO_EMERGENCY_STOP = "This is no emergency stop: it needs a live supervisor and a link to the vehicle."
+_COMMANDS: dict[Act, tuple[str, str, tuple[str, str]]] = {
     Act.STOP: (
         "hold the aPad where it is, until `continue`",
-        "The aPad holds its position and the mission waits. A dock that moves already is not stopped half-way. "
+        "The aPad holds its position and the mission waits. The order does not stop a moving dock half-way. "
         f"{_NO_EMERGENCY_STOP}",
-        "musselbed stop runs/pool-12-1; musselbed continue runs/pool-12-1",
+        ("musselbed stop runs/pool-12-1", "musselbed stop runs/bay-120-1/apad2 --by Anna"),
     ),
     Act.CONTINUE: (
-        "go on with a run that was stopped or taken over",
-        "The mission plans anew from where the aPad is. A script, or a flight by hand, goes on where it stopped.",
-        "musselbed stop runs/pool-12-1; musselbed continue runs/pool-12-1",
+        "continue a run that was stopped or taken over",
+        "The mission plans anew from the aPad's place. A script, or a flight by hand, continues where it stopped.",
+        ("musselbed continue runs/pool-12-1", "musselbed continue runs/bay-120-1/apad2 --by Anna"),
     ),
     Act.ABORT: (
         "end the mission of a run; the aPad holds its position",
         f"The run ends in order, with its summary, and exit code 0. {_NO_EMERGENCY_STOP}",
-        "musselbed abort runs/pool-12-1",
+        ("musselbed abort runs/pool-12-1", "musselbed abort runs/pool-12-1 --motors-off"),
     ),
     Act.REMARK: (
         "write a remark into the records of a run",
-        "The journal, the bag and the replay page show the remark at the mission time at which it was made.",
-        'musselbed remark runs/pool-12-1 "fishing boat 200 m north"; musselbed remark runs/pool-12-1 "gone" --by Anna',
+        "The journal, the bag and the replay page show the remark at its mission time.",
+        (
+            'musselbed remark runs/pool-12-1 "fishing boat 200 m north"',
+            'musselbed remark runs/pool-12-1 "gone" --by Anna',
+        ),
     ),
 }
 
@@ -52,7 +56,7 @@ def add_parser(commands: Any) -> None:
             act.value,
             help=summary,
             description=description,
-            epilog=f"examples: {examples}. exit codes: {EXITS}",
+            epilog=ending(*examples),
         )
         parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
         if act is Act.REMARK:
@@ -61,10 +65,10 @@ def add_parser(commands: Any) -> None:
             parser.add_argument(
                 "--motors-off",
                 action="store_true",
-                help="then switch the aPad's controllers off, and let the water take it; generation A cannot do that",
+                help="then switch the aPad's controllers off, so that it drifts; generation A cannot do that",
             )
         parser.add_argument(
-            "--by", default=None, metavar="NAME", help="who you are (default: the user's name)"
+            "--by", default=None, metavar="NAME", help="your name for the records (default: the user's name)"
         )
         parser.add_argument("--json", action="store_true", help="print the answers by aPad as JSON on stdout")
         parser.set_defaults(run=run, act=act)

@@ -10,10 +10,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apad_bridge.commands.help_text import ending
 from apad_bridge.doctor import graph, interpreter, machine, network, origin_check, scenario_check
 from apad_bridge.doctor.finding import Finding, Status, fail, run_check, warn
 from apad_bridge.ros_names.names import in_full
-from apad_bridge.runs.exits import EXITS, Exit
+from apad_bridge.runs.exits import Exit
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.schema import Scenario
@@ -23,16 +24,20 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
         help="check this machine, its ROS, the network both ways, and a scenario",
-        description="Checks what a run needs, and prints a line for each check: OK, WARN or FAIL, what was found, and "
-        "the mend. Nothing is changed: what is registered with a master at ROS_MASTER_URI for the test of the way back "
-        "is taken back at once. Without a master there, its checks are left out, for `musselbed run` brings its own.",
-        epilog=f"Exit code 0 when nothing FAILs, 3 when something does. Of all commands: {EXITS}",
+        description="Checks the needs of a run, and prints a line for each check: OK, WARN or FAIL, the finding, and "
+        "the mend. It changes nothing: for the test of the way back it registers with the master at ROS_MASTER_URI, and "
+        "unregisters at once. Without a master it skips these checks, because `musselbed run` starts its own.",
+        epilog=ending(
+            "musselbed doctor",
+            "musselbed doctor launch_scripts/scenarios/real-apad.yaml",
+            note="The doctor ends with 0 when nothing FAILs, and with 3 when something does.",
+        ),
     )
     parser.add_argument(
-        "scenario", type=Path, nargs="?", metavar="SCENARIO.yaml", help="check this too, and its ids"
+        "scenario", type=Path, nargs="?", metavar="SCENARIO.yaml", help="check this scenario and its ids, too"
     )
     parser.add_argument(
-        "--json", action="store_true", help="a list of {check, status, found, mend} on stdout"
+        "--json", action="store_true", help="print a JSON list of {check, status, found, mend} on stdout"
     )
     parser.set_defaults(run=run)
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.analysis.export.formats import Format, default_path, export
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -20,8 +21,10 @@ def add_parser(commands: Any) -> None:
         description="Writes the samples of a run's bags, the events of its journal, uploaded samples and the summary. MCAP "
         "opens in Foxglove with the layout of `musselbed layout foxglove`; .mat opens in MATLAB and Octave. Also of a run "
         "that still flies or that was killed.",
-        epilog="examples: musselbed export runs/pool-12-1 --to mcap; musselbed export runs/pool-12-1 --to csv --out "
-        f"tables. See docs/records.md. exit codes: {EXITS}",
+        epilog=ending(
+            "musselbed export runs/pool-12-1 --to mcap",
+            "musselbed export runs/pool-12-1 --to csv --out tables",
+        ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument(

@@ -20,46 +20,62 @@ from apad_bridge.analysis.battery_fit.battery_log import (
 )
 from apad_bridge.analysis.battery_fit.figure import draw
 from apad_bridge.commands.beliefs import FIGURE_ENDINGS
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError
 
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "fit",
         help="fit a battery's charge or discharge curve to your own log",
-        description="Fits the models that a scenario uses to what was measured.",
-        epilog=f"exit codes: {EXITS}",
+        description="Fits the models of a scenario to measurements.",
+        epilog=ending(
+            "musselbed fit battery charge.csv discharge.csv",
+            "musselbed fit battery charge.csv --segments 4 --figure charge.svg",
+        ),
     )
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
     battery = parts.add_parser(
         "battery",
         help="a piecewise-linear curve through a battery's log, as a scenario's board block",
-        description="Least squares fit of a continuous piecewise-linear curve to the log of one charge or one discharge, "
-        "with the breakpoints sought as well. Prints residuals and the keys for a scenario's board block. A log of a "
-        "charge and one of a discharge together give the whole block.",
-        epilog=f"See docs/battery-fit.md. exit codes: {EXITS}",
+        description="Fits a continuous piecewise-linear curve to the log of one charge or one discharge by least squares, "
+        "breakpoints included. Prints residuals and the keys for a scenario's board block. A log of a charge and one of a "
+        "discharge together give the whole block.",
+        epilog=ending(
+            "musselbed fit battery charge.csv discharge.csv",
+            "musselbed fit battery charge.csv --segments 4 --figure charge.svg",
+            note="See docs/battery-fit.md.",
+        ),
     )
     battery.add_argument("logs", type=Path, nargs="+", metavar="LOG.csv", help="columns for time and voltage")
     battery.add_argument(
         "--segments",
         type=int,
         metavar="N",
-        help="straight pieces (default: 3 charging, 1 discharging, as in the paper)",
+        help="number of straight pieces (default: 3 charging, 1 discharging, as in the paper)",
     )
     battery.add_argument(
-        "--direction", choices=[it.value for it in Direction], help="what the log is (default: found out)"
-    )
-    battery.add_argument("--time-column", metavar="NAME", help="where its name does not say so")
-    battery.add_argument("--value-column", metavar="NAME", help="likewise")
-    battery.add_argument(
-        "--time-unit", choices=list(MINUTES_IN), help="where the column's name does not say it"
-    )
-    battery.add_argument("--value-unit", choices=VALUE_UNITS, help="where neither name nor size says it")
-    battery.add_argument(
-        "--empty-mv", type=float, default=3600.0, metavar="MV", help="what is 0 (default: 3600)"
+        "--direction",
+        choices=[it.value for it in Direction],
+        help="the direction of the log (default: detected)",
     )
     battery.add_argument(
-        "--full-mv", type=float, default=4200.0, metavar="MV", help="what is 1 (default: 4200)"
+        "--time-column", metavar="NAME", help="column of the time, if its name does not show it"
+    )
+    battery.add_argument("--value-column", metavar="NAME", help="column of the voltage, likewise")
+    battery.add_argument(
+        "--time-unit",
+        choices=list(MINUTES_IN),
+        help="unit of the time, if the column's name does not state it",
+    )
+    battery.add_argument(
+        "--value-unit", choices=VALUE_UNITS, help="unit of the voltage, if neither name nor size shows it"
+    )
+    battery.add_argument(
+        "--empty-mv", type=float, default=3600.0, metavar="MV", help="voltage of charge 0 (default: 3600)"
+    )
+    battery.add_argument(
+        "--full-mv", type=float, default=4200.0, metavar="MV", help="voltage of charge 1 (default: 4200)"
     )
     battery.add_argument(
         "--figure",
@@ -67,7 +83,9 @@ def add_parser(commands: Any) -> None:
         metavar="FILE",
         help="draw rows, curve and residuals (of one log), as .png, .svg or .pdf",
     )
-    battery.add_argument("--json", action="store_true", help="fit, residuals and block as JSON on stdout")
+    battery.add_argument(
+        "--json", action="store_true", help="print fit, residuals and block as JSON on stdout"
+    )
     battery.set_defaults(run=run_battery)
 
 

@@ -5,18 +5,22 @@ from __future__ import annotations
 from typing import Any
 
 from apad_bridge.commands import run as run_command
-from apad_bridge.runs.exits import EXITS
+from apad_bridge.commands.help_text import ending
 from apad_bridge.scenario.run_options import Part
 
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "fleet",
-        help="simulated aMussels on the master at ROS_MASTER_URI, and no mission",
+        help="fly simulated aMussels on the master at ROS_MASTER_URI, without a mission",
         description="Starts the scenario's aMussels, a process each, on the master at ROS_MASTER_URI. They report on "
-        "/amusselN/position and battery_level, are docked by whoever publishes /amusselN/position_static, and surface or "
-        "sink by rosservice call /amusselN/surface and /amusselN/sink. Nothing is planned and no aPad is commanded.",
-        epilog=f"Ends with the scenario's time or Ctrl-C. exit codes: {EXITS}",
+        "/amusselN/position and battery_level. A publisher of /amusselN/position_static docks them, and rosservice call "
+        "/amusselN/surface and /amusselN/sink moves them. This command plans nothing and commands no aPad.",
+        epilog=ending(
+            "musselbed fleet launch_scripts/scenarios/pool-12.yaml",
+            "musselbed fleet launch_scripts/scenarios/pool-12.yaml --time ros --agents 4",
+            note="It ends with the scenario's time or Ctrl-C.",
+        ),
     )
     run_command.add_scenario_arguments(parser)
     parser.set_defaults(run=run_command.run, part=Part.FLEET, strategy="none", console=False, check=False)

@@ -10,7 +10,8 @@ from typing import Any
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_atomically
 from apad_bridge.scenario.starts import starts_of
@@ -24,18 +25,22 @@ def add_parser(commands: Any) -> None:
         "layout",
         help="write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
         description="Writes a layout for a scenario's aPads and aMussels, to stdout or a file. launch_scripts/layouts "
-        "holds those of pool-12; another number of aMussels, other ids, several aPads or a namespace want their own.",
-        epilog=f"To open it: {opened}. See docs/ros-tools.md. exit codes: {EXITS}",
+        "holds those of pool-12. Other aMussels, other ids, several aPads or a namespace need their own.",
+        epilog=ending(
+            "musselbed layout rviz launch_scripts/scenarios/bay-120.yaml --out bay-120.rviz",
+            "musselbed layout foxglove launch_scripts/scenarios/pool-12.yaml --namespace bay",
+            note=f"To open it: {opened}. See docs/ros-tools.md.",
+        ),
     )
     parser.add_argument("kind", choices=list(KINDS), help="the program that opens it")
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write this file (default: to stdout)")
-    parser.add_argument("--force", action="store_true", help="replace FILE if it is there")
+    parser.add_argument("--force", action="store_true", help="replace FILE if it exists")
     parser.add_argument(
         "--namespace",
         default="",
         metavar="NS",
-        help="the fleet's nodes are in this namespace of ROS, as below <group ns=NS> in a launch file",
+        help="ROS namespace of the fleet's nodes, as <group ns=NS> in a launch file",
     )
     parser.add_argument(
         "--json", action="store_true", help="print a JSON object: kind, and the file or the layout's text"

@@ -11,7 +11,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
-from apad_bridge.runs.exits import EXITS, Exit, UserError, shortage
+from apad_bridge.runs.exits import Exit, UserError, shortage
 
 try:
     from agents.hosting.interrupts import interruptible, leave_at_once
@@ -53,15 +53,15 @@ _NS = "__ns:="
 
 
 def parser() -> argparse.ArgumentParser:
-    import argparse
     from importlib.metadata import version
 
-    top = argparse.ArgumentParser(
+    from apad_bridge.commands.help_text import CommandParser, ending
+
+    top = CommandParser(
         prog="musselbed",
         description="A vehicle-in-the-loop test bench: a real or simulated ROS 1 aPad serves a fleet of simulated "
-        "aMussels, each in a process of its own.",
-        epilog=f"exit codes: {EXITS}. Start with: musselbed doctor; musselbed run launch_scripts/scenarios/pool-12.yaml "
-        "--time asap",
+        "aMussels, each in its own process.",
+        epilog=ending("musselbed doctor", "musselbed run launch_scripts/scenarios/pool-12.yaml --time asap"),
     )
     top.add_argument("--version", action="version", version=f"musselbed {version('musselbed')}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND")

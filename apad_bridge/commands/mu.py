@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench.state_diagram import blocks
 from firmware_model.bench.table_one_runs import ROWS, rows
 from firmware_model.bench.trace import line, vcd
@@ -28,33 +29,39 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "mu",
-        help="one MU board by itself: Table I, an energy budget, its states",
-        description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad; `energy` does "
-        "so for the boards of a run.",
-        epilog=f"exit codes: {EXITS}",
+        help="run one MU board by itself: Table I, an energy budget, its states",
+        description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad; `energy` sums what "
+        "the boards of a run drew.",
+        epilog=ending("musselbed mu table1", "musselbed mu run night.yaml --trace"),
     )
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
     table1 = parts.add_parser(
         "table1",
-        help="the paper's Table I, run on a board",
+        help="run the paper's Table I on a board",
         description="Runs a board until its battery is empty or full, in each mode of the paper's Table I and in Fig. 4's "
-        "heavy run, and lists the numbers that were fitted to it. Exit code 3 when a row leaves its bounds.",
+        "heavy run, and lists the numbers that we fitted to it. Exit code 3 when a row leaves its bounds.",
+        epilog=ending("musselbed mu table1", "musselbed mu table1 --json"),
     )
-    table1.add_argument("--json", action="store_true", help="rows and parameters as JSON on stdout")
+    table1.add_argument("--json", action="store_true", help="print rows and parameters as JSON on stdout")
     table1.set_defaults(run=run_table1)
     budget = parts.add_parser(
         "run",
         help="run a board from a small script",
-        description="Runs one board for as long as SCRIPT.yaml says and prints what each module and each state drew, and "
-        "how long its batteries last at that rate.",
+        description="Runs one board for the time in SCRIPT.yaml. Prints the energy of each module and each state, and the "
+        "life of its batteries at that rate.",
+        epilog=ending(
+            "musselbed mu run night.yaml --trace",
+            "musselbed mu run night.yaml --vcd night.vcd",
+            note="docs/mu-scripts.md has a script to copy.",
+        ),
     )
     budget.add_argument("script", type=Path, metavar="SCRIPT.yaml", help="see docs/mu-scripts.md")
-    budget.add_argument("--json", action="store_true", help="the budget as JSON on stdout")
+    budget.add_argument("--json", action="store_true", help="print the budget as JSON on stdout")
     budget.add_argument(
         "--vcd", type=Path, metavar="FILE", help="write states, rails and batteries for GTKWave"
     )
     budget.add_argument(
-        "--trace", action="store_true", help="print all that the board did, before the budget"
+        "--trace", action="store_true", help="print all the board's actions before the budget"
     )
     budget.set_defaults(run=run_script)
     energy = parts.add_parser(
@@ -62,8 +69,9 @@ def add_parser(commands: Any) -> None:
         help="what the boards of a run drew, by module and by state",
         description="Runs the aMussels of a run again, from their starts and from what reached them, and sums what their "
         "boards drew so far. Docked, a part of that came from the charger.",
-        epilog=f"examples: musselbed mu energy runs/pool-12-1; musselbed mu energy runs/pool-12-1 --agent 3 --json. "
-        f"exit codes: {EXITS}",
+        epilog=ending(
+            "musselbed mu energy runs/pool-12-1", "musselbed mu energy runs/pool-12-1 --agent 3 --json"
+        ),
     )
     energy.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     energy.add_argument(
@@ -77,7 +85,10 @@ def add_parser(commands: Any) -> None:
     energy.add_argument("--json", action="store_true", help="each aMussel's energy as JSON on stdout")
     energy.set_defaults(run=run_energy)
     states = parts.add_parser(
-        "states", help="print the diagram of the states, in Mermaid, and what each powers"
+        "states",
+        help="print the diagram of the states, in Mermaid, and their powered rails",
+        description="Prints the table of states as a diagram in Mermaid, and a table of the rails that each state powers.",
+        epilog=ending("musselbed mu states", "musselbed mu states > states.md"),
     )
     states.set_defaults(run=run_states)
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.analysis.replay.build import build_replay
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -18,13 +19,13 @@ def add_parser(commands: Any) -> None:
         "replay",
         help="show a run as one HTML page",
         description="Writes replay.html into a run's directory: one file that opens from disk, without a network. "
-        "It shows what the journal says so far, also of a run that is still flying or that was killed.",
-        epilog=f"exit codes: {EXITS}",
+        "It shows the journal up to now, also of a flying or a killed run.",
+        epilog=ending("musselbed replay runs/pool-12-1", "musselbed replay runs/pool-12-1 --open"),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
-        "--json", action="store_true", help="print a JSON object with the page's path and size"
+        "--json", action="store_true", help="print the page's path and size as JSON on stdout"
     )
     parser.set_defaults(run=run)
 

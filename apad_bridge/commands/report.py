@@ -7,8 +7,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 _DATA = ("csv", "parquet")
 
@@ -20,8 +21,10 @@ def add_parser(commands: Any) -> None:
         description="Writes report.html and report.pdf: the runs' figures side by side, the paper's figures 5, 6 and 9 "
         "drawn from their data, energy by module and state, how good beliefs were, and the faults and what followed. Every "
         "series goes into a folder for each run beside them.",
-        epilog="examples: musselbed report runs/pool-12-1; musselbed report runs/pool-12-1 runs/pool-12-2 --out "
-        f"comparison --data parquet. exit codes: {EXITS}",
+        epilog=ending(
+            "musselbed report runs/pool-12-1",
+            "musselbed report runs/pool-12-1 runs/pool-12-2 --out comparison --data parquet",
+        ),
     )
     parser.add_argument("directories", type=Path, metavar="RUN", nargs="+", help="a run's directory")
     parser.add_argument(

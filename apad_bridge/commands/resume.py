@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.flight import failure_text, flown_by_whom, peers_may_fail
+from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.run_checks import check_real_vehicle
 from apad_bridge.records.journal import FORMAT_VERSION, format_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
 from apad_bridge.runs.children import supervisor_of
-from apad_bridge.runs.exits import EXITS, UserError
+from apad_bridge.runs.exits import UserError
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
@@ -24,15 +25,19 @@ from apad_bridge.vehicle.errors import PeerFailed
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "resume",
-        help="go on with a run whose supervisor died",
-        description="Starts another supervisor for a run: it takes over the living fleet, reads the journal and what was "
-        "learned of the aMussels, looks at the docks and goes on where the mission stood; what is restored "
-        "is told. The old supervisor, if it should still breathe, is fenced off.",
-        epilog=f"With a real aPad nothing moves again before a person has confirmed it. exit codes: {EXITS}",
+        help="continue a run whose supervisor died",
+        description="Starts another supervisor for a run. It takes over the live fleet, reads the journal and the "
+        "checkpoint, checks the docks, reports the restored state, and continues the mission. It locks out the old "
+        "supervisor, should that still run.",
+        epilog=ending(
+            "musselbed resume runs/pool-12-1",
+            "musselbed resume runs/pool-12-1 --confirm-motion",
+            note="With a real aPad nothing moves before a person has confirmed it.",
+        ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument(
-        "--confirm-motion", action="store_true", help="a person says that the real aPad may move again"
+        "--confirm-motion", action="store_true", help="confirm that the real aPad may move again"
     )
     parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"

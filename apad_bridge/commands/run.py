@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.flight import fly
+from apad_bridge.commands.help_text import ending
 from apad_bridge.planning import registry
-from apad_bridge.runs.exits import EXITS, UserError
+from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
@@ -20,21 +21,25 @@ from apad_bridge.scenario.starts import Start, starts_of
 
 SLOWEST, FASTEST = 0.01, 10_000.0
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
-wall: real time (times --speed with the simulated aPad); ros: the /clock of somebody else's master"""
+wall: real time (times --speed with the simulated aPad); ros: the /clock of another master"""
 
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "run",
         help="fly a scenario: a fleet, the supervisor's mission, and an aPad",
-        description="Flies a scenario to its end and prints its row of the paper's Table II. Everything that happened is "
-        "kept in a new run directory: journal.jsonl, run.bag, summary.json, the resolved scenario, and starts and ends "
-        "that another run can begin from.",
-        epilog=f"exit codes: {EXITS}",
+        description="Flies a scenario to its end and prints its row of the paper's Table II. A new run directory keeps "
+        "the records: journal.jsonl, run.bag, summary.json, the resolved scenario, and starts and ends from which another "
+        "run can begin.",
+        epilog=ending(
+            "musselbed run launch_scripts/scenarios/pool-12.yaml --time asap",
+            "musselbed run launch_scripts/scenarios/pool-12.yaml --speed 10 --console",
+            "musselbed run launch_scripts/scenarios/real-apad.yaml --apad ros --dry-run",
+        ),
     )
     add_scenario_arguments(parser)
     add_apad_argument(parser)
-    parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
+    parser.add_argument("--strategy", metavar="NAME", help="collection strategy, instead of the scenario's")
     add_manual_argument(parser)
     parser.add_argument("--dry-run", action="store_true", help="plan once and print it; command nothing")
     parser.add_argument(
@@ -60,7 +65,7 @@ def add_manual_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--manual",
         action="store_true",
-        help="plan nothing: the aPad does what is called, by rosservice call /musselbed/NAME/go_to_point, dock and others",
+        help="plan nothing: the aPad obeys rosservice call /musselbed/NAME/go_to_point, dock and others",
     )
 
 
@@ -73,7 +78,7 @@ def add_apad_argument(parser: argparse.ArgumentParser) -> None:
         "--apad",
         choices=[kind.value for kind in APadKind],
         default=APadKind.SIM.value,
-        help="sim: the simulated aPad (over a ROS master of its own, or in-process with --time asap); "
+        help="sim: the simulated aPad (on a master of our own, or in-process with --time asap); "
         "ros: the one on the master at ROS_MASTER_URI (default: sim)",
     )
 
@@ -90,20 +95,28 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
     )
     parser.add_argument(
-        "--speed", type=float, default=1.0, metavar="X", help="wall time X times faster; simulated aPad only"
+        "--speed",
+        type=float,
+        default=1.0,
+        metavar="X",
+        help="run X times as fast as the clock; simulated aPad only",
     )
     parser.add_argument(
         "--generation",
         choices=[it.value for it in Generation],
-        help="of the aPad's software: a (action_server), b (commander/primitive), or auto: what is on the graph",
+        help="generation of the aPad's software: a (action_server), b (commander/primitive), or auto: the one on the graph",
     )
-    parser.add_argument("--theta", type=int, metavar="N", help="the aMussels' time runs N times the aPad's")
-    parser.add_argument("--agents", type=int, metavar="N", help="another number of aMussels")
-    parser.add_argument("--seed", type=int, metavar="N", help="another seed")
+    parser.add_argument(
+        "--theta", type=int, metavar="N", help="run the aMussels' time N times as fast as the aPad's"
+    )
+    parser.add_argument(
+        "--agents", type=int, metavar="N", help="number of aMussels, instead of the scenario's"
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed, instead of the scenario's")
     parser.add_argument(
         "--hosting",
         choices=[hosting.value for hosting in Hosting],
-        help="a process for each aMussel, or all in one (the same trace)",
+        help="one process for each aMussel, or one for all (the same trace)",
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="the run directory (default: a new one in runs/)"
@@ -114,20 +127,20 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ID",
         action="append",
         default=[],
-        help="open this aMussel's modem as a serial device, RUN/modems/amusselID; may be said again",
+        help="open this aMussel's modem as a serial device, RUN/modems/amusselID; repeatable",
     )
     parser.add_argument(
         "--modem",
         type=Path,
         metavar="PORT",
-        help="a physical nanomodem on this serial port carries the sound; theta must be 1",
+        help="send all sound by the physical nanomodem on this serial port; theta must be 1",
     )
     parser.add_argument(
         "--remap",
         metavar="FROM:=TO",
         action="append",
         default=[],
-        help="another name for a topic or service of ROS, as --remap /apad1/position:=/boat/position; may be said again",
+        help="rename a topic or service of ROS, as --remap /apad1/position:=/boat/position; repeatable",
     )
     parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"

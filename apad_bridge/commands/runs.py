@@ -13,9 +13,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RUNS, RunDirectory
 from apad_bridge.runs.children import supervisor_of
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 FLIES = "flies"
 DID_NOT_END = "did not end"
@@ -42,11 +43,16 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "runs",
         help="list the runs here with their key figures, newest first",
-        description="Lists the runs of a folder: when each began, why it ended, and its figures.",
-        epilog=f"examples: musselbed runs; musselbed runs /data/adriatic --json. exit codes: {EXITS}",
+        description="Lists the runs of a folder: the begin of each, the cause of its end, and its figures.",
+        epilog=ending("musselbed runs", "musselbed runs /data/adriatic --json"),
     )
     parser.add_argument(
-        "folder", type=Path, nargs="?", default=RUNS, metavar="DIR", help=f"(default: {RUNS}/)"
+        "folder",
+        type=Path,
+        nargs="?",
+        default=RUNS,
+        metavar="DIR",
+        help=f"the folder of the runs (default: {RUNS}/)",
     )
     parser.add_argument("--json", action="store_true", help="print the runs as a JSON list on stdout")
     parser.set_defaults(run=run)

@@ -10,7 +10,8 @@ from typing import Any
 
 from apad_bridge.commands import run as run_command
 from apad_bridge.commands.flight import Script, fly
-from apad_bridge.runs.exits import EXITS, UserError
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part
 from apad_bridge.scripting.program import ScriptError, as_program
 
@@ -20,17 +21,21 @@ _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "script",
-        help="fly a mission that is a Python script with the aPad's API",
-        description="Flies FILE.py instead of the paper's mission. `api`, `id_self` and `time` are given to it; time.sleep "
-        "follows mission time. The flight ends with the script, when what it ordered last is done.",
-        epilog=f"See docs/scripting.md. exit codes: {EXITS}",
+        help="fly a Python script with the aPad's API as the mission",
+        description="Flies FILE.py instead of the paper's mission. The script gets `api`, `id_self` and `time`; time.sleep "
+        "follows mission time. The flight ends with the script, when its last order is done.",
+        epilog=ending(
+            "musselbed script launch_scripts/examples/listing_1.py --time asap",
+            "musselbed script launch_scripts/examples/energy_exchange.py --speed 10",
+            note="See docs/scripting.md.",
+        ),
     )
     parser.add_argument("file", type=Path, metavar="FILE.py")
     parser.add_argument(
         "--scenario",
         type=Path,
         metavar="SCENARIO.yaml",
-        help="the world to fly in (default: what a line `# scenario: NAME` of the script says, relative to the script)",
+        help="the scenario (default: the one in the script's line `# scenario: NAME`, relative to the script)",
     )
     run_command.add_flight_arguments(parser)
     run_command.add_apad_argument(parser)
@@ -40,7 +45,7 @@ def add_parser(commands: Any) -> None:
         action="store_const",
         const=Part.MISSION,
         default=Part.WHOLE,
-        help="with --apad ros: for aMussels that are real, or another's, as `musselbed mission` hears them",
+        help="with --apad ros: simulate none, for real aMussels or another fleet, as `musselbed mission`",
     )
     parser.set_defaults(run=run)
 

@@ -16,7 +16,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -33,23 +34,29 @@ def add_parser(commands: Any) -> None:
         "study",
         help="compare strategies on many random configurations, with confidence intervals",
         description="Flies strategies x scenarios x seeds x parameters, each strategy on the same configurations, and "
-        "prints means, paired differences and what nobody can exceed. A study that was ended goes on from its missions "
-        f"when the same command is given again. `musselbed study {TABLE_TWO}` repeats the paper's Table II. Results: "
+        "prints means, paired differences and upper bounds. After an interruption the same command continues the study. "
+        f"`musselbed study {TABLE_TWO}` repeats the paper's Table II. Results: "
         "results.parquet with a row for each mission, report.html with figures.",
-        epilog="examples: musselbed study my-study.yaml; musselbed study my-study.yaml --seeds 1000 --json; "
-        f"musselbed study {TABLE_TWO}; musselbed study {TABLE_TWO} --theta 1 --seeds 50. See docs/studies.md. "
-        f"exit codes: {EXITS}",
+        epilog=ending(
+            "musselbed study launch_scripts/studies/pool.yaml",
+            "musselbed study launch_scripts/studies/pool.yaml --seeds 1000 --json",
+            f"musselbed study {TABLE_TWO} --theta 1 --seeds 50",
+            note="See docs/studies.md.",
+        ),
     )
     parser.add_argument("study", metavar="STUDY.yaml", help=f"the study's file, or {TABLE_TWO}")
-    parser.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N, in place of the study's")
+    parser.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N, instead of the study's")
     parser.add_argument(
-        "--theta", type=int, metavar="N", help=f"of {TABLE_TWO} alone: another theta than the paper's 30"
+        "--theta", type=int, metavar="N", help=f"theta of {TABLE_TWO}, instead of the paper's 30"
     )
     parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes that fly (default: one for each processor)"
+        "--workers", type=int, metavar="N", help="number of processes (default: one for each processor)"
     )
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help=f"where its files go (default: {_OUT}/NAME); one study each"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help=f"directory of its files (default: {_OUT}/NAME); one study each",
     )
     parser.add_argument(
         "--json", action="store_true", help="print the results as JSON on stdout, nothing else"

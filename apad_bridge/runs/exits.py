@@ -20,8 +20,8 @@ class Exit(IntEnum):
 
 
 EXITS = (
-    "0 done, 1 a bug of ours (with its traceback), 2 a mistake in what was asked (one line with the mend), "
-    "3 something that was needed failed or fell silent, 130 ended by Ctrl-C, SIGTERM or SIGHUP, with its records whole"
+    "0 done, 1 a bug of ours (with its traceback), 2 a user's mistake (one line with the mend), "
+    "3 a dependency failed or timed out, 130 ended by Ctrl-C, SIGTERM or SIGHUP, with complete records"
 )
 
 
