@@ -64,11 +64,12 @@ def diagnose(scenario_file: Path | None, master_uri: str) -> Iterator[Finding]:
     if scenario_file is not None:
         scenario, findings = scenario_check.read(scenario_file)
         yield from findings
-    yield from _machine(machine.AGENTS_BY_DEFAULT if scenario is None else scenario.fleet.count)
-    yield from _ros(master_uri, scenario)
+    yield from check_machine(machine.AGENTS_BY_DEFAULT if scenario is None else scenario.fleet.count)
+    yield from check_ros(master_uri, scenario)
 
 
-def _machine(agents: int) -> Iterator[Finding]:
+def check_machine(agents: int) -> Iterator[Finding]:
+    """Limits, memory, disk and loopback, for so many aMussels."""
     yield from run_check("open files", lambda: [machine.check_open_files(agents)])
     yield from run_check("processes", lambda: [machine.check_processes(agents)])
     yield from run_check("memory", lambda: [machine.check_memory(agents)])
@@ -77,7 +78,8 @@ def _machine(agents: int) -> Iterator[Finding]:
     yield from run_check("loopback", machine.check_loopback)
 
 
-def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
+def check_ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
+    """ROS here, the network both ways, and the aPads on the master; an empty URI for none."""
     try:
         from apad_bridge.ros import doctor_apad_checks, doctor_checks
     except ImportError as error:

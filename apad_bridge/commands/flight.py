@@ -61,7 +61,7 @@ def fly(
             "--console shows one aPad, and the scenario names several: start `musselbed console RUN/NAME` beside the run"
         )
     with peers_may_fail():
-        check_run(options, scenario)
+        preflight = check_run(options, scenario, starts)
     all_members = members(scenario, starts)
     if options.dry_run and options.apad is APadKind.SIM:
         return _print_plans(all_members, as_json)
@@ -71,6 +71,8 @@ def fly(
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
     _write_inputs(whole, options, scenario, starts, all_members, script)
+    if preflight is not None:
+        preflight.save(whole.preflight)
     if scenario.apads and not as_json:
         print(_allocation_text(all_members), flush=True)
     title = scenario.name if script is None else script.file.name

@@ -46,6 +46,7 @@ _COMMANDS = (
     "study",
     "capacity",
     "layout",
+    "preflight",
     "doctor",
 )
 

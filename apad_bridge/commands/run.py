@@ -143,6 +143,14 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         help="rename a topic or service of ROS, as --remap /apad1/position:=/boat/position; repeatable",
     )
     parser.add_argument(
+        "--despite",
+        metavar="CHECK",
+        action="append",
+        default=[],
+        help="start a real aPad although this check of its preflight is red; never fence, position, pilot or stop; may be "
+        "said again",
+    )
+    parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
     )
 
@@ -194,6 +202,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     return RunOptions(
         namespace="" if time is TimeSource.ASAP else namespace_of_shell(),
         remappings=tuple(arguments.remap),
+        despite=tuple(arguments.despite),
         open_modems=tuple(sorted(set(arguments.open_modem))),
         modem="" if arguments.modem is None else str(arguments.modem.absolute()),
         part=arguments.part,

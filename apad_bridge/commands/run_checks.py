@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from apad_bridge.doctor.finding import Status
 from apad_bridge.doctor.graph import Graph
@@ -15,11 +17,18 @@ from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnin
 from apad_bridge.scenario.id_ranges import in_ranges
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
 from apad_bridge.vehicle.errors import PeerFailed
 
+if TYPE_CHECKING:
+    from apad_bridge.commands.preflight_checks import Report
 
-def check_run(options: RunOptions, scenario: Scenario) -> None:
-    """Warns on stderr. UserError for a mistake; PeerFailed for somebody's master that does not answer."""
+
+def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) -> Report | None:
+    """Warns on stderr, and returns the preflight of a real aPad that is to move.
+
+    UserError for a mistake, or on red; PeerFailed for somebody's master that does not answer.
+    """
     _check_modems(options, scenario)
     if scenario.apads:
         _refuse_for_several(options)
@@ -27,9 +36,35 @@ def check_run(options: RunOptions, scenario: Scenario) -> None:
     if options.apad is APadKind.SIM:
         for happens, mend in warnings(scenario):
             print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
-        return
-    somebodys_master()
+        return None
+    master_uri = somebodys_master()
+    if options.has_real_vehicle and not options.dry_run:
+        return _preflight(options.on_master(master_uri), scenario, starts)
     tell_docks_in_use(options, scenario)
+    return None
+
+
+def _preflight(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) -> Report:
+    """Looks at everything that needs no order, and refuses to start on red."""
+    from apad_bridge.commands.preflight_checks import (
+        Report,
+        findings_of,
+        names_in_full,
+        now,
+        proofs,
+        refuse_red,
+    )
+
+    print("musselbed: checks before the real aPad moves ...", file=sys.stderr, flush=True)
+    apads = names_in_full(scenario, options.namespace)
+    findings = (*findings_of(scenario, starts, options), *proofs(scenario, options.master_uri, apads))
+    report = Report(scenario.name, options.master_uri, now(), findings)
+    for key in refuse_red(report, apads, options.despite):
+        print(f"musselbed: warning: {key} is red, and a person decided to start despite it", file=sys.stderr)
+    for finding in findings:
+        if finding.status is not Status.OK:
+            print(f"musselbed: {finding.line()}", file=sys.stderr)
+    return report
 
 
 def check_real_vehicle(options: RunOptions, scenario: Scenario) -> None:

@@ -73,6 +73,11 @@ class RunDirectory:
         return self.path / "scenario.yaml"
 
     @property
+    def preflight(self) -> Path:
+        """What was found before a real aPad moved."""
+        return self.path / "preflight.json"
+
+    @property
     def versions(self) -> Path:
         return self.path / "versions.json"
 

@@ -39,7 +39,7 @@ def check_apads(graph: Graph, scenario: Scenario | None = None) -> Iterator[Find
 
     Of generation A it also asks whether the action server lives, and what the docks hold: by `scenario`, whose that is.
     """
-    found = [(name, stack) for stack in STACKS for name in _named_like(graph, stack)]
+    found = [(name, stack) for stack in STACKS for name in named_like(graph, stack)]
     dead = sorted(
         _with_parts_of_a(graph) - {name for name, stack in found if stack.generation is Generation.A}
     )
@@ -166,7 +166,7 @@ def _check_battery(graph: Graph, name: str) -> Finding:
     return ok(check, f"{percent:.0f} %")
 
 
-def _named_like(graph: Graph, stack: Stack) -> set[str]:
+def named_like(graph: Graph, stack: Stack) -> set[str]:
     """The namespaces below which the graph has all by which the stack is recognised."""
     marks = [
         {

@@ -69,6 +69,8 @@ class RunOptions:
     """ROS remappings, FROM:=TO, for all names of the supervisor's node."""
     is_one_of_several: bool = False
     """The aPad is one of several that take over from each other."""
+    despite: tuple[str, ...] = ()
+    """The checks of a preflight that a person overrides."""
     apads: tuple[str, ...] = ()
     """The names of all aPads that the run flies."""
     keeps: bool = False
@@ -111,6 +113,7 @@ class RunOptions:
                     "on_death": OnDeath(data["on_death"]),
                     "open_modems": tuple(data["open_modems"]),
                     "remappings": tuple(data["remappings"]),
+                    "despite": tuple(data["despite"]),
                     "apads": tuple(data["apads"]),
                 }
             )

@@ -42,7 +42,7 @@ class Spoken:
 def topic_definition(graph: Graph, topic: str) -> Spoken:
     """The announcement of the first publisher of `topic`. NotAnnounced after a time-out."""
     with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
-        return Spoken(header.get("type", "*"), _md5_in(header), header.get("message_definition", ""))
+        return _spoken(header)
 
 
 def service_md5(graph: Graph, service: str) -> str:
@@ -63,6 +63,23 @@ def next_messages(graph: Graph, topic: str, count: int = 1, timeout_s: float = T
         for _ in range(count):
             messages.append(stream.read(*_LENGTH.unpack(stream.read(_LENGTH.size))))
     return messages
+
+
+def messages_within(graph: Graph, topic: str, seconds: float) -> tuple[Spoken, list[tuple[float, bytes]]]:
+    """All that the first publisher of `topic` sends within `seconds`: (time.monotonic, serialised), and what it speaks.
+
+    NotAnnounced if it cannot be subscribed to; a silent one sends nothing.
+    """
+    messages: list[tuple[float, bytes]] = []
+    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, header):
+        spoken = _spoken(header)
+        stream = _Stream(connection, rest, time.monotonic() + seconds)
+        while True:
+            try:
+                data = stream.read(*_LENGTH.unpack(stream.read(_LENGTH.size)))
+            except NotAnnounced:
+                return spoken, messages
+            messages.append((time.monotonic(), data))
 
 
 def call_without_words(graph: Graph, service: str, md5: str) -> bytes:
@@ -121,6 +138,10 @@ def _errors_as_not_told() -> Iterator[None]:
         yield
     except (Unreachable, ROSHandshakeException, OSError) as error:
         raise NotAnnounced(str(error)) from None
+
+
+def _spoken(header: dict[str, str]) -> Spoken:
+    return Spoken(header.get("type", "*"), _md5_in(header), header.get("message_definition", ""))
 
 
 def _md5_in(header: dict[str, str]) -> str:

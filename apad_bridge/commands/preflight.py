@@ -1,0 +1,256 @@
+"""`musselbed preflight`: whether a real aPad may fly this scenario now, on one page: green, or the mend."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.commands import run as run_command
+from apad_bridge.commands.flight import peers_may_fail
+from apad_bridge.commands.preflight_checks import (
+    PROOFS,
+    Report,
+    called_back_at,
+    findings_of,
+    names_in_full,
+    now,
+    proofs,
+    report_path,
+)
+from apad_bridge.doctor.finding import Finding, Status, fail, ok, run_check
+from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, check_lookout, check_stop, red_keys
+from apad_bridge.records.run_directory import PRIVATE
+from apad_bridge.ros.system.route import somebodys_master
+from apad_bridge.ros_names.names import in_full
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
+from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scripting import PROVE_STOP
+
+_PROOF_S = 300
+_STYLES = {Status.OK: "green", Status.WARN: "yellow", Status.FAIL: "bold red"}
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "preflight",
+        help="check a real aPad and everything around it before a mission",
+        description="Checks the network both ways, the aPad on the master at ROS_MASTER_URI, and the scenario for it "
+        "to fly, and prints one page: green, or the mend. Nothing moves unless --prove-stop or --prove-docks asks for it. "
+        "`musselbed run` makes the same checks before a real aPad moves, and refuses to start on red.",
+        epilog="examples: musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana; "
+        "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana --prove-stop --prove-docks. Exit code 3 "
+        f"when something is red. Of all commands: {EXITS}",
+    )
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    parser.add_argument(
+        "--no-fleet",
+        dest="part",
+        action="store_const",
+        const=Part.MISSION,
+        default=Part.WHOLE,
+        help="for `musselbed mission`: the aMussels are real, or another's",
+    )
+    parser.add_argument(
+        "--lookout",
+        metavar="NAME",
+        default="",
+        help="who looks out, with the vehicle's own switch in the hand",
+    )
+    parser.add_argument(
+        "--prove-stop",
+        action="store_true",
+        help="order a go-to of 6 m, stop it after 1 m, and see the aPad at rest",
+    )
+    parser.add_argument(
+        "--prove-docks",
+        action="store_true",
+        help="open and close each dock once; asks first whether hands are clear",
+    )
+    parser.add_argument(
+        "--hands-clear", action="store_true", help="a person says that hands are clear of the docks"
+    )
+    parser.add_argument(
+        "--modem", type=Path, metavar="PORT", help="ask the physical modem on this port for its status"
+    )
+    parser.add_argument(
+        "--echo", type=int, metavar="ID", help="with --modem: have the modem of this address answer a ping"
+    )
+    parser.add_argument(
+        "--remap",
+        metavar="FROM:=TO",
+        action="append",
+        default=[],
+        help="another name for a topic, as of `run`",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the report as JSON on stdout, nothing else"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    options, scenario, starts = _read(arguments)
+    if arguments.prove_docks:
+        _ask_for_hands(confirmed=arguments.hands_clear)
+    apads = names_in_full(scenario, options.namespace)
+    findings: list[Finding] = []
+    for finding in _all(arguments, options, scenario, starts, apads):
+        findings.append(finding)
+        if not arguments.json:
+            print(
+                f"\r\033[K{finding.check}" if sys.stderr.isatty() else ".",
+                end="",
+                file=sys.stderr,
+                flush=True,
+            )
+    print("\r\033[K" if sys.stderr.isatty() else "", file=sys.stderr)
+    report = Report(scenario.name, options.master_uri, now(), tuple(findings))
+    path = report_path(scenario)
+    path.parent.mkdir(mode=PRIVATE, exist_ok=True)
+    report.save(path)
+    red = red_keys(findings, apads)
+    if arguments.json:
+        print(path.read_text(), end="")
+    else:
+        _show(report, red, path)
+    return Exit.PEER_FAILED if red else Exit.DONE
+
+
+def _read(arguments: argparse.Namespace) -> tuple[RunOptions, Scenario, Sequence[Any]]:
+    words = ["run", str(arguments.scenario), "--apad", APadKind.ROS.value]
+    words += [word for it in arguments.remap for word in ("--remap", it)]
+    parser = argparse.ArgumentParser()
+    run_command.add_parser(parser.add_subparsers())
+    as_run = parser.parse_args(words)
+    scenario, starts = run_command.read_scenario(as_run)
+    if problems := problems_with_real_vehicle(scenario):
+        raise UserError("\n".join(problems))
+    if arguments.echo is not None and arguments.modem is None:
+        raise UserError("--echo needs --modem PORT, the modem that pings")
+    with peers_may_fail():
+        options = replace(run_command.options_of(as_run), part=arguments.part).on_master(somebodys_master())
+    assert options.time is TimeSource.WALL
+    return options, scenario, starts
+
+
+def _ask_for_hands(*, confirmed: bool) -> None:
+    if confirmed:
+        return
+    if not sys.stdin.isatty():
+        raise UserError("docks open and close: a person has to say --hands-clear")
+    if input("The docks will open and close. Hands clear? Type yes: ").strip().lower() != "yes":
+        raise UserError("hands are not clear: nothing was ordered")
+
+
+def _all(
+    arguments: argparse.Namespace,
+    options: RunOptions,
+    scenario: Scenario,
+    starts: Sequence[Any],
+    apads: Sequence[str],
+) -> Iterator[Finding]:
+    """Orders are given last, and only if nothing is red that they depend on."""
+    passive = []
+    for finding in findings_of(scenario, starts, options):
+        passive.append(finding)
+        yield finding
+    yield check_lookout(arguments.lookout)
+    if arguments.modem is not None:
+        from apad_bridge.acoustics.serial.modem_check import check_modem
+
+        yield from run_check("modem", lambda: check_modem(arguments.modem, arguments.echo))
+    former = {it.check: it for it in proofs(scenario, options.master_uri, apads)}
+    may_move = not NEVER_OVERRIDDEN.intersection(red_keys(passive, apads))
+    for apad, name in zip(apads, (scenario.apad.name, *(it.name for it in scenario.apads)), strict=True):
+        for what, asked in zip(PROOFS, (arguments.prove_stop, arguments.prove_docks), strict=True):
+            check = f"{apad} {what}"
+            if not asked:
+                yield former[check]
+            elif not may_move:
+                yield fail(check, "not tried: something above is red", "mend that, and prove it then")
+            elif what == "stop":
+                yield _prove_stop(scenario, options, name)
+            else:
+                yield from run_check(check, partial(_prove_docks, scenario, options, apad))
+
+
+def _prove_stop(scenario: Scenario, options: RunOptions, name: str) -> Finding:
+    """Flies the script by a process of its own, as any script is flown."""
+    from apad_bridge.assembly.division import with_apad
+    from apad_bridge.scenario.loader import write_resolved
+
+    apad = in_full(options.namespace, name)
+    with tempfile.TemporaryDirectory(prefix="musselbed-stop-") as folder:
+        scenario_file = Path(folder) / "scenario.yaml"
+        write_resolved(scenario_file, with_apad(scenario, name))
+        command = [sys.executable, "-m", "apad_bridge.commands.main", "script", str(PROVE_STOP), "--json"]
+        command += ["--scenario", str(scenario_file), "--apad", "ros", "--no-fleet", "--out", f"{folder}/run"]
+        command += [word for it in options.remappings for word in ("--remap", it)]
+        # Passed over: what is red was told, and none of it is of those that never are.
+        command += [word for it in _OF_A_TRIAL for word in ("--despite", it)]
+        try:
+            flown = subprocess.run(command, capture_output=True, text=True, timeout=_PROOF_S, check=False)
+        except subprocess.TimeoutExpired:
+            return check_stop(apad, f"the trial did not end within {_PROOF_S} s")
+        if flown.returncode != Exit.DONE:
+            lines = (flown.stderr.strip() or flown.stdout.strip()).splitlines()
+            return check_stop(
+                apad, lines[-1] if lines else f"the trial ended with exit code {flown.returncode}"
+            )
+        said = [it for it in json.loads(flown.stdout).get("events", []) if "came to rest" in it]
+    return check_stop(apad, None, said[-1] if said else "it came to rest")
+
+
+_OF_A_TRIAL = ("watchdog", "docks", "energy", "delay", "loss", "gps", "clock", "nodes", "disk", "memory")
+
+
+def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Finding]:
+    """Each dock opens and closes once, by a node of its own."""
+    command = [sys.executable, "-m", "apad_bridge.ros.prove_docks", apad, str(scenario.apad.docks)]
+    with called_back_at(options.master_uri, options.namespace):
+        flown = subprocess.run(command, capture_output=True, text=True, timeout=_PROOF_S, check=False)
+    lines = (flown.stdout if flown.returncode == Exit.DONE else flown.stderr).strip().splitlines() or [
+        "no word"
+    ]
+    check = f"{apad} docks opened"
+    if flown.returncode != Exit.DONE:
+        return [fail(check, lines[-1], "see the docks' node on the vehicle, or lower apad.docks")]
+    return [ok(check, f"{lines[-1]}: a person has to have seen it")]
+
+
+def _show(report: Report, red: dict[str, list[Finding]], path: Path) -> None:
+    table = Table(box=box.SIMPLE_HEAD, title=f"Preflight of {report.scenario}, {report.master}, {report.at}")
+    for column in ("", "check", "found", "mend"):
+        table.add_column(column, overflow="fold")
+    for it in report.findings:
+        table.add_row(
+            f"[{_STYLES[it.status]}]{it.status.value}[/]", it.check, _plain(it.found), _plain(it.mend or "")
+        )
+    console = Console()
+    console.print(table)
+    doubts = sum(it.status is Status.WARN for it in report.findings)
+    if red:
+        never = sorted(NEVER_OVERRIDDEN.intersection(red))
+        told = f", of which {', '.join(never)} cannot be overridden" if never else ""
+        console.print(f"[bold red]RED[/]: {', '.join(red)}{told}", highlight=False)
+    else:
+        console.print(f"[green]GREEN[/]{f', with {doubts} warnings' if doubts else ''}", highlight=False)
+    console.print(f"kept in {path}", highlight=False)
+
+
+def _plain(text: str) -> str:
+    return text.replace("[", r"\[")

@@ -1,0 +1,153 @@
+"""The checks before a real aPad moves, for `musselbed preflight` and for each run with one; and what a preflight proved."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from pathlib import Path
+
+from apad_bridge.assembly.division import members
+from apad_bridge.commands.doctor import check_machine, check_ros
+from apad_bridge.doctor.finding import Finding, Status, run_check
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, at_sea, not_proven, red_keys
+from apad_bridge.records.run_directory import RUNS
+from apad_bridge.ros.system.route import environment_for
+from apad_bridge.ros_names.names import in_full
+from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.scenario.run_options import Part, RunOptions
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
+
+PROVEN_FOR = timedelta(hours=24)
+"""A proof of a former preflight counts for so long."""
+PROOFS = {"stop": "--prove-stop", "docks opened": "--prove-docks"}
+"""What a preflight proves by orders if it is asked to, and the option."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a preflight found, as it stands in a file."""
+
+    scenario: str
+    master: str
+    at: str
+    """UTC, ISO 8601."""
+    findings: tuple[Finding, ...]
+
+    @property
+    def is_red(self) -> bool:
+        return any(it.status is Status.FAIL for it in self.findings)
+
+    def save(self, path: Path) -> None:
+        write_atomically(path, json.dumps(asdict(self), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, path: Path) -> Report | None:
+        """None for a file that is not there, or of another version."""
+        try:
+            data = json.loads(path.read_text())
+            findings = [Finding(**{**it, "status": Status(it["status"])}) for it in data["findings"]]
+            return cls(data["scenario"], data["master"], data["at"], tuple(findings))
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+
+def names_in_full(scenario: Scenario, namespace: str) -> list[str]:
+    return [in_full(namespace, it) for it in (scenario.apad.name, *(other.name for other in scenario.apads))]
+
+
+def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions) -> Iterator[Finding]:
+    """The doctor's checks as a mission sees them, then those of each aPad. They need no order, and give none."""
+    from apad_bridge.ros.preflight_probe import check_vehicle, check_way
+
+    master_uri, namespace = options.master_uri, options.namespace
+    flown = [(it.scenario, it.starts) for it in members(scenario, starts)]
+    apads = names_in_full(scenario, namespace)
+    with called_back_at(master_uri, namespace):
+        agents = 0 if options.part is Part.MISSION else scenario.fleet.count
+        for finding in (*check_machine(agents), *check_ros(master_uri, scenario)):
+            if options.part is Part.MISSION and finding.check == "aMussel ids":
+                continue  # they are there already, as they should be
+            apad = next((it for it in apads if finding.check.startswith(it)), "")
+            yield at_sea(finding, apad)
+        try:
+            found = Graph.read(master_uri)
+        except Unreachable:
+            return  # the doctor has said so
+        yield from run_check("delay", lambda: check_way(found))
+        new_names = dict(_remapping(it, namespace) for it in options.remappings)
+        remapped = partial(_of_mapping, new_names)
+        for apad, (one, its_starts) in zip(apads, flown, strict=True):
+            check = partial(check_vehicle, found, one, its_starts, namespace, remapped)
+            yield from run_check(f"{apad} position", check)
+
+
+@contextmanager
+def called_back_at(master_uri: str, namespace: str) -> Iterator[None]:
+    """The shell's variables as a run's own node has them: its address on the way to the master."""
+    before = dict(os.environ)
+    os.environ.update(environment_for(master_uri, namespace))
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+def report_path(scenario: Scenario) -> Path:
+    return RUNS / f"preflight-{scenario.name}.json"
+
+
+def proofs(scenario: Scenario, master_uri: str, apads: Sequence[str]) -> list[Finding]:
+    """What the scenario's last preflight on this master proved by orders; a line for what it did not."""
+    report = Report.load(report_path(scenario))
+    if report is not None and (report.master != master_uri or _age(report.at) > PROVEN_FOR):
+        report = None
+    known = {} if report is None else {it.check: it for it in report.findings}
+    return [
+        known.get(f"{apad} {what}") or not_proven(apad, what, option)
+        for apad in apads
+        for what, option in PROOFS.items()
+    ]
+
+
+def refuse_red(report: Report, apads: Sequence[str], despite: Sequence[str]) -> list[str]:
+    """The keys that are red and overridden. UserError for any other, with each finding's mend."""
+    if never := sorted(NEVER_OVERRIDDEN.intersection(despite)):
+        raise UserError(f"--despite {never[0]}: this is never overridden: mend it")
+    red = red_keys(report.findings, apads)
+    refused = [it for key, findings in red.items() if key not in despite for it in findings]
+    if refused:
+        keys = [key for key in red if key not in despite and key not in NEVER_OVERRIDDEN]
+        mend = f"; a person may decide otherwise by --despite {' --despite '.join(keys)}" if keys else ""
+        lines = "\n".join(it.line() for it in refused)
+        raise UserError(f"a real aPad does not start on red{mend}:\n{lines}")
+    return sorted(set(red).intersection(despite))
+
+
+def now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _age(at: str) -> timedelta:
+    try:
+        return datetime.now(UTC) - datetime.fromisoformat(at)
+    except (ValueError, TypeError):
+        return timedelta.max
+
+
+def _of_mapping(names: Mapping[str, str], name: str) -> str:
+    return names.get(name, name)
+
+
+def _remapping(remapping: str, namespace: str) -> tuple[str, str]:
+    old, new = remapping.split(":=")
+    return in_full(namespace, old), in_full(namespace, new)

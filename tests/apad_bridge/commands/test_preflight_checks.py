@@ -1,0 +1,67 @@
+"""A run with a real aPad on a preflight that is red, and what the preflight before it had proven."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from scenario_files import POOL_FILE
+
+from apad_bridge.commands import preflight_checks
+from apad_bridge.commands.preflight_checks import Report, now, proofs, refuse_red, report_path
+from apad_bridge.doctor.finding import Finding, Status, fail, ok
+from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN
+from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.loader import load
+
+MASTER = "http://boat:11311"
+GREEN = Report("pool", MASTER, "2026-06-01T08:00:00+00:00", (ok("/apad1 fence", "inside"),))
+
+
+def red(check: str) -> Report:
+    return replace(GREEN, findings=(fail(check, "it is not", "see to it"),))
+
+
+def test_green_starts_and_red_says_its_mend_and_how_a_person_decides_otherwise() -> None:
+    assert refuse_red(GREEN, ["/apad1"], []) == []
+    with pytest.raises(UserError, match=r"--despite watchdog:\nFAIL /apad1 watchdog: it is not -> see to it"):
+        refuse_red(red("/apad1 watchdog"), ["/apad1"], [])
+    assert refuse_red(red("/apad1 watchdog"), ["/apad1"], ["watchdog", "delay"]) == ["watchdog"]
+
+
+@pytest.mark.parametrize("key", sorted(NEVER_OVERRIDDEN))
+def test_fence_position_pilot_and_stop_are_never_overridden(key: str) -> None:
+    with pytest.raises(UserError, match="never overridden"):
+        refuse_red(GREEN, ["/apad1"], [key])
+    with pytest.raises(UserError) as refused:
+        refuse_red(red(f"/apad1 {key}"), ["/apad1"], ["delay"])
+    assert "--despite" not in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"findings": 3}', "[1]"])
+def test_a_report_that_cannot_be_read_is_none(tmp_path: Path, text: str) -> None:
+    (tmp_path / "report.json").write_text(text)
+    assert Report.load(tmp_path / "report.json") is None
+    GREEN.save(tmp_path / "report.json")
+    assert Report.load(tmp_path / "report.json") == GREEN
+
+
+@pytest.mark.parametrize(
+    ("change", "counts"),
+    [({}, True), ({"master": "http://other:11311"}, False), ({"at": "2020-01-01T00:00:00+00:00"}, False)],
+)
+def test_a_proof_counts_for_a_day_on_its_master(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, str], counts: bool
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    pool = load(POOL_FILE)
+    failed = Finding("/apad1 stop", Status.FAIL, "it went on", "see to it")
+    report = replace(GREEN, at=now(), findings=(failed,))
+    path = report_path(pool)
+    path.parent.mkdir()
+    replace(report, **change).save(path)
+    stop, docks = proofs(pool, MASTER, ["/apad1"])
+    assert (stop == failed) is counts
+    assert docks.status is Status.WARN and "--prove-docks" in str(docks.mend)
+    assert preflight_checks.PROOFS.keys() == {"stop", "docks opened"}

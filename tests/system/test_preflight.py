@@ -1,0 +1,170 @@
+"""`musselbed preflight` as a person runs it, beside a simulated aPad of each generation that stands in for a real one."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.scenario import loader
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+COMMAND = (sys.executable, "-m", "apad_bridge.commands.main")
+REAL_APAD = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
+PATIENCE_S = 300
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """The real aPad's, at full charge for its 40 minutes, at a speed that proves a stop soon."""
+    data = loader.resolve(loader.load(REAL_APAD))
+    data["mission"]["speed_m_s"] = 0.5
+    data["duration_s"] = 600
+    path = tmp_path / "scenario.yaml"
+    loader.write_resolved(path, loader.from_data(data, "real"))
+    return path
+
+
+@contextmanager
+def apad(tmp_path: Path, scenario: Path, generation: str) -> Iterator[dict[str, str]]:
+    """An aPad in real time on somebody's master; yields the shell's variables."""
+    master = start_master(tmp_path / "ros", timeout_s=60, orphan_s=300)
+    environment = loopback_environment(tmp_path / "ros", master.uri) | {"PYTHONPATH": str(ROOT)}
+    vehicle = subprocess.Popen(
+        [*COMMAND, "apad", str(scenario), "--generation", generation],
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert vehicle.stdout is not None and vehicle.stdout.readline() == "ready\n"
+        yield environment
+    finally:
+        vehicle.terminate()
+        vehicle.communicate(timeout=60)
+        master.stop()
+
+
+def musselbed(environment: dict[str, str], cwd: Path, *words: object) -> subprocess.CompletedProcess[str]:
+    """Runs a command in `cwd`, where its `runs/` are."""
+    return subprocess.run(
+        [*COMMAND, *map(str, words)],
+        cwd=cwd,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+def findings(done: subprocess.CompletedProcess[str]) -> dict[str, dict[str, Any]]:
+    return {it["check"]: it for it in json.loads(done.stdout)["findings"]}
+
+
+@pytest.mark.parametrize("generation", ["a", "b"])
+def test_an_apad_is_checked_and_its_stop_proven_and_a_run_starts_on_green_alone(
+    tmp_path: Path, scenario: Path, generation: str
+) -> None:
+    with apad(tmp_path, scenario, generation) as environment:
+        asked = ["--prove-stop", "--lookout", "Ana", "--json"]
+        asked += ["--prove-docks", "--hands-clear"] if generation == "a" else []
+        done = musselbed(environment, tmp_path, "preflight", scenario, *asked)
+        found = findings(done)
+        for check in ("delay", "call back", "lookout", "/apad1 position", "/apad1 fence", "/apad1 reaction"):
+            assert found[check]["status"] == "OK", found[check]
+        assert found["/apad1 energy"]["status"] == "OK", found["/apad1 energy"]
+        assert "tells neither status nor variance" in found["/apad1 GPS"]["found"]
+        stop = found["/apad1 stop"]
+        assert stop["status"] == "OK" and "came to rest" in stop["found"], stop
+        red = {it["check"] for it in found.values() if it["status"] == "FAIL"}
+        assert red == ({"/apad1 watchdog"} if generation == "b" else set()), red
+        assert done.returncode == (3 if generation == "b" else 0)
+        if generation == "a":
+            docks = found["/apad1 docks opened"]
+            assert docks["status"] == "OK" and "4 docks closed and opened" in docks["found"], docks
+
+        fly = [
+            "run",
+            scenario,
+            "--apad",
+            "ros",
+            "--hosting",
+            "one_process",
+            "--json",
+            "--manual",
+            "--out",
+            "run",
+        ]
+        if generation == "b":
+            refused = musselbed(environment, tmp_path, *fly)
+            assert refused.returncode == 2, refused.stderr
+            assert "does not start on red" in refused.stderr and "--despite watchdog" in refused.stderr
+            assert not (tmp_path / "run").exists()
+        run = subprocess.Popen(
+            [*COMMAND, *map(str, fly), *(("--despite", "watchdog") if generation == "b" else ())],
+            cwd=tmp_path,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            # Its own checks are kept, with what the preflight before it had proven.
+            wait_for(run, tmp_path / "run" / "preflight.json")
+            kept = {
+                it["check"]: it
+                for it in json.loads((tmp_path / "run" / "preflight.json").read_text())["findings"]
+            }
+            assert kept["/apad1 stop"] == stop
+            wait_for(run, tmp_path / "run" / "control.sock")
+            ended = musselbed(environment, tmp_path, "abort", "run")
+            assert ended.returncode == 0, ended.stderr
+        finally:
+            _, told = run.communicate(timeout=PATIENCE_S)
+        assert run.returncode == 0, told
+        assert ("a person decided to start despite it" in told) is (generation == "b")
+
+
+def wait_for(run: subprocess.Popen[str], path: Path) -> None:
+    """Waits until the run has made the file; a run that has ended makes none."""
+    while not path.exists():
+        try:
+            run.wait(0.2)
+        except subprocess.TimeoutExpired:
+            continue
+        assert path.exists(), run.communicate()[1]
+
+
+def test_what_cannot_be_overridden_and_docks_without_a_person_are_refused(
+    tmp_path: Path, scenario: Path
+) -> None:
+    data = loader.resolve(loader.load(scenario))
+    data["apad"]["start_m"] = [60, 60]
+    outside = tmp_path / "outside.yaml"
+    data["area"]["fence"] = [[50, 50], [70, 50], [70, 70], [50, 70]]
+    data["area"]["home_m"] = [60, 60]
+    loader.write_resolved(outside, loader.from_data(data, "outside"))
+    with apad(tmp_path, scenario, "a") as environment:
+        hands = musselbed(environment, tmp_path, "preflight", scenario, "--prove-docks")
+        assert hands.returncode == 2 and "--hands-clear" in hands.stderr
+        # The aPad lies in the pool, and the fence is elsewhere: nothing is tried.
+        done = musselbed(environment, tmp_path, "preflight", outside, "--prove-stop", "--json")
+        found = findings(done)
+        assert done.returncode == 3 and found["/apad1 fence"]["status"] == "FAIL"
+        assert found["/apad1 stop"]["found"].startswith("not tried")
+        for despite in ((), ("--despite", "fence")):
+            run = musselbed(environment, tmp_path, "run", outside, "--apad", "ros", "--out", "run", *despite)
+            assert (run.returncode == 2 and "m outside" in run.stderr) or "never overridden" in run.stderr
+        page = musselbed(environment, tmp_path, "preflight", outside)
+        assert "RED" in page.stdout and "cannot be overridden" in page.stdout
