@@ -10,10 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from agents.hosting.link_protocol import readable
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
-from apad_bridge.runs.children import Child
+from apad_bridge.runs.children import served_beside
 from apad_bridge.runs.exits import Exit, UserError
 
 LOOPBACK = "127.0.0.1"
@@ -79,20 +78,6 @@ def console_beside(directory: Path) -> Iterator[str]:
 
     It ends after its pages have the run's summary, or without that after `_LAST_PAGE_S`. UserError when it cannot start.
     """
-    if not directory.is_dir():
-        raise UserError(f"{directory} is no run: it does not exist")
-    child = Child(
-        "console",
-        "apad_bridge.commands.main",
-        ["console", str(directory), "--json"],
-        directory / "console.log",
-        {},
-    )
-    try:
-        line = child.lines.readline()
-        if not line:
-            raise UserError(f"the console does not start: {child.last_log_line()}")
+    arguments = ["console", str(directory), "--json"]
+    with served_beside("console", arguments, directory, _LAST_PAGE_S) as line:
         yield json.loads(line)["url"]
-        readable(child.lines.fileno(), _LAST_PAGE_S)
-    finally:
-        child.end(_LAST_PAGE_S)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -14,6 +14,7 @@ from typing import Any
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.check import broken_laws, exit_of_laws, print_laws
 from apad_bridge.commands.console import console_beside
+from apad_bridge.commands.imc import imc_beside
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.commands.run_checks import check_run
 from apad_bridge.records.event_kinds import EventKind
@@ -40,26 +41,52 @@ class Script:
     program: Program
 
 
+@dataclass(frozen=True, slots=True)
+class Live:
+    """What follows the run beside it, in processes of their own."""
+
+    console: bool = False
+    """A page for a browser."""
+    imc: tuple[str, ...] | None = None
+    """The arguments of a gateway to consoles that speak IMC; None for no gateway."""
+
+    def refuse_several(self, scenario: Scenario) -> None:
+        """UserError for a scenario of several aPads: a page and a gateway follow one each."""
+        names = [name for name, asked in (("console", self.console), ("imc", self.imc is not None)) if asked]
+        if names and scenario.apads:
+            raise UserError(
+                f"--{names[0]} shows one aPad, and the scenario names several: start `musselbed {names[0]} RUN/NAME` "
+                "beside the run"
+            )
+
+    def open(self, stack: ExitStack, directory: Path, tell: Callable[[str], None]) -> None:
+        """Starts it; `stack` ends it, and `tell` takes the lines for a person."""
+        if self.console:
+            tell(f"live page: {stack.enter_context(console_beside(directory))}")
+        if self.imc is not None:
+            tell(stack.enter_context(imc_beside(directory, self.imc)))
+
+
+NOTHING_LIVE = Live()
+
+
 def fly(
     options: RunOptions,
     scenario: Scenario,
     starts: Sequence[Start],
     out: Path | None,
     as_json: bool,
+    live: Live = NOTHING_LIVE,
     script: Script | None = None,
     *,
-    console: bool = False,
     check: bool = False,
 ) -> int:
     """Flies one aPad or several, and returns the exit code. UserError, or a line and its exit code, before anything starts.
 
-    A run of several aPads has a directory for each, below its own. With `console` a browser can show the run live. With
-    `check` the records are checked at the end, and a broken law decides the exit code.
+    A run of several aPads has a directory for each, below its own. `live` names the processes that follow the run.
+    With `check` the records are checked at the end, and a broken law decides the exit code.
     """
-    if console and scenario.apads:
-        raise UserError(
-            "--console shows one aPad, and the scenario names several: start `musselbed console RUN/NAME` beside the run"
-        )
+    live.refuse_several(scenario)
     with peers_may_fail():
         preflight = check_run(options, scenario, starts)
     all_members = members(scenario, starts)
@@ -81,8 +108,7 @@ def fly(
             progress = stack.enter_context(
                 FlightProgress(title, round(scenario.duration_s * 1000), quiet=as_json)
             )
-            if console:
-                progress.print_message(f"live page: {stack.enter_context(console_beside(whole.path))}")
+            live.open(stack, whole.path, progress.print_message)
             flown = _fly(options, scenario, all_members, whole, progress, script)
         if not flown.summaries:
             raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))

@@ -40,6 +40,7 @@ _COMMANDS = (
     "export",
     "report",
     "console",
+    "imc",
     "beliefs",
     "mu",
     "fit",

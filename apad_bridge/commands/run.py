@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.flight import fly
+from apad_bridge.commands.flight import Live, fly
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.imc import add_imc_argument, imc_arguments
 from apad_bridge.planning import registry
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.errors import ScenarioError
@@ -58,6 +59,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="at the end, check that the records obey the laws that hold in every run (musselbed check)",
     )
+    add_imc_argument(parser)
     parser.set_defaults(run=run, part=Part.WHOLE)
 
 
@@ -226,12 +228,5 @@ def namespace_of_shell() -> str:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
-    return fly(
-        options,
-        scenario,
-        starts,
-        arguments.out,
-        arguments.json,
-        console=arguments.console,
-        check=arguments.check,
-    )
+    live = Live(arguments.console, imc_arguments(arguments))
+    return fly(options, scenario, starts, arguments.out, arguments.json, live, check=arguments.check)

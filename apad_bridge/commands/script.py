@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("--no-fleet is for the aMussels on somebody's master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
     scenario, starts = run_command.read_scenario(arguments)
-    return fly(options, scenario, starts, arguments.out, arguments.json, Script(file, program))
+    return fly(options, scenario, starts, arguments.out, arguments.json, script=Script(file, program))
 
 
 def _scenario_of(file: Path) -> Path:

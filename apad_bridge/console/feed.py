@@ -6,12 +6,11 @@ The journal has all that the page needs, so a console takes nothing from the sup
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.analysis.replay.series import COLUMNS, MAX_SAMPLES, RunView, sample_times
-from apad_bridge.records.journal import JournalTail
+from apad_bridge.records.journal import JournalTail, await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
@@ -20,20 +19,17 @@ from apad_bridge.supervisor.control import listens
 _TICK_MS = 1000
 _MOST_SAMPLES = 2 * MAX_SAMPLES
 """With one more, every second sample is dropped, here and on each page."""
-_BEGINS_S = 30.0
-"""Wall seconds: agents, a master and an aPad start before the first line is written."""
-_LOOK_S = 0.1
 
 
 class Feed:
     """Follows one run. `poll` gives what is new for pages that are open, `page_data` all for one that opens now."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Waits up to `_BEGINS_S` for a run that is just starting.
+        """Waits for a run that is just starting.
 
         RunDirectoryError, one line, when the directory holds no run that can be shown.
         """
-        _await_beginning(RunDirectory(run_dir))
+        await_beginning(RunDirectory(run_dir))
         self._directory = RunDirectory.open(run_dir)
         try:
             scenario = load(self._directory.scenario)
@@ -85,14 +81,3 @@ class Feed:
             "ended_by": self._view.ended_by,
             "summary": summary,
         }
-
-
-def _await_beginning(directory: RunDirectory) -> None:
-    """Waits until the run of this directory has written the first line of its journal."""
-    deadline_s = time.monotonic() + _BEGINS_S
-    while directory.scenario.is_file() and not (
-        directory.journal.is_file() and directory.journal.stat().st_size
-    ):
-        if time.monotonic() > deadline_s:
-            raise RunDirectoryError(f"{directory.path}: no flight began within {_BEGINS_S:g} s")
-        time.sleep(_LOOK_S)

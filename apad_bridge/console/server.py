@@ -31,7 +31,6 @@ from starlette.routing import Route
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.console.feed import Feed
 from apad_bridge.supervisor import control
-from apad_bridge.vehicle.errors import PeerFailed
 
 _POLL_S = 0.25
 _BEAT_S = 1.0
@@ -179,7 +178,7 @@ class _Pages:
             asked = _ORDER.validate_json(await request.body())
         except ValidationError as error:
             return JSONResponse({"accepted": False, "message": error.errors()[0]["msg"]}, status_code=400)
-        answer = await asyncio.to_thread(_ask, self._run_dir, asked)
+        answer = await asyncio.to_thread(control.answer_of, self._run_dir, asked)
         return JSONResponse({"accepted": answer.accepted, "message": answer.message})
 
     async def icon(self, request: Request) -> Response:
@@ -197,12 +196,3 @@ class _Pages:
 def _cookie(request: Request) -> str:
     """A name for each port: browsers share cookies between the ports of a host, and each console has its own token."""
     return f"musselbed_console_{request.scope['server'][1]}"
-
-
-def _ask(run_dir: Path, asked: control.Request) -> control.Answer:
-    try:
-        return control.ask(run_dir, asked)
-    except control.NobodyListens:
-        return control.Answer(False, "no supervisor takes orders: the run has ended, or its supervisor died")
-    except PeerFailed as error:
-        return control.Answer(False, str(error))

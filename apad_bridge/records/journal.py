@@ -7,13 +7,14 @@ versions up to 0.1 were not sorted.)
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from apad_bridge.records.event_kinds import EventKind, fault_of, refuse_wrong
-from apad_bridge.records.line_file import Line, LineFile, decoded, numbered_lines, read_lines
-from apad_bridge.records.run_directory import RunDirectoryError
+from apad_bridge.records.line_file import Line, LineFile, LineTail, numbered_lines, read_lines
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
 __all__ = [
     "FORMAT_VERSION",
@@ -22,6 +23,7 @@ __all__ = [
     "JournalDamaged",
     "JournalTail",
     "Line",
+    "await_beginning",
     "format_of",
     "read_journal",
 ]
@@ -34,6 +36,9 @@ _RENAMED_IN_2 = {
     "primitive": {"slot": "dock"},
 }
 """The new names of keys of format 1, by kind of line."""
+_BEGINS_S = 30.0
+"""Wall seconds: agents, a master and an aPad start before the first line is written."""
+_LOOK_S = 0.1
 _QUIET_TICK = b',"kind":"tick"}\n'
 
 
@@ -115,22 +120,32 @@ class JournalTail:
 
     def __init__(self, path: Path) -> None:
         """OSError for no file."""
-        self._file = path.open("rb")
+        self._tail = LineTail(path)
         self._reader = _LineReader(path)
-        self._number = 0
-        self._torn = b""
 
     def read_new(self) -> JournalContents:
         """The new whole lines, as `read_journal` gives them. A line whose end is not written yet comes later."""
         self._reader.lines, self._reader.dropped = [], 0
-        *lines, self._torn = (self._torn + self._file.read()).split(b"\n")
-        for raw in lines:
-            self._number += 1
-            self._reader.take(self._number, decoded(raw + b"\n"))
+        for number, line in self._tail.read_new():
+            self._reader.take(number, line)
         return JournalContents(self._reader.lines, self._reader.dropped)
 
     def close(self) -> None:
-        self._file.close()
+        self._tail.close()
+
+
+def await_beginning(directory: RunDirectory) -> None:
+    """Waits until a run that is just starting has written the first line of its journal.
+
+    It returns at once for a directory without a scenario. RunDirectoryError after `_BEGINS_S`.
+    """
+    deadline_s = time.monotonic() + _BEGINS_S
+    while directory.scenario.is_file() and not (
+        directory.journal.is_file() and directory.journal.stat().st_size
+    ):
+        if time.monotonic() > deadline_s:
+            raise RunDirectoryError(f"{directory.path}: no flight began within {_BEGINS_S:g} s")
+        time.sleep(_LOOK_S)
 
 
 class _LineReader:

@@ -82,6 +82,26 @@ def numbered_lines(path: Path, newest_of: bytes = b"") -> Iterator[tuple[int, Li
         yield number, decoded(waiting)
 
 
+class LineTail:
+    """Reads a file that grows: each `read_new` gives the lines that were written since the last one, with their numbers."""
+
+    def __init__(self, path: Path) -> None:
+        """OSError for no file."""
+        self._file = path.open("rb")
+        self._number = 0
+        self._torn = b""
+
+    def read_new(self) -> Iterator[tuple[int, Line | None]]:
+        """The new whole lines; None for one that is no JSON object. A line whose end is not written yet comes later."""
+        *lines, self._torn = (self._torn + self._file.read()).split(b"\n")
+        for raw in lines:
+            self._number += 1
+            yield self._number, decoded(raw + b"\n")
+
+    def close(self) -> None:
+        self._file.close()
+
+
 def decoded(raw: bytes) -> Line | None:
     """The JSON object of one line with its end; None for anything else."""
     if not raw.endswith(b"\n"):

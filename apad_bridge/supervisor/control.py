@@ -172,6 +172,16 @@ def ask(run_dir: Path, request: Request) -> Answer:
         raise PeerFailed(f"the supervisor of {run_dir} does not answer: {error}") from error
 
 
+def answer_of(run_dir: Path, request: Request) -> Answer:
+    """Like `ask`, with a refusal in place of an error."""
+    try:
+        return ask(run_dir, request)
+    except NobodyListens:
+        return Answer(False, "no supervisor takes orders: the run has ended, or its supervisor died")
+    except PeerFailed as error:
+        return Answer(False, str(error))
+
+
 @contextmanager
 def _connected(run_dir: Path, timeout_s: float) -> Iterator[socket.socket]:
     """A link to the run's supervisor; NobodyListens without one."""

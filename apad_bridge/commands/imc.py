@@ -1,0 +1,199 @@
+"""`musselbed imc RUN`: a run that flies, on the map of a console that speaks IMC, such as Neptus."""
+
+from __future__ import annotations
+
+import argparse
+import ipaddress
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.help_text import ending
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs.children import served_beside
+from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
+
+LOOPBACK = "127.0.0.1"
+NEPTUS_PORT = 6001
+_LAST_PACKETS_S = 3.0
+_NO_AUTHENTICATION = (
+    "IMC has no authentication: whoever can send from a listed console's address can give its orders"
+)
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "imc",
+        help="show a run live on a console that speaks IMC (Neptus), and take its orders",
+        description="Sends the aPad and the aMussels to consoles that speak IMC: places, batteries, states, events; and "
+        "writes what is sent and received into an LSF log in the run's directory. A console that is listed with its IMC "
+        f"id may order go-to, station keeping, stop and abort. {_NO_AUTHENTICATION}. Ctrl-C ends this and not the run.",
+        epilog=ending(
+            "musselbed imc runs/pool-12-1",
+            "musselbed imc runs/pool-12-1 --neptus 0x4001@192.168.1.7:6001 --host 192.168.1.5",
+        ),
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    _add_gateway_arguments(parser, "")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print the address, the log and the end as JSON on stdout, a line each",
+    )
+    parser.set_defaults(run=run)
+
+
+def add_imc_argument(parser: argparse.ArgumentParser) -> None:
+    """The arguments by which `musselbed run` has a gateway beside it."""
+    group = parser.add_argument_group("IMC", "a console that speaks IMC, such as Neptus (docs/neptus.md)")
+    group.add_argument(
+        "--imc",
+        action="store_true",
+        help="show the run on such consoles; by default on one of this machine, which gives no orders",
+    )
+    _add_gateway_arguments(group, "imc-")
+
+
+def imc_arguments(arguments: argparse.Namespace) -> tuple[str, ...] | None:
+    """The arguments of `musselbed imc` for what `musselbed run` was asked; None where it was asked for no gateway.
+
+    UserError for a gateway that cannot be opened so.
+    """
+    if "imc" not in arguments:  # a part of the bench without a run of its own
+        return None
+    asked: list[str] = []
+    for console in arguments.neptus:
+        asked += ["--neptus", console]
+    if arguments.imc_host != LOOPBACK:
+        asked += ["--host", arguments.imc_host]
+    if arguments.imc_port is not None:
+        asked += ["--port", str(arguments.imc_port)]
+    if arguments.imc_multicast:
+        asked.append("--multicast")
+    if not arguments.imc:
+        if asked:
+            raise UserError("--neptus, --imc-host, --imc-port and --imc-multicast need --imc")
+        return None
+    _require_imcpy()
+    return tuple(asked)
+
+
+def _add_gateway_arguments(parser: Any, prefix: str) -> None:
+    parser.add_argument(
+        "--neptus",
+        action="append",
+        default=[],
+        metavar="[ID@]HOST:PORT",
+        help="a console; its orders count with its IMC id alone, as 0x4001@127.0.0.1:6001; may be said again "
+        f"(default: {LOOPBACK}:{NEPTUS_PORT}, which is shown the run)",
+    )
+    parser.add_argument(
+        f"--{prefix}host",
+        default=LOOPBACK,
+        metavar="ADDRESS",
+        help="the address of this machine's interface to the consoles (default: this machine alone)",
+    )
+    parser.add_argument(
+        f"--{prefix}port",
+        type=int,
+        metavar="N",
+        help="listen on this port (default: 6001 and the aPad's number); 0: a free one",
+    )
+    parser.add_argument(
+        f"--{prefix}multicast",
+        action="store_true",
+        help="announce to 224.0.75.69 too, and show the run to consoles that announce themselves there",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    _require_imcpy()
+    from apad_bridge.imc.gateway import Gateway, Settings, serve
+    from apad_bridge.imc.systems import apad_number
+    from apad_bridge.imc.wire import Console
+
+    try:
+        consoles = tuple(map(Console.parse, arguments.neptus or [f"{LOOPBACK}:{NEPTUS_PORT}"]))
+    except ValueError as error:
+        raise UserError(f"--neptus {error}") from error
+    host, port = _interface(arguments.host), arguments.port
+    if port is None:
+        port = NEPTUS_PORT + apad_number(_apad_name(arguments.directory))
+    if not 0 <= port < 65536:
+        raise UserError(f"--port is 0 to 65535, not {port}")
+
+    def tell(data: dict[str, Any], text: str) -> None:
+        print(json.dumps(data) if arguments.json else text, flush=True)
+
+    def listening(gateway: Gateway) -> None:
+        here, listens_on = gateway.address
+        log = gateway.log_folder
+        tell(
+            {"listens": f"{here}:{listens_on}", "log": str(log)},
+            f"IMC on {here}:{listens_on}, for {', '.join(map(_console_text, consoles))}; log: {log}",
+        )
+
+    try:
+        ended_by, dropped = serve(
+            arguments.directory,
+            Settings((host, port), consoles, arguments.multicast),
+            listening,
+            lambda text: print(f"musselbed imc: {text}", file=sys.stderr, flush=True),
+        )
+    except RunDirectoryError as error:
+        raise UserError(str(error)) from error
+    except OSError as error:
+        raise UserError(f"cannot listen on {host} port {port}: {error.strerror}") from error
+    for reason, count in sorted(dropped.items()):
+        print(f"musselbed imc: dropped {count} times: {reason}", file=sys.stderr, flush=True)
+    if ended_by is not None:
+        tell({"ended_by": ended_by}, f"the run has ended: {ended_by}")
+    return Exit.DONE
+
+
+@contextmanager
+def imc_beside(directory: Path, asked: tuple[str, ...]) -> Iterator[str]:
+    """A gateway of the run in a process of its own while this is entered; yields a line for people.
+
+    It ends by itself with the run. UserError when it cannot start.
+    """
+    with served_beside("imc", ["imc", str(directory), *asked], directory, _LAST_PACKETS_S) as line:
+        yield line.rstrip("\n")
+
+
+def _console_text(console: Any) -> str:
+    host, port = console.address
+    gives = "gives no orders" if console.imc_id is None else f"gives orders as {console.imc_id:#06x}"
+    return f"{host}:{port} ({gives})"
+
+
+def _interface(text: str) -> str:
+    """An address of one interface: it goes into the announcements, so that a console finds the way."""
+    try:
+        address = ipaddress.IPv4Address(text)
+    except ValueError as error:
+        raise UserError(f"--host {text}: it is the IPv4 address of one interface of this machine") from error
+    if address.is_unspecified or address.is_multicast:
+        raise UserError(
+            f"--host {text}: name the address of one interface, by which consoles reach this machine"
+        )
+    return text
+
+
+def _apad_name(directory: Path) -> str:
+    """The aPad of a run; an empty name where the directory holds no run, which is told later."""
+    try:
+        return load(RunDirectory(directory).scenario).apad.name
+    except (OSError, ScenarioError):
+        return ""
+
+
+def _require_imcpy() -> None:
+    if find_spec("imcpy") is None:
+        raise UserError("imcpy is not installed: run launch_scripts/install, or pip install 'musselbed[imc]'")

@@ -1,0 +1,300 @@
+"""Shows a run to consoles that speak IMC, such as Neptus, and takes their orders, until the run has ended.
+
+A process of its own, as the browser's console is: it reads the journal as it grows, and orders go through the socket in the
+run's directory. So a console takes no time from the supervisor, and is refused what any person is refused.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents.hosting.interrupts import received_by
+from apad_bridge.analysis.replay.history import Event
+from apad_bridge.imc import messages
+from apad_bridge.imc import protocol as imc
+from apad_bridge.imc.lsf_log import LsfLog
+from apad_bridge.imc.orders import Order, Orders, Unfit
+from apad_bridge.imc.picture import Picture
+from apad_bridge.imc.protocol import Message
+from apad_bridge.imc.systems import System, amussel_system, apad_system
+from apad_bridge.imc.wire import Address, Console, Received, Wire
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor import control
+
+HEARTBEAT_S = 1.0
+"""A console draws a system that was silent for 2 s as gone."""
+ANNOUNCE_S = 10.0
+_POLL_S = 0.2
+_MOST_ORDERS = 8
+"""Orders of which the supervisor's answer is awaited; more are refused."""
+_MOST_STRANGERS = 20
+_NEWEST_PACKETS = 64
+_SUMMARY_S = 10.0
+"""Wall seconds between the mission's end and its summary, after which the gateway ends without one."""
+_WARNINGS = frozenset(
+    {
+        EventKind.GIVEN_UP,
+        EventKind.LEFT_ALONE,
+        EventKind.STUCK,
+        EventKind.DIED,
+        EventKind.STANDS_DOWN,
+        EventKind.VEHICLE_SILENT,
+        EventKind.MASTER_GONE,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Where a gateway listens, and to whom it speaks."""
+
+    listen: Address
+    consoles: tuple[Console, ...]
+    multicast: bool = False
+    """Announce by multicast too, and show the run to consoles that announce themselves so. It gives nobody orders."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Answered:
+    order: Order
+    answer: control.Answer
+    console: Address
+
+
+class Gateway:
+    """One run's gateway, which listens from the beginning; the run may begin later."""
+
+    def __init__(
+        self, run_dir: Path, scenario: Scenario, settings: Settings, tell: Callable[[str], None]
+    ) -> None:
+        """`tell` takes lines for a person. OSError for an address that cannot be used."""
+        self._run_dir = run_dir
+        self._scenario = scenario
+        self._tell = tell
+        self._frame = LocalFrame.about(scenario.area.origin)
+        self._apad = apad_system(scenario.apad.name)
+        self._orders = Orders(self._frame, self._apad.name)
+        self._wire = Wire(settings.listen, settings.consoles, multicast=settings.multicast)
+        self._log = LsfLog(run_dir, time.time())
+        self._answers: queue.SimpleQueue[_Answered] = queue.SimpleQueue()
+        self._awaited = 0
+        self._plan_id = ""
+        self._takes_orders = False
+        self._strangers: set[tuple[int, str]] = set()
+        self._newest_orders: dict[bytes, None] = {}
+        """The newest orders' packets: UDP may deliver one twice."""
+
+    @property
+    def address(self) -> Address:
+        return self._wire.address
+
+    @property
+    def log_folder(self) -> Path:
+        return self._log.folder
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """The counts of what was dropped, by reason."""
+        return dict(self._wire.dropped)
+
+    def run(self, is_asked_to_end: Callable[[], bool]) -> str | None:
+        """Shows the run until it ends, and returns why; or None when `is_asked_to_end` says so before it.
+
+        RunDirectoryError for a run that does not begin, and for one that cannot be read.
+        """
+        try:
+            picture = Picture(self._run_dir, self._scenario)
+            try:
+                return self._show(picture, is_asked_to_end)
+            finally:
+                picture.close()
+        finally:
+            self._log.close()
+            self._wire.close()
+
+    def _show(self, picture: Picture, is_asked_to_end: Callable[[], bool]) -> str | None:
+        self._record([messages.logging_started(self._log.name), messages.entity_list()])
+        next_beat_s = next_announce_s = next_poll_s = 0.0
+        end_seen_s: float | None = None
+        while not is_asked_to_end():
+            now_s = time.monotonic()
+            if now_s >= next_poll_s:
+                next_poll_s = now_s + _POLL_S
+                self._show_events(picture.poll())
+                self._show_samples(picture)
+            if now_s >= next_beat_s:
+                next_beat_s = now_s + HEARTBEAT_S
+                self._takes_orders = control.listens(self._run_dir)
+                if now_s >= next_announce_s:
+                    next_announce_s = now_s + ANNOUNCE_S
+                    self._announce(picture)
+                self._beat(picture)
+                self._log.flush()
+            if picture.ended_by is not None:
+                end_seen_s = end_seen_s or now_s
+                if picture.has_summary or now_s > end_seen_s + _SUMMARY_S:
+                    self._beat(picture)
+                    return picture.ended_by
+            for received in self._wire.receive(_POLL_S / 2):
+                self._take(received)
+            self._give_answers()
+        return None
+
+    def _announce(self, picture: Picture) -> None:
+        services = self._wire.services
+        if (apad := picture.apad) is not None:
+            place = messages.place_rad(self._frame, apad.north_m, apad.east_m)
+            self._send(self._apad, [messages.announce(self._apad, place, services)], announces=True)
+        if len(picture.amussels) <= messages.MOST_ANNOUNCED:
+            for amussel in picture.amussels:
+                system = amussel_system(amussel.agent_id)
+                place = messages.place_rad(self._frame, amussel.north_m, amussel.east_m)
+                self._send(system, [messages.announce(system, place, services)], announces=True)
+
+    def _beat(self, picture: Picture) -> None:
+        """Everything that a console is to hear once a second."""
+        self._send(self._apad, self._of_apad(picture))
+        for amussel in picture.amussels:
+            if len(picture.amussels) <= messages.MOST_ANNOUNCED:
+                said = [imc.Heartbeat(), *messages.of_amussel(amussel, self._frame)]
+                self._send(amussel_system(amussel.agent_id), said)
+            else:
+                self._send(self._apad, messages.reported(amussel, self._frame))
+
+    def _of_apad(self, picture: Picture) -> Iterator[Message]:
+        takes_orders = self._takes_orders
+        yield imc.Heartbeat()
+        if picture.apad is not None:
+            yield from messages.of_apad(picture.apad, self._frame)
+        yield messages.vehicle_state(picture, takes_orders=takes_orders)
+        yield messages.plan_control_state(picture, self._plan_id, takes_orders=takes_orders)
+
+    def _show_events(self, events: Iterable[Event]) -> None:
+        for event in events:
+            is_warning = event.kind in _WARNINGS
+            entry = messages.log_book_entry(event.text, time.time(), is_warning=is_warning)
+            self._send(self._apad, [entry])
+
+    def _show_samples(self, picture: Picture) -> None:
+        newest = {line.get("id"): line for line in picture.new_samples()}
+        for agent_id, sample in newest.items():
+            if isinstance(agent_id, int):
+                self._send(amussel_system(agent_id), messages.of_sample(sample))
+
+    def _take(self, received: Received) -> None:
+        message = received.message
+        if isinstance(message, imc.Announce) and received.by_multicast:
+            self._wire.discover(message)
+        elif isinstance(message, imc.EntityList) and message.op == imc.EntityList.OperationEnum.QUERY:
+            if self._wire.why_not_obeyed(received, self._apad.imc_id) is None:
+                self._send_to(received.sender, messages.entity_list(), message.src)
+        elif _is_order(message):
+            self._take_order(received)
+
+    def _take_order(self, received: Received) -> None:
+        message, dropped = received.message, self._wire.dropped
+        if (why := self._wire.why_not_obeyed(received, self._apad.imc_id)) is not None:
+            dropped[why] += 1
+            stranger = (message.src, received.sender[0])
+            if stranger not in self._strangers and len(self._strangers) < _MOST_STRANGERS:
+                self._strangers.add(stranger)
+                self._tell(f"dropped {why}: {message.msg_name} of {message.src:#06x} at {received.sender[0]}")
+            return
+        packet = imc.packed(message)
+        if packet in self._newest_orders:
+            dropped["an order that came twice"] += 1
+            return
+        self._newest_orders[packet] = None
+        if len(self._newest_orders) > _NEWEST_PACKETS:
+            del self._newest_orders[next(iter(self._newest_orders))]
+        self._log.append(packet)
+        try:
+            order = self._orders.take(message, f"IMC {message.src:#06x}", time.time())
+        except (Unfit, ValueError) as unfit:
+            entry = messages.log_book_entry(
+                f"{message.msg_name} refused: {unfit}", time.time(), is_warning=True
+            )
+            self._send_to(received.sender, entry, message.src)
+            return
+        if isinstance(order, Order):
+            self._ask(order, received.sender)
+        elif order is not None:
+            self._send_to(received.sender, order, message.src)
+
+    def _ask(self, order: Order, console: Address) -> None:
+        """Has the supervisor answer in a thread of its own: a stop waits behind no go-to."""
+        if self._awaited >= _MOST_ORDERS:
+            refusal = control.Answer(False, "too many orders are awaiting their answer")
+            self._send_to(console, order.answer(refusal), order.asked.src)
+            return
+        self._awaited += 1
+
+        def ask() -> None:
+            answer = control.answer_of(self._run_dir, order.request)
+            self._answers.put(_Answered(order, answer, console))
+
+        threading.Thread(target=ask, name="imc order", daemon=True).start()
+
+    def _give_answers(self) -> None:
+        while not self._answers.empty():
+            answered = self._answers.get()
+            self._awaited -= 1
+            if answered.answer.accepted and answered.order.plan_id:
+                self._plan_id = answered.order.plan_id
+            asked = answered.order.asked
+            self._send_to(answered.console, answered.order.answer(answered.answer), asked.src)
+
+    def _send(self, source: System, said: Iterable[Message], *, announces: bool = False) -> None:
+        for message in said:
+            stamped = messages.stamped(message, source, time.time())
+            self._log.append(self._wire.send(stamped, announces=announces))
+
+    def _send_to(self, console: Address, message: Message, imc_id: int) -> None:
+        stamped = messages.stamped(message, self._apad, time.time(), imc_id)
+        self._log.append(self._wire.send_to(stamped, console))
+
+    def _record(self, said: Iterable[Message]) -> None:
+        """Writes messages into the log alone."""
+        for message in said:
+            self._log.append_message(messages.stamped(message, self._apad, time.time()))
+
+
+def serve(
+    run_dir: Path, settings: Settings, listening: Callable[[Gateway], None], tell: Callable[[str], None]
+) -> tuple[str | None, dict[str, int]]:
+    """Runs a gateway until its run has ended, or SIGINT or SIGTERM comes.
+
+    Returns why the run ended, None where it flies on, and the counts of what was dropped. `listening` is called once the
+    gateway listens. RunDirectoryError for no run; OSError for an address that cannot be used.
+    """
+    if not RunDirectory(run_dir).scenario.is_file():
+        raise RunDirectoryError(f"{run_dir}: no run: there is no scenario.yaml in it")
+    try:
+        scenario = load(RunDirectory(run_dir).scenario)
+    except ScenarioError as error:
+        raise RunDirectoryError(error.lines[0]) from error
+    asked_to_end = threading.Event()
+    with received_by(asked_to_end.set):
+        gateway = Gateway(run_dir, scenario, settings, tell)
+        listening(gateway)
+        return gateway.run(asked_to_end.is_set), gateway.dropped
+
+
+def _is_order(message: Message) -> bool:
+    match message:
+        case imc.Abort() | imc.Goto() | imc.StationKeeping():
+            return True
+        case imc.PlanControl() | imc.PlanDB():
+            return bool(message.type == type(message).TypeEnum.REQUEST)
+        case _:
+            return False

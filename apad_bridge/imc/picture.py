@@ -1,0 +1,228 @@
+"""What a console is to show of a run, read from its journal and from the samples that aMussels uploaded.
+
+Beliefs, not truths: a console on the water knows what the supervisor knows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from apad_bridge.analysis.replay.history import Event, History
+from apad_bridge.mission.state import Phase
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import JournalTail, Line, await_beginning
+from apad_bridge.records.line_file import LineTail
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.scenario.firmware_config import charge_models
+from apad_bridge.scenario.schema import Scenario
+from firmware_model.state_groups import BEYOND_HELP, STRANDED, UP_AND_UNDOCKED
+from firmware_model.states import State
+
+_NEWEST_MS = 5000
+"""The aPad's velocity comes from two positions that are at most so much mission time apart, and old."""
+
+
+@dataclass(frozen=True, slots=True)
+class APadView:
+    """Metres north and east of the scenario's origin, m/s, radians from north to east."""
+
+    north_m: float
+    east_m: float
+    heading_rad: float
+    velocity_m_s: tuple[float, float]
+    voltage_v: float | None
+    fraction: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class AMusselView:
+    agent_id: int
+    north_m: float
+    east_m: float
+    state: State
+    is_docked: bool
+    fraction: float
+    """Of the primary battery."""
+    spread: float | None
+    """The width of the belief's interval of 95 %; None where an estimator gives none."""
+
+    @property
+    def is_up(self) -> bool:
+        return self.is_docked or self.state in UP_AND_UNDOCKED
+
+    @property
+    def is_lost(self) -> bool:
+        return self.state in BEYOND_HELP
+
+    @property
+    def is_stranded(self) -> bool:
+        return self.state in STRANDED
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """A person's go-to or hold under way."""
+
+    is_go_to: bool
+    goal_m: tuple[float, float]
+    whole_m: float
+    """The straight way at its beginning; 0 for a hold."""
+
+
+class Picture:
+    """Follows one run: `poll` reads what is new, the properties are as of the newest line."""
+
+    def __init__(self, run_dir: Path, scenario: Scenario) -> None:
+        """Waits for a run that is just starting. RunDirectoryError, one line, for a directory that holds no run."""
+        directory = RunDirectory(run_dir)
+        await_beginning(directory)
+        self._directory = RunDirectory.open(run_dir)
+        self._journal = JournalTail(self._directory.journal)
+        begun = self._journal.read_new()
+        self._history = History(begun, scenario.theta, charge_models(scenario), scenario.apad.docks)
+        self._samples: LineTail | None = None
+        self._track: tuple[Line, ...] = ()
+        """The newest two lines of the aPad."""
+        self.manoeuvre: Manoeuvre | None = None
+        self.last_failed: bool | None = None
+        """How the last go-to of a person ended; None while there was none."""
+        self._told_events = 0
+        self._take(begun.lines)
+        self._history.advance(self._history.end_ms)
+        self._told_events = len(self._history.events)  # a console that comes later gets no old news
+
+    def poll(self) -> list[Event]:
+        """Reads what is new, and returns the new events for people."""
+        new = self._journal.read_new()
+        self._history.add(new)
+        self._take(new.lines)
+        self._history.advance(self._history.end_ms)
+        events = self._history.events[self._told_events :]
+        self._told_events += len(events)
+        return events
+
+    def new_samples(self) -> Iterator[Line]:
+        """The samples that were uploaded since the last call, as lines of samples.jsonl."""
+        if self._samples is None:
+            if not self._directory.samples.is_file():
+                return
+            self._samples = LineTail(self._directory.samples)
+        for _, line in self._samples.read_new():
+            if line is not None:
+                yield line
+
+    def close(self) -> None:
+        self._journal.close()
+        if self._samples is not None:
+            self._samples.close()
+
+    @property
+    def ended_by(self) -> str | None:
+        return self._history.ended_by
+
+    @property
+    def has_summary(self) -> bool:
+        return self._directory.summary.is_file()
+
+    @property
+    def phase(self) -> str:
+        return self._history.now.phase
+
+    @property
+    def primitive(self) -> str:
+        return self._history.now.primitive
+
+    @property
+    def is_by_hand(self) -> bool:
+        return self.phase == Phase.COMMANDED.value
+
+    @property
+    def apad(self) -> APadView | None:
+        line = self._history.now.apad
+        if line is None:
+            return None
+        return APadView(
+            line["north_m"],
+            line["east_m"],
+            line["heading_rad"],
+            self._velocity_m_s(),
+            line["voltage_v"],
+            line["battery"],
+        )
+
+    @property
+    def amussels(self) -> list[AMusselView]:
+        """Every aMussel that was heard, by id; one in a dock is where the aPad is."""
+        now = self._history.now
+        views = []
+        for agent_id, belief in sorted(now.beliefs.items()):
+            is_docked = agent_id in now.docks and now.apad is not None
+            place = now.apad if is_docked and now.apad is not None else belief
+            low, high = belief.get("low"), belief.get("high")
+            views.append(
+                AMusselView(
+                    agent_id,
+                    place["north_m"],
+                    place["east_m"],
+                    State[belief["state"]],
+                    is_docked,
+                    belief["charge"],
+                    None if low is None or high is None else high - low,
+                )
+            )
+        return views
+
+    @property
+    def progress(self) -> float | None:
+        """The part of the go-to's way that is behind the aPad, 0 to 1; None without a go-to."""
+        if self.manoeuvre is None or not self.manoeuvre.is_go_to or self.apad is None:
+            return None
+        left_m = math.dist((self.apad.north_m, self.apad.east_m), self.manoeuvre.goal_m)
+        return max(0.0, 1 - left_m / self.manoeuvre.whole_m) if self.manoeuvre.whole_m else 1.0
+
+    def _take(self, lines: list[Line]) -> None:
+        for line in lines:
+            match line["kind"], line:
+                case EventKind.APAD, _:
+                    self._track = (*self._track[-1:], line)
+                case EventKind.OPERATOR, {
+                    "order": "go to" | "hold" as order,
+                    "north_m": north,
+                    "east_m": east,
+                }:
+                    self._begin(order == "go to", (north, east))
+                case EventKind.OPERATOR, {"order": "stop" | "abort"}:
+                    self.manoeuvre = None
+                case EventKind.OVERRIDE, {"taken": False}:
+                    self.manoeuvre = None
+                case EventKind.PRIMITIVE, {"name": "go to point", "phase": "succeeded" | "failed" as phase}:
+                    self._end(line, has_failed=phase == "failed")
+
+    def _begin(self, is_go_to: bool, goal_m: tuple[float, float]) -> None:
+        here = self._track[-1] if self._track else None
+        whole_m = math.dist((here["north_m"], here["east_m"]), goal_m) if here and is_go_to else 0.0
+        self.manoeuvre = Manoeuvre(is_go_to, goal_m, whole_m)
+
+    def _end(self, line: Line, *, has_failed: bool) -> None:
+        manoeuvre = self.manoeuvre
+        if manoeuvre is None or not manoeuvre.is_go_to or "north_m" not in line:
+            return
+        if (
+            math.dist((line["north_m"], line["east_m"]), manoeuvre.goal_m) < 1e-3
+        ):  # not the one that it pre-empted
+            self.manoeuvre, self.last_failed = None, has_failed
+
+    def _velocity_m_s(self) -> tuple[float, float]:
+        if len(self._track) < 2:
+            return 0.0, 0.0
+        before, now = self._track
+        span_ms = now["t"] - before["t"]
+        if not 0 < span_ms <= _NEWEST_MS or self._history.end_ms - now["t"] > _NEWEST_MS:
+            return 0.0, 0.0
+        return (
+            1000 * (now["north_m"] - before["north_m"]) / span_ms,
+            1000 * (now["east_m"] - before["east_m"]) / span_ms,
+        )

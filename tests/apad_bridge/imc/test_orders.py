@@ -1,0 +1,169 @@
+"""A console's messages, packed by an independent codec, as orders; and the answers to them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import imcpy
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from imc_codec import Codec, inner, name_of
+
+from apad_bridge.imc.messages import stamped
+from apad_bridge.imc.orders import MOST_PLANS, Order, Orders, Unfit
+from apad_bridge.imc.systems import amussel_system, apad_system
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.supervisor.control import Act, Answer
+
+FRAME = LocalFrame(43.9330937, 15.4443468)
+NEPTUS, APAD = 0x4001, 0x2801
+START, STOP, LOAD, GET = range(4)
+SET, DEL, GET_PLAN, GET_INFO, CLEAR, GET_STATE = range(6)
+SUCCESS, FAILURE = 1, 2
+
+
+def radians_at(north_m: float, east_m: float) -> dict[str, float]:
+    latitude, longitude = FRAME.to_geographic(north_m, east_m)
+    return {"lat": math.radians(latitude), "lon": math.radians(longitude)}
+
+
+class Desk:
+    """Orders of one console, over the wire's bytes both ways."""
+
+    def __init__(self, codec: Codec) -> None:
+        self.codec = codec
+        self.orders = Orders(FRAME, "apad1")
+
+    def take(self, message: Any) -> Order | Any:
+        packet = self.codec.pack(message, NEPTUS, APAD)
+        taken = self.orders.take(imcpy.Packet.deserialize(packet), "IMC 0x4001", 1e9)
+        return taken if taken is None or isinstance(taken, Order) else self.read(taken)
+
+    def read(self, reply: Any) -> Any:
+        return self.codec.read(imcpy.Packet.serialize(stamped(reply, apad_system("apad1"), 1e9, NEPTUS)))
+
+    def plan(self, *manoeuvres: Any, name: str = "go") -> Any:
+        make = self.codec.make
+        listed = [make("PlanManeuver", maneuver_id=str(n), data=it) for n, it in enumerate(manoeuvres)]
+        return make("PlanSpecification", plan_id=name, start_man_id="0", maneuvers=listed)
+
+    def control(self, op: int, arg: Any = None, plan_id: str = "go") -> Order | Any:
+        return self.take(self.codec.make("PlanControl", op=op, arg=arg, plan_id=plan_id, request_id=77))
+
+    def store(self, op: int, arg: Any = None, plan_id: str = "go") -> Any:
+        return self.take(self.codec.make("PlanDB", op=op, arg=arg, plan_id=plan_id, request_id=78))
+
+
+@pytest.fixture
+def desk(codec: Codec) -> Desk:
+    return Desk(codec)
+
+
+@given(
+    north_m=st.floats(-5000, 5000),
+    east_m=st.floats(-5000, 5000),
+    speed_m_s=st.floats(0.0, 5.0, width=32),
+    is_in_a_plan=st.booleans(),
+)
+def test_a_goto_is_a_go_to_there_to_a_millimetre(
+    codec: Codec, north_m: float, east_m: float, speed_m_s: float, is_in_a_plan: bool
+) -> None:
+    desk = Desk(codec)
+    goto = codec.make("Goto", speed=speed_m_s, **radians_at(north_m, east_m))
+    taken = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
+    assert isinstance(taken, Order)
+    assert taken.request.act is Act.GO_TO and taken.request.by == "IMC 0x4001"
+    assert taken.request.goal_m == pytest.approx((north_m, east_m), abs=1e-3)
+    assert taken.request.speed_m_s == pytest.approx(speed_m_s)
+
+
+def test_a_plan_that_was_stored_is_started_by_its_name(desk: Desk) -> None:
+    station = desk.codec.make("StationKeeping", radius=5.0, speed=0.5, **radians_at(3.0, 4.0))
+    assert desk.control(START).type == FAILURE
+    stored = desk.store(SET, desk.plan(station))
+    assert (name_of(stored), stored.type, stored.op, stored.request_id) == ("PlanDB", SUCCESS, SET, 78)
+    taken = desk.control(START)
+    assert taken.request.act is Act.HOLD and taken.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
+    assert taken.plan_id == "go"
+    answered = desk.read(taken.answer(Answer(False, "refused: outside the fence")))
+    assert (answered.type, answered.op, answered.request_id) == (FAILURE, START, 77)
+    assert answered.info == "refused: outside the fence" and answered.plan_id == "go"
+
+    (listed,) = inner(inner(desk.store(GET_STATE), "arg"), "plans_info")
+    got = inner(desk.store(GET_PLAN), "arg")
+    assert (listed.plan_id, got.plan_id) == ("go", "go")
+    assert name_of(inner(inner(got, "maneuvers")[0], "data")) == "StationKeeping"
+    assert inner(desk.store(GET_INFO), "arg").md5 == listed.md5 and len(listed.md5) == 16
+    assert desk.store(DEL).type == SUCCESS and desk.store(DEL).type == FAILURE
+    assert inner(desk.store(GET_STATE), "arg").plan_count == 0
+
+
+def test_stop_abort_and_the_mission_itself(desk: Desk) -> None:
+    make = desk.codec.make
+    assert desk.control(STOP).request.act is Act.STOP
+    assert desk.take(make("Abort")).request.act is Act.ABORT
+    assert desk.control(START, plan_id="mission").request.act is Act.CONTINUE
+    told = desk.read(desk.take(make("Abort")).answer(Answer(False, "the mission is over: mission time")))
+    assert name_of(told) == "LogBookEntry" and "the mission is over" in told.text
+    assert desk.take(make("Heartbeat")) is None
+    assert desk.take(make("PlanControl", type=SUCCESS, op=STOP)) is None  # an answer, and no request
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "why"),
+    [
+        ("Goto", {"speed": 1000.0, "speed_units": 1}, "m/s alone"),
+        ("Goto", {"speed": 50.0, "speed_units": 2}, "m/s alone"),
+        ("StationKeeping", {"speed": 50.0, "speed_units": 2}, "m/s alone"),
+        ("Goto", {"speed": 0.5, "z": 2.0, "z_units": 1}, "stays at the surface"),
+        ("Goto", {"speed": math.nan}, "no number"),
+    ],
+)
+def test_what_the_apad_cannot_do_is_refused_with_the_reason(
+    desk: Desk, kind: str, fields: dict[str, float], why: str
+) -> None:
+    manoeuvre = desk.codec.make(kind, **radians_at(1.0, 1.0), **fields)
+    refused = desk.control(START, desk.plan(manoeuvre))
+    assert refused.type == FAILURE and why in refused.info
+    with pytest.raises(Unfit, match=why):
+        desk.take(manoeuvre)
+
+
+@pytest.mark.parametrize("place", [(43.9, 15.4), (math.nan, 0.2), (0.7, math.inf)])
+def test_degrees_and_what_is_no_number_are_refused(desk: Desk, place: tuple[float, float]) -> None:
+    goto = imcpy.Goto()  # the independent codec packs no such place
+    goto.lat, goto.lon = place
+    goto.speed = 0.5
+    with pytest.raises(Unfit, match="radians"):
+        desk.orders.take(goto, "IMC 0x4001", 1e9)
+
+
+def test_a_plan_of_no_or_several_manoeuvres_or_of_another_kind_is_refused(desk: Desk) -> None:
+    goto = desk.codec.make("Goto", speed=0.5, **radians_at(1.0, 1.0))
+    for plan in (desk.plan(), desk.plan(goto, goto), desk.plan(desk.codec.make("Heartbeat"))):
+        assert "one manoeuvre" in desk.control(START, plan).info
+        assert "one manoeuvre" in desk.control(LOAD, plan).info
+    assert "is no plan" in desk.control(START, desk.codec.make("Heartbeat")).info
+
+
+def test_the_store_of_plans_is_bounded(desk: Desk) -> None:
+    goto = desk.codec.make("Goto", speed=0.5, **radians_at(1.0, 1.0))
+    for n in range(MOST_PLANS):
+        assert desk.store(SET, desk.plan(goto, name=str(n))).type == SUCCESS
+    assert desk.store(SET, desk.plan(goto, name="one more")).type == FAILURE
+    assert desk.store(SET, desk.plan(goto, name="0")).type == SUCCESS  # in place of the old one
+    assert desk.store(SET, desk.plan(goto, name="mission")).type == FAILURE
+    assert desk.store(CLEAR).type == SUCCESS
+    assert desk.store(SET, desk.plan(goto, name="one more")).type == SUCCESS
+
+
+def test_ids_follow_the_addressing_scheme() -> None:
+    assert [apad_system(it).imc_id for it in ("apad1", "apad12", "boat", "/lab/apad2")] == [
+        0x2801,
+        0x280C,
+        0x2801,
+        0x2802,
+    ]
+    assert amussel_system(7).imc_id == 0x9007

@@ -1,0 +1,131 @@
+"""Whose orders count: those of a listed id, from its address, to the gateway's own socket, for the aPad."""
+
+from __future__ import annotations
+
+import random
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import imcpy
+import pytest
+from imc_codec import Codec
+
+from apad_bridge.imc.wire import ANNOUNCE_PORTS, GROUP, Console, Received, Wire
+
+NEPTUS, APAD = 0x4001, 0x2801
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def console() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.bind(("127.0.0.1", 0))
+        link.settimeout(PATIENCE_S)
+        yield link
+
+
+@pytest.fixture
+def wire(console: socket.socket) -> Iterator[Wire]:
+    opened = Wire(("127.0.0.1", 0), (Console(console.getsockname(), NEPTUS),), multicast=False)
+    yield opened
+    opened.close()
+
+
+def received(wire: Wire) -> list[Received]:
+    while not (found := list(wire.receive(PATIENCE_S))):
+        pass
+    return found
+
+
+@pytest.mark.parametrize(
+    ("src", "dst", "why"),
+    [
+        (NEPTUS, APAD, None),
+        (0x4002, APAD, "a console that is not listed"),
+        (NEPTUS, 0xFFFF, "not addressed to the aPad"),
+        (NEPTUS, 0x2802, "not addressed to the aPad"),
+    ],
+)
+def test_only_a_listed_console_gives_orders(
+    wire: Wire, console: socket.socket, codec: Codec, src: int, dst: int, why: str | None
+) -> None:
+    console.sendto(codec.pack(codec.make("Abort"), src, dst), wire.address)
+    (got,) = received(wire)
+    assert isinstance(got.message, imcpy.Abort)
+    found = wire.why_not_obeyed(got, APAD)
+    assert found is None if why is None else found is not None and why in found
+
+
+def test_a_listed_id_at_another_address_gives_no_orders(wire: Wire, codec: Codec) -> None:
+    message = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), NEPTUS, APAD))
+    got = Received(message, ("192.0.2.1", 6001), by_multicast=False)
+    assert "not listed" in str(wire.why_not_obeyed(got, APAD))
+
+
+def test_a_console_without_an_id_is_shown_the_run_and_gives_no_orders(
+    console: socket.socket, codec: Codec
+) -> None:
+    wire = Wire(("127.0.0.1", 0), (Console(console.getsockname()),), multicast=False)
+    wire.send(imcpy.Heartbeat())
+    assert isinstance(imcpy.Packet.deserialize(console.recv(1000)), imcpy.Heartbeat)
+    console.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), wire.address)
+    (got,) = received(wire)
+    assert wire.why_not_obeyed(got, APAD) is not None
+    wire.close()
+
+
+def test_what_is_no_imc_is_dropped_and_counted(wire: Wire, console: socket.socket, codec: Codec) -> None:
+    whole = codec.pack(codec.make("Announce", sys_name="x"), NEPTUS, APAD)
+    draw = random.Random(1)
+    torn = [whole[:n] for n in range(len(whole))]
+    damaged = [bytearray(whole) for _ in range(100)]
+    for packet in damaged:
+        packet[draw.randrange(len(packet))] ^= 1 << draw.randrange(8)
+    sent = [*torn, *map(bytes, damaged)]
+    for packet in sent:
+        console.sendto(packet, wire.address)
+    console.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), wire.address)
+    got: list[Received] = []
+    while not got:
+        got += received(wire)
+    assert [type(it.message) for it in got] == [imcpy.Abort]
+    assert wire.dropped == {"a datagram that is no IMC": len(sent)}
+
+
+def test_a_console_is_written_with_its_id_and_its_address() -> None:
+    assert Console.parse("0x4001@127.0.0.1:6001") == Console(("127.0.0.1", 6001), NEPTUS)
+    assert Console.parse("16385@127.0.0.1:6001").imc_id == NEPTUS
+    assert Console.parse("127.0.0.1:6001").imc_id is None
+
+
+@pytest.fixture
+def group_wire(console: socket.socket) -> Iterator[Wire]:
+    try:
+        opened = Wire(("127.0.0.1", 0), (Console(console.getsockname(), NEPTUS),), multicast=True)
+    except OSError as error:
+        pytest.skip(f"this machine has no multicast on its loopback: {error}")
+    yield opened
+    opened.close()
+
+
+def test_by_multicast_consoles_are_found_and_nobody_is_obeyed(
+    group_wire: Wire, console: socket.socket, codec: Codec, tmp_path: Path
+) -> None:
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with sender:
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+        sender.bind(("127.0.0.1", 0))
+        for port in ANNOUNCE_PORTS:
+            sender.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), (GROUP, port))
+        got = received(group_wire)[0]
+        assert got.by_multicast and group_wire.why_not_obeyed(got, APAD) == "an order by multicast"
+
+        service = "imc+udp://127.0.0.1:7001/;imc+tcp://127.0.0.1:7001/"
+        for system, kind in ((0x4002, 0), (0x2805, 3)):
+            announced = codec.make("Announce", sys_name="n", sys_type=kind, services=service)
+            group_wire.discover(imcpy.Packet.deserialize(codec.pack(announced, system, 0xFFFF)))
+        assert group_wire.destinations == [console.getsockname(), ("127.0.0.1", 7001)]
+        # Found, and yet not obeyed: it is not listed.
+        abort = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), 0x4002, APAD))
+        assert group_wire.why_not_obeyed(Received(abort, ("127.0.0.1", 7001), False), APAD) is not None

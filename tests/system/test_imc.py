@@ -1,0 +1,184 @@
+"""A run over ROS beside a console that is scripted with an independent IMC codec: it watches, and it orders."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from imc_codec import Codec, header_of, name_of
+
+from apad_bridge.records.journal import read_journal
+from apad_bridge.scenario.local_frame import LocalFrame
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 120.0
+NEPTUS, APAD = 0x4001, 0x2801
+FRAME = LocalFrame(43.9330937, 15.4443468)
+START, STOP = 0, 1
+READY, EXECUTING = 1, 3
+SUCCESS, FAILURE = 1, 2
+
+
+class Console:
+    """What a console hears, and its orders. `await_message` waits for one that was not heard before."""
+
+    def __init__(self, codec: Codec) -> None:
+        self.codec = codec
+        self.heard: list[Any] = []
+        self.gateway: tuple[str, int] | None = None
+        self._requests = 0
+        self.link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.link.bind(("127.0.0.1", 0))
+        self.link.settimeout(1.0)
+
+    def await_message(self, name: str, holds: Callable[[Any], bool] = lambda _: True) -> Any:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline_s:
+            try:
+                packet, self.gateway = self.link.recvfrom(65_535)
+            except TimeoutError:
+                continue
+            message = self.codec.read(packet)
+            self.heard.append(message)
+            if name_of(message) == name and holds(message):
+                return message
+        raise AssertionError(f"no such {name} came within {PATIENCE_S:g} s")
+
+    def order(self, message: Any, src: int = NEPTUS) -> None:
+        assert self.gateway is not None
+        self.link.sendto(self.codec.pack(message, src, APAD), self.gateway)
+
+    def start(self, north_m: float, east_m: float) -> Any:
+        """Starts a plan with one go-to; returns the answer."""
+        latitude, longitude = map(math.radians, FRAME.to_geographic(north_m, east_m))
+        make = self.codec.make
+        goto = make("Goto", lat=latitude, lon=longitude, speed=0.5)
+        plan = make(
+            "PlanSpecification",
+            plan_id="over there",
+            maneuvers=[make("PlanManeuver", maneuver_id="1", data=goto)],
+        )
+        return self.control(START, plan, "over there")
+
+    def control(self, op: int, arg: Any = None, plan_id: str = "") -> Any:
+        self._requests += 1
+        number = self._requests
+        self.order(self.codec.make("PlanControl", op=op, arg=arg, plan_id=plan_id, request_id=number))
+        return self.await_message("PlanControl", lambda it: it.request_id == number)
+
+
+def of_apad(message: Any) -> bool:
+    return bool(header_of(message).src == APAD)
+
+
+@pytest.fixture(scope="module")
+def codec(tmp_path_factory: pytest.TempPathFactory) -> Codec:
+    return Codec(tmp_path_factory.mktemp("imc"))
+
+
+@pytest.fixture
+def console(codec: Codec) -> Iterator[Console]:
+    opened = Console(codec)
+    yield opened
+    opened.link.close()
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path, console: Console) -> Iterator[Path]:
+    """Six aMussels in a fenced pool, flown over ROS ten times faster than real time, with a gateway beside the run."""
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data.update(name="imc", duration_s=20_000, theta=1)
+    data["fleet"].update(count=6, start={"charge": [0.9, 1.0]})
+    data["area"]["fence"] = [[-2, -2], [30, -2], [30, 23], [-2, 23]]
+    path, out = tmp_path / "imc.yaml", tmp_path / "run"
+    path.write_text(yaml.safe_dump(data))
+    host, port = console.link.getsockname()
+    process = subprocess.Popen(
+        [
+            *(*MUSSELBED, "run", path, "--speed", "10", "--out", out, "--json"),
+            *("--imc", "--imc-port", "0", "--neptus", f"{NEPTUS:#x}@{host}:{port}"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        env=os.environ,
+    )
+    yield out
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE_S)
+    assert process.returncode in (0, 130)
+
+
+def journalled(run_dir: Path, kind: str) -> list[dict[str, Any]]:
+    return [line for line in read_journal(run_dir / "journal.jsonl").lines if line["kind"] == kind]
+
+
+def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_and_aborts(
+    console: Console, run_dir: Path
+) -> None:
+    announced = console.await_message("Announce", of_apad)
+    assert (announced.sys_name, announced.sys_type) == ("apad1", 3)
+    console.await_message("PlanControlState", lambda it: it.state == EXECUTING and it.plan_id == "mission")
+    console.await_message("FuelLevel", lambda it: header_of(it).src == 0x9006)
+
+    # Outside the fence: refused with the reason, and the mission goes on as if nothing had been asked.
+    refused = console.start(40.0, 10.0)
+    assert refused.type == FAILURE and "fence" in refused.info
+    console.await_message("PlanControlState", lambda it: it.state == EXECUTING and it.plan_id == "mission")
+
+    # Of a console that is not listed: not even answered.
+    console.order(console.codec.make("Abort"), src=0x4002)
+
+    # Inside: the aPad goes there, and the console sees it under way and there.
+    assert console.start(5.0, 6.0).type == SUCCESS
+    console.await_message("PlanControlState", lambda it: it.state == EXECUTING and it.plan_id == "over there")
+    console.await_message(
+        "EstimatedState", lambda it: of_apad(it) and math.dist((it.x, it.y), (5.0, 6.0)) < 1.0
+    )
+    arrived = console.await_message("PlanControlState", lambda it: it.state == READY)
+    assert arrived.last_outcome == SUCCESS
+
+    # Stopped on the way, it stays; then it is sent elsewhere.
+    assert console.start(25.0, 18.0).type == SUCCESS
+    console.await_message("EstimatedState", lambda it: of_apad(it) and it.x > 7.0)
+    assert console.control(STOP).type == SUCCESS
+    console.await_message("PlanControlState", lambda it: it.state == READY)
+    latitude, longitude = map(math.radians, FRAME.to_geographic(10.0, 10.0))
+    console.order(console.codec.make("StationKeeping", lat=latitude, lon=longitude, radius=2.0))
+    console.await_message("LogBookEntry", lambda it: it.text == "hold: done")
+    console.await_message(
+        "EstimatedState", lambda it: of_apad(it) and math.dist((it.x, it.y), (10.0, 10.0)) < 1.0
+    )
+
+    console.order(console.codec.make("Abort"))
+    console.await_message(
+        "LogBookEntry", lambda it: it.text.startswith("the mission ended: a call: abort by IMC")
+    )
+    console.await_message("PlanControlState", lambda it: it.state == 0)
+    orders = [(it["order"], it["by"]) for it in journalled(run_dir, "operator")]
+    assert orders == [(it, "IMC 0x4001") for it in ("go to", "go to", "stop", "hold", "abort")]
+
+    assert [it["guard"] for it in journalled(run_dir, "refused")] == ["fence"]
+    # The mission lost the aPad to the first accepted order, and not before.
+    assert [it["t"] for it in journalled(run_dir, "override")] == [journalled(run_dir, "operator")[0]["t"]]
+
+    (log,) = run_dir.glob("imc/*/*/Data.lsf")
+    logged = console.codec.read_log(log.read_bytes())
+    assert {header_of(it).src for it in logged if name_of(it) == "Abort"} == {NEPTUS}
+    assert "not listed" in (run_dir / "imc.log").read_text()
+    assert json.loads((run_dir / "summary.json").read_text())["end_reason"] == "a call"
