@@ -16,6 +16,7 @@ from agents.water.sea import Sea
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
+from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig, gps_deviation_um
 from apad_bridge.assembly.water import current_config, waters_config
 from apad_bridge.beliefs.fleet import FleetBeliefs
@@ -212,4 +213,5 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
         registry.collection(scenario.mission.collection, scenario.mission.costs),
         registry.redeployment(scenario.mission.redeployment),
         state,
+        energy_model(scenario),
     )

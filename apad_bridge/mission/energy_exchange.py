@@ -7,7 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
@@ -31,6 +31,7 @@ from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.scenario.schema import Mission
@@ -71,8 +72,11 @@ class EnergyExchange(OrderBook):
         collection: CollectionStrategy,
         redeployment: RedeploymentStrategy,
         state: MissionState | None = None,
+        model: EnergyModel | None = None,
     ) -> None:
+        """`model` is for strategies that look ahead."""
         super().__init__(state or MissionState())
+        self._model = model
         self._config = config
         self._beliefs = beliefs
         self._collection = collection
@@ -210,7 +214,7 @@ class EnergyExchange(OrderBook):
 
     def _plan_collection(self, pool: list[Belief], batch: int, now_ms: int) -> bool:
         """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now."""
-        situation = self._situation(pool, {})
+        situation = self._situation(pool, {}, now_ms, self._others_than(pool))
         name = self._config.collection
         solution = plan_or_reason(
             name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT
@@ -284,7 +288,7 @@ class EnergyExchange(OrderBook):
             self._collect_if_due(beliefs, now_ms)
             return
         known = [beliefs[it] or placeholder_belief(it, self._here) for it in released]
-        situation = self._situation(known, docked)
+        situation = self._situation(known, docked, now_ms)
         name = self._config.redeployment
         solution = plan_or_reason(
             name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY
@@ -316,6 +320,7 @@ class EnergyExchange(OrderBook):
     def _finish_service(self, now_ms: int) -> None:
         """Ends a release. A try has helped when the aMussel leaves with a charge above the pool's threshold."""
         agent_id = self._step.agent_id
+        self.set(released=tuple(sorted({**dict(self.state.released), agent_id: now_ms}.items())))
         belief = self._beliefs.get(agent_id)
         if belief is None or self._pool.is_low(belief):
             self._count_failed_try(agent_id, "it left its dock with too little charge")
@@ -425,8 +430,19 @@ class EnergyExchange(OrderBook):
     def _step(self) -> Step:
         return self.state.plan.steps[0]
 
-    def _situation(self, beliefs: list[Belief], docks: dict[int, int]) -> Situation:
-        return situation_of(self.state, self._here, beliefs, docks)
+    def _situation(
+        self, beliefs: list[Belief], docks: dict[int, int], now_ms: int, others: Iterable[Belief] = ()
+    ) -> Situation:
+        return situation_of(self.state, self._here, beliefs, docks, now_ms, others, self._model)
+
+    def _others_than(self, pool: list[Belief]) -> list[Belief]:
+        """The beliefs about the rest of the fleet that may be served some time; the docked ones too."""
+        in_pool = {it.agent_id for it in pool}
+        return [
+            it
+            for it in self._beliefs.all()
+            if it.agent_id not in in_pool and it.agent_id not in self._left_alone
+        ]
 
     def _homes(self) -> dict[int, tuple[float, float]]:
         return {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self.state.homes}

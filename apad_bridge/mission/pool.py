@@ -12,6 +12,7 @@ from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.schema import Mission
 from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
@@ -104,24 +105,31 @@ def situation_of(
     place_m: tuple[float, float],
     beliefs: Iterable[Belief],
     docks: Mapping[int, int],
+    now_ms: int,
+    others: Iterable[Belief] = (),
+    model: EnergyModel | None = None,
 ) -> Situation:
     """The planner's input: `beliefs` as candidates with homes, and docked candidates with their dock of `docks`.
 
+    `others` are the rest of the fleet, as far as it can still be served.
     An aMussel without a known home is let go at the aPad's place.
     """
     homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
-    candidates = tuple(
-        Candidate(
-            it.agent_id,
-            it.north_m,
-            it.east_m,
-            it.primary,
-            it.secondary,
-            *homes.get(it.agent_id, place_m),
-            docks.get(it.agent_id),
+    released_ms = dict(state.released)
+    held = {agent_id: dock_index for dock_index, agent_id in state.docked}
+
+    def candidate(it: Belief, dock_index: int | None) -> Candidate:
+        home_m = homes.get(it.agent_id, place_m)
+        unserved_s = (now_ms - released_ms.get(it.agent_id, 0)) / 1000
+        return Candidate(
+            it.agent_id, it.north_m, it.east_m, it.primary, it.secondary, *home_m, dock_index, unserved_s
         )
-        for it in beliefs
+
+    taken = set(held.values())
+    return Situation(
+        *place_m,
+        tuple(candidate(it, docks.get(it.agent_id)) for it in beliefs),
+        tuple(dock_index for dock_index in range(state.dock_count) if dock_index not in taken),
+        tuple(candidate(it, held.get(it.agent_id)) for it in others if it.state not in BEYOND_HELP),
+        model,
     )
-    taken = {dock_index for dock_index, _ in state.docked}
-    free = tuple(dock_index for dock_index in range(state.dock_count) if dock_index not in taken)
-    return Situation(*place_m, candidates, free)

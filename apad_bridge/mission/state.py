@@ -80,6 +80,8 @@ class MissionState:
     """(agent, number of tries to serve it that failed since one last helped), by agent; only those above 0."""
     failed_undockings: tuple[tuple[int, int], ...] = ()
     """(agent, number of failed tries to open the dock that holds it), by agent; only those above 0."""
+    released: tuple[tuple[int, int], ...] = ()
+    """(agent, mission ms of its last release), by agent."""
     ended_by: MissionEnd | None = None
 
     def phase_text(self, *, place_is_known: bool) -> str:
@@ -123,6 +125,7 @@ class MissionState:
                 "failed_undockings": tuple(
                     (agent_id, tries) for agent_id, tries in data.get("failed_undockings", ())
                 ),
+                "released": tuple((agent_id, at_ms) for agent_id, at_ms in data.get("released", ())),
                 "docked": tuple((dock_index, agent_id) for dock_index, agent_id in data["docked"]),
                 "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
                 "ended_by": None if text is None else MissionEnd.restored(text, reason),

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isfinite
 
+from apad_bridge.planning.energy_model import EnergyModel
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -25,6 +27,8 @@ class Candidate:
     home_north_m: float
     home_east_m: float
     dock_index: int | None = None
+    unserved_s: float = 0.0
+    """The mission seconds since it was released last, or since the start."""
 
     def __post_init__(self) -> None:
         numbers = (
@@ -51,6 +55,9 @@ class Candidate:
 class Situation:
     """The input of one plan. The candidates of a collection are in the pool, those of a redeployment are docked.
 
+    `others` are the rest of the fleet: in the water above the pool's threshold, or docked (`dock_index` is known). `model`
+    is what a strategy that looks ahead may assume; None where nobody knows it, as in a script's plan.
+
     Raises ValueError if an agent or a dock is named twice.
     """
 
@@ -58,12 +65,15 @@ class Situation:
     apad_east_m: float
     candidates: tuple[Candidate, ...]
     free_docks: tuple[int, ...]
+    others: tuple[Candidate, ...] = ()
+    model: EnergyModel | None = None
 
     def __post_init__(self) -> None:
-        ids = [candidate.agent_id for candidate in self.candidates]
+        known = (*self.candidates, *self.others)
+        ids = [candidate.agent_id for candidate in known]
         if len(set(ids)) != len(ids):
             raise ValueError(f"an aMussel is a candidate twice: {sorted(ids)}")
-        taken = [candidate.dock_index for candidate in self.candidates if candidate.dock_index is not None]
+        taken = [candidate.dock_index for candidate in known if candidate.dock_index is not None]
         docks = [*self.free_docks, *taken]
         if len(set(docks)) != len(docks):
             raise ValueError(f"a dock is free and taken, or named twice: {sorted(docks)}")

@@ -15,6 +15,7 @@ from typing import Any, cast
 
 from apad_bridge.planning.blend import BestOfPool, Blend
 from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.charge_groups import ChargeGroups
 from apad_bridge.planning.costs import CostScales, Scales
 from apad_bridge.planning.earliest_deadline import EarliestDeadline
 from apad_bridge.planning.exact import Exact
@@ -22,9 +23,11 @@ from apad_bridge.planning.greedy import Greedy
 from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
 from apad_bridge.planning.nearest_job_next import NearestJobNext
 from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.shortest_order import ShortestOrder
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
+from apad_bridge.planning.triage import Triage
 
 GROUP = "musselbed.strategies"
 
@@ -37,8 +40,15 @@ _BUILT_IN: dict[str, Callable[[], Any]] = {
     "njnp": NearestJobNext,
     "none": NoCollection,
     "shortest-order": ShortestOrder,
+    "triage": Triage,
 }
-_SCALED: dict[str, Callable[[Scales], Any]] = {"blend": Blend, "exact": Exact}
+_SCALED: dict[str, Callable[[Scales], Any]] = {
+    "blend": Blend,
+    "charge-groups": ChargeGroups,
+    "exact": Exact,
+    "rollout": Rollout,
+    "rollout-fair": FairRollout,
+}
 """Built-in strategies that weigh distance and energy by the scenario's scale factors."""
 
 

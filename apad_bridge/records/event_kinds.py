@@ -178,6 +178,7 @@ _SNAPSHOT = _object(
     _optional(Field("dock_count", INTEGER, "")),
     _optional(Field("failed_tries", _list_of(_row(INTEGER, INTEGER)), "")),
     _optional(Field("failed_undockings", _list_of(_row(INTEGER, INTEGER)), "")),
+    _optional(Field("released", _list_of(_row(INTEGER, INTEGER)), "")),
     _optional(Field("attempts", INTEGER, "")),
     Field("ended_by", _or_null(TEXT), ""),
     Field("end_reason", _or_null(_values(EndReason)), "", optional=True),

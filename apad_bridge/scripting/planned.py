@@ -30,7 +30,9 @@ class Plan:
 def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, strategy: str | None) -> Plan:
     name = strategy or mission.config.collection
     collector = _strategy(registry.collection, name)
-    situation = situation_of(mission.state, _pose(mission), pool.candidates(mission.now_ms), {})
+    situation = situation_of(
+        mission.state, _pose(mission), pool.candidates(mission.now_ms), {}, mission.now_ms
+    )
     wanted = mission.config.batch if batch is None else batch
     if wanted < 1:
         raise Refused(f"a batch of {wanted}: 1 or more")
@@ -45,7 +47,7 @@ def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
     here = _pose(mission)
     docks = {agent: dock_index for dock_index, agent in mission.state.docked}
     beliefs = [mission.beliefs.get(agent) or placeholder_belief(agent, here) for agent in docks]
-    situation = situation_of(mission.state, here, beliefs, docks)
+    situation = situation_of(mission.state, here, beliefs, docks, mission.now_ms)
     return _planned(mission, "redeploy", name, lambda: redeployer.plan(situation), situation, StepKind.DEPLOY)
 
 

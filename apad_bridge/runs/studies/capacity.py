@@ -26,14 +26,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean
 
-from apad_bridge.assembly.estimator import schedules
+from apad_bridge.assembly.energy_model import drain_per_min_of
 from apad_bridge.scenario.firmware_config import board_config, spread_of, takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from firmware_model.config import BoardConfig
 from firmware_model.power.charge import FULL
-from firmware_model.power.rails import rails_of
-from firmware_model.states import State
 
 _MS_PER_MIN = 60_000
 
@@ -122,21 +119,9 @@ def rates_of(scenario: Scenario) -> list[Rates]:
         per_min = [(end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments]
         ends = [0.0, *(end for end, _ in per_min)]
         full_min = sum((end - low) / rate for (end, rate), low in zip(per_min, ends, strict=False))
-        drain = _drain_per_min(board, scenario.fleet.all_ids)
+        drain = drain_per_min_of(board, scenario.fleet.all_ids)
         found.append(Rates(start.primary, drain, max(rate for _, rate in per_min), full_min))
     return found
-
-
-def _drain_per_min(board: BoardConfig, all_ids: Sequence[int]) -> float:
-    """The mean drain of an aMussel at work, over its duty cycle."""
-    whole = board.whole
-    if whole is None:
-        return board.charge.discharge * _MS_PER_MIN / FULL
-    cycle = schedules(whole, all_ids, [board.agent_id])[board.agent_id].cycle
-    if cycle is not None:
-        return cycle.in_all * _MS_PER_MIN / cycle.period_ms
-    loads = whole.power.loads.total(rails_of(State.ACTIVE, whole.power.kept_on, True, 0))
-    return loads * _MS_PER_MIN / FULL
 
 
 def _docks_of(scenario: Scenario) -> int:

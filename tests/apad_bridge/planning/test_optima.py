@@ -6,9 +6,11 @@ from itertools import permutations
 from math import dist
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE
 
+from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.blend import BestOfPool, Blend
 from apad_bridge.planning.candidates import Candidate, Situation
@@ -21,7 +23,9 @@ from apad_bridge.planning.nearest_job_next import NearestJobNext
 from apad_bridge.planning.routes import MOST_AT_ONCE, cheapest_choice
 from apad_bridge.planning.shortest_order import ShortestOrder
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
+from apad_bridge.scenario.loader import load
 
+MODEL = energy_model(load(POOL_FILE))
 COLLECTIONS = [name for name in registry.known_names() if name != "greedy-redeploy"]
 metres, fractions = st.floats(-60, 60), st.floats(0, 1)
 
@@ -35,7 +39,7 @@ def pools(draw: st.DrawFn, most: int = 6) -> Situation:
         for north, east in [(draw(metres), draw(metres))]
     )
     free = draw(st.lists(st.integers(0, 5), unique=True))
-    return Situation(draw(metres), draw(metres), agents, tuple(free))
+    return Situation(draw(metres), draw(metres), agents, tuple(free), (), MODEL)
 
 
 scales = st.builds(CostScales, st.floats(0, 3), st.floats(0, 200))
@@ -47,6 +51,7 @@ def cost(solution: Solution, situation: Situation, by: CostScales) -> float:
     return by.distance_per_m * way_m - by.energy_per_charge * lacking
 
 
+@settings(deadline=None)
 @given(pools(), st.integers(1, 6), scales, st.sampled_from(COLLECTIONS))
 def test_no_strategy_is_cheaper_than_the_exact_optimum(
     situation: Situation, batch: int, by: CostScales, name: str

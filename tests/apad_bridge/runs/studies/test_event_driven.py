@@ -68,6 +68,13 @@ CASES: dict[str, dict[str, Any]] = {
         "fleet__start": {"charge": [0.3, 0.9]},
     },
     "batches with a partial charge": {"seed": 8, "mission__charge_to": 0.85, "duration_s": 1500.0},
+    "it looks ahead": {
+        "seed": 9,
+        "mission__dispatch": "asynchronous",
+        "mission__collection": "rollout-fair",
+        "mission__costs": {"distance_per_m": 1.0, "energy_per_charge": 100.0},
+        "duration_s": 900.0,
+    },
     "real time": {"seed": 6, "theta": 1, "duration_s": 1200.0, "fleet__start": {"charge": [0.7, 0.8]}},
     "nearly empty": {"seed": 8, "theta": 60, "duration_s": 900.0, "fleet__start": {"charge": [0.0, 0.2]}},
     "unlike aMussels": {

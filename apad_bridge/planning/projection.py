@@ -1,0 +1,185 @@
+"""The mission, carried forward from beliefs: how active the fleet is when a plan is flown, and how far the aPad drives.
+
+The projection follows the mission's rule of dispatch (`mission/dispatch.py`) and the energy model, leg by leg. It begins
+with the plan that is judged and goes on with a base policy: the next aMussel costs the way to it, less
+`gain_m_per_charge` times the charge that it lacks, and the least cost is next. Nothing is random, no docking misses, and
+the water stands still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot, inf
+
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.energy_model import EnergyModel
+
+_LEG_S = 2.5
+"""What a leg takes beside its way at full speed: to accelerate, to brake, and to be sure of the arrival."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A projection's result, over its horizon."""
+
+    active_s: tuple[float, ...]
+    """The active time of each aMussel: in the water, with charge. In the order of candidates, then of others."""
+    charges: tuple[float, ...]
+    """Their charges at the end."""
+    metres: float
+
+
+class Projection:
+    """Projects any number of plans from one situation; an aMussel is its index in candidates, then others."""
+
+    def __init__(
+        self, situation: Situation, model: EnergyModel, horizon_s: float, gain_m_per_charge: float
+    ) -> None:
+        self._agents = (*situation.candidates, *situation.others)
+        self._model = model
+        self._horizon_s = horizon_s
+        self._gain = gain_m_per_charge
+        self._apad_m = situation.apad_m
+        self._places = [agent.place_m if agent.dock_index is None else agent.home_m for agent in self._agents]
+
+    def of(self, plan: Sequence[int]) -> Outcome:
+        """Projects the collection of `plan` (indices, in order), and what follows."""
+        count = len(self._agents)
+        self._charge = [agent.charge for agent in self._agents]
+        self._since_s = [0.0] * count
+        self._active_s = [0.0] * count
+        self._docked = [index for index, agent in enumerate(self._agents) if agent.dock_index is not None]
+        self._now_s, self._metres = 0.0, 0.0
+        self._place_m = self._apad_m
+        for index in plan:
+            if self._now_s < self._horizon_s:
+                self._collect(index)
+        advance = self._advance_asynchronous if self._model.is_asynchronous else self._advance_batch
+        while self._now_s < self._horizon_s and advance():
+            pass
+        return self._outcome()
+
+    def _advance_batch(self) -> bool:
+        """Flies one release of all, or one collection of a batch; False if nothing more will happen."""
+        model = self._model
+        if self._docked:
+            self._now_s = max(self._now_s, *(self._reaches_s(index, model.full) for index in self._docked))
+            while self._docked and self._now_s < self._horizon_s:
+                self._release_nearest(self._docked)
+            return True
+        swimming = range(len(self._agents))
+        wanted = min(model.batch, len(swimming))
+        if not wanted:
+            return False
+        low_s = sorted(self._low_s(index) for index in swimming)
+        self._now_s = max(self._now_s, low_s[wanted - 1])
+        for _ in range(wanted):
+            pool = [index for index in swimming if index not in self._docked and self._is_low(index)]
+            if not pool or self._now_s >= self._horizon_s:
+                break
+            self._collect(self._next(pool))
+        return True
+
+    def _advance_asynchronous(self) -> bool:
+        """Flies one release or one collection, or waits for the next; False if nothing more will happen."""
+        model, now_s, docked = self._model, self._now_s, self._docked
+        full_s = [self._reaches_s(index, model.full) for index in docked]
+        done = [index for index, at_s in zip(docked, full_s, strict=True) if at_s <= now_s]
+        if done:
+            self._release_nearest(done)
+            return True
+        swimming = [index for index in range(len(self._agents)) if index not in docked]
+        pool = [index for index in swimming if self._is_low(index)]
+        is_free = len(docked) < model.docks
+        if pool and is_free:
+            self._collect(self._next(pool))
+            return True
+        events_s = list(full_s)
+        if pool:
+            room_s = [self._reaches_s(index, model.makes_room) for index in docked]
+            if min(room_s, default=inf) <= now_s:
+                self._release(max(zip(self._charges_now(docked), docked, strict=True))[1])
+                return True
+            events_s += room_s
+        else:
+            events_s += [self._low_s(index) for index in swimming]
+        self._now_s = min(events_s, default=inf)
+        return self._now_s < inf
+
+    def _next(self, pool: Sequence[int]) -> int:
+        """The base policy's choice."""
+        north_m, east_m = self._place_m
+        places, drain, now_s, gain = self._places, self._model.drain_per_s, self._now_s, self._gain
+        best, least = pool[0], inf
+        for index in pool:
+            place = places[index]
+            charge = max(0.0, self._charge[index] - drain * (now_s - self._since_s[index]))
+            cost = hypot(place[0] - north_m, place[1] - east_m) + gain * charge
+            if cost < least:
+                best, least = index, cost
+        return best
+
+    def _go_to(self, index: int) -> None:
+        place_m = self._places[index]
+        way_m = hypot(place_m[0] - self._place_m[0], place_m[1] - self._place_m[1])
+        self._metres += way_m
+        self._now_s += way_m / self._model.speed_m_s + _LEG_S
+        self._place_m = place_m
+
+    def _collect(self, index: int) -> None:
+        self._go_to(index)
+        self._now_s += self._model.dock_s
+        if self._now_s < self._horizon_s:
+            self._settle_active(index, self._now_s)
+            self._charge[index] = max(0.0, self._charge[index] - self._model.motor_run)
+            self._docked.append(index)
+
+    def _release(self, index: int) -> None:
+        self._go_to(index)
+        self._now_s += self._model.undock_s
+        if self._now_s < self._horizon_s:
+            self._docked.remove(index)
+            charge = self._model.charged(self._charge[index], self._now_s - self._since_s[index])
+            self._charge[index] = max(0.0, charge - self._model.motor_run)
+            self._since_s[index] = self._now_s
+
+    def _release_nearest(self, indices: Sequence[int]) -> None:
+        north_m, east_m = self._place_m
+        places = self._places
+        self._release(
+            min(indices, key=lambda it: (hypot(places[it][0] - north_m, places[it][1] - east_m), it))
+        )
+
+    def _is_low(self, index: int) -> bool:
+        return self._low_s(index) <= self._now_s
+
+    def _low_s(self, index: int) -> float:
+        """When an aMussel in the water falls to the pool's threshold."""
+        above = self._charge[index] - self._model.pool_threshold
+        return self._since_s[index] + max(0.0, above) / self._model.drain_per_s
+
+    def _reaches_s(self, index: int, charge: float) -> float:
+        return self._since_s[index] + self._model.charging_s(self._charge[index], charge)
+
+    def _charges_now(self, docked: Sequence[int]) -> list[float]:
+        return [
+            self._model.charged(self._charge[index], self._now_s - self._since_s[index]) for index in docked
+        ]
+
+    def _settle_active(self, index: int, now_s: float) -> None:
+        """Counts the active time of an aMussel in the water up to now, and lets its battery fall."""
+        drain = self._model.drain_per_s
+        active_s = min(now_s - self._since_s[index], self._charge[index] / drain)
+        self._active_s[index] += active_s
+        self._charge[index] = max(0.0, self._charge[index] - drain * active_s)
+        self._since_s[index] = now_s
+
+    def _outcome(self) -> Outcome:
+        end_s = self._horizon_s
+        for index in range(len(self._agents)):
+            if index not in self._docked:
+                self._settle_active(index, end_s)
+            elif self._since_s[index] < end_s:
+                self._charge[index] = self._model.charged(self._charge[index], end_s - self._since_s[index])
+        return Outcome(tuple(self._active_s), tuple(self._charge), self._metres)

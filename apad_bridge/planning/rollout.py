@@ -1,0 +1,111 @@
+"""Rollout over the energy model: judges plans by what follows from them, and takes the best one.
+
+Source: D. P. Bertsekas, J. N. Tsitsiklis, C. Wu, "Rollout Algorithms for Combinatorial Optimization", Journal of Heuristics
+3, 1997: each decision is tried, a base policy carries the mission on from there, and the decision with the best result is
+taken. The result is never worse than the base policy's by the same model.
+
+The plans that are tried are those of the base policy with several gains, and the best of them with one aMussel exchanged,
+as long as that helps. A plan's worth, in the unit of the scenario's `mission.costs`, is
+
+    energy_per_charge x (batteries spent at work + SALVAGE x batteries left at the end) - distance_per_m x metres
+
+over a horizon of one whole discharge, which is the same at any time of a mission: the strategy does not know when it ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import dist
+
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.costs import Scales
+from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.projection import Outcome, Projection
+from apad_bridge.planning.routes import cheapest_choice
+from apad_bridge.planning.solution import Solution, StepKind
+from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+
+SALVAGE = 0.75
+"""The share of a charge left at the horizon that is spent at work later."""
+HORIZON_DISCHARGES = 1.0
+"""The horizon, in times that a full battery lasts."""
+BASE_GAIN_M = 60.0
+"""The base policy goes so far for an aMussel that lacks a whole battery."""
+GAINS_M = (0.0, 30.0, 60.0, 120.0, 1e6)
+"""Gains of the plans that are tried first: the nearest, blends, and those most in need."""
+
+
+class Rollout:
+    """Raises ValueError for a situation without an energy model."""
+
+    plans = StepKind.COLLECT
+    unfairness = 0.0
+    """The worth of an aMussel's idle time falls with its square, so that nobody idles long; 0 counts idle time alike."""
+
+    def __init__(self, scales: Scales) -> None:
+        self._scales = scales
+
+    def plan(self, situation: Situation, batch: int) -> Solution:
+        model, count = situation.model, docks_to_fill(situation, batch)
+        if model is None:
+            raise ValueError("a rollout needs the mission's energy model, which a script's plan has not")
+        if not count:
+            return Solution(())
+        horizon_s = HORIZON_DISCHARGES / model.drain_per_s
+        projection = Projection(situation, model, horizon_s, BASE_GAIN_M)
+        worths: dict[tuple[int, ...], float] = {}
+
+        def worth(plan: tuple[int, ...]) -> float:
+            if plan not in worths:
+                worths[plan] = self._worth(projection.of(plan), model, horizon_s)
+            return worths[plan]
+
+        candidates = situation.candidates
+        starts = {_by_gain(situation, gain_m, count) for gain_m in GAINS_M}
+        starts |= {_shortest(situation, plan) for plan in starts}
+        best = max(sorted(starts), key=worth)
+        improved = True
+        while improved and count < len(candidates):
+            others = [index for index in range(len(candidates)) if index not in best]
+            exchanged = [
+                _shortest(situation, (*best[:place], other, *best[place + 1 :]))
+                for place in range(count)
+                for other in others
+            ]
+            better = max(exchanged, key=worth)
+            improved = worth(better) > worth(best) + 1e-9
+            best = better if improved else best
+        return collect_in_order([candidates[index] for index in best], situation)
+
+    def _worth(self, outcome: Outcome, model: EnergyModel, horizon_s: float) -> float:
+        at_work = model.drain_per_s * sum(outcome.active_s)
+        idle = sum((horizon_s - active_s) ** 2 for active_s in outcome.active_s) / horizon_s
+        batteries = at_work + SALVAGE * sum(outcome.charges) - self.unfairness * model.drain_per_s * idle
+        return self._scales.energy_per_charge * batteries - self._scales.distance_per_m * outcome.metres
+
+
+class FairRollout(Rollout):
+    """A rollout that spreads idle time over the fleet: it costs with its square."""
+
+    unfairness = 2.0
+
+
+def _by_gain(situation: Situation, gain_m: float, count: int) -> tuple[int, ...]:
+    """The plan of the base policy with another gain; of equal costs the first candidate."""
+    candidates, place_m = situation.candidates, situation.apad_m
+    plan: list[int] = []
+    for _ in range(count):
+        left = [index for index in range(len(candidates)) if index not in plan]
+        plan.append(
+            min(left, key=lambda it: dist(place_m, candidates[it].place_m) + gain_m * candidates[it].charge)
+        )
+        place_m = candidates[plan[-1]].place_m
+    return tuple(plan)
+
+
+def _shortest(situation: Situation, plan: Sequence[int]) -> tuple[int, ...]:
+    """The same aMussels along the shortest route."""
+    candidates = situation.candidates
+    chosen: list[Candidate] = [candidates[index] for index in plan]
+    route = cheapest_choice(situation.apad_m, chosen, len(chosen), per_m=1.0, per_charge=0.0)
+    return tuple(candidates.index(agent) for agent in route)

@@ -1,0 +1,69 @@
+"""Triage: in overload it serves those in whom a dock's time does most, above a floor that nobody falls through.
+
+In overload a rule of deadlines fails for all: each is served when it is empty already, where its battery charges slowest.
+Source: the refusal of requests under overload, S. Baruah and others, "On the Competitiveness of On-Line Real-Time Task
+Scheduling", Real-Time Systems 4, 1992.
+
+- Overload: the fleet is larger than what the docks sustain, D (1 + c / d), with the mean rate c of a charge from the
+  pool's threshold to full, and the drain d (docs/studies.md, "What nobody can exceed").
+- The floor: an aMussel that was not released for FLOOR_DISCHARGES times as long as a full battery lasts goes first, the
+  longest unserved before the others. Nobody who falls into the pool is passed over for longer.
+- The others follow by the charge given for each second of the aPad: the charge that one lacks, by the seconds to go
+  there, to dock it, to charge it and to release it.
+
+Without overload the plan is that of Cautious.
+"""
+
+from __future__ import annotations
+
+from math import dist
+
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.solution import Solution, StepKind
+from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+
+FLOOR_DISCHARGES = 4.0
+
+
+class Triage:
+    """Raises ValueError for a situation without an energy model."""
+
+    plans = StepKind.COLLECT
+
+    def plan(self, situation: Situation, batch: int) -> Solution:
+        model, count = situation.model, docks_to_fill(situation, batch)
+        if model is None:
+            raise ValueError("triage needs the mission's energy model, which a script's plan has not")
+        if not is_overloaded(len(situation.candidates) + len(situation.others), model):
+            return Cautious().plan(situation, batch)
+        floor_s = FLOOR_DISCHARGES / model.drain_per_s
+        left, chosen, place_m = list(situation.candidates), list[Candidate](), situation.apad_m
+        while len(chosen) < count:
+            agent = min(left, key=lambda it: _rank(it, place_m, model, floor_s))
+            left.remove(agent)
+            chosen.append(agent)
+            place_m = agent.place_m
+        return collect_in_order(chosen, situation)
+
+
+def is_overloaded(amussels: int, model: EnergyModel) -> bool:
+    """The docks cannot keep so many aMussels from ever being empty."""
+    per_s = (model.full - model.pool_threshold) / model.charging_s(model.pool_threshold, model.full)
+    return amussels > model.docks * (1 + per_s / model.drain_per_s)
+
+
+def _rank(
+    agent: Candidate, place_m: tuple[float, float], model: EnergyModel, floor_s: float
+) -> tuple[int, float, int]:
+    """The lowest is next."""
+    if agent.unserved_s > floor_s:
+        return 0, -agent.unserved_s, agent.agent_id
+    seconds = (
+        dist(place_m, agent.place_m) / model.speed_m_s
+        + model.dock_s
+        + model.charging_s(agent.charge, model.full)
+        + model.undock_s
+    )
+    return 1, -(model.full - agent.charge) / seconds, agent.agent_id

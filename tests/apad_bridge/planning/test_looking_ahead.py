@@ -1,0 +1,146 @@
+"""Strategies that look ahead: the energy model, the projection of a mission, rollouts, groups and triage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenario_files import POOL_FILE
+
+from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.planning import registry
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.costs import CostScales
+from apad_bridge.planning.projection import Projection
+from apad_bridge.planning.rollout import Rollout
+from apad_bridge.planning.solution import StepKind, check_solution
+from apad_bridge.planning.triage import FLOOR_DISCHARGES, Triage, is_overloaded
+from apad_bridge.scenario.loader import load
+from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
+
+POOL = load(POOL_FILE)
+MODEL = energy_model(POOL)
+PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
+LOOKING_AHEAD = ("rollout", "rollout-fair", "charge-groups", "triage")
+charges = st.floats(0, 1)
+metres = st.floats(-60, 60)
+
+
+def swimming(
+    agent_id: int, north_m: float, east_m: float, charge: float, unserved_s: float = 0.0
+) -> Candidate:
+    return Candidate(agent_id, north_m, east_m, charge, 1.0, north_m, east_m, unserved_s=unserved_s)
+
+
+@st.composite
+def fleets(draw: st.DrawFn) -> Situation:
+    """Candidates at or below the threshold, others above it and docked ones, and a model with either rule of dispatch."""
+    low = [
+        swimming(k, draw(metres), draw(metres), draw(st.floats(0, 0.8)))
+        for k in range(1, draw(st.integers(1, 9)))
+    ]
+    high = [swimming(k, draw(metres), draw(metres), draw(st.floats(0.81, 1))) for k in (21, 22)]
+    held = [replace(swimming(31, draw(metres), draw(metres), draw(charges)), dock_index=3)]
+    others = (*high, *(held if draw(st.booleans()) else ()))
+    free = (0, 1, 2) if len(others) == 3 else (0, 1, 2, 3)
+    model = replace(MODEL, is_asynchronous=draw(st.booleans()), motor_run=draw(st.sampled_from((0.0, 0.045))))
+    return Situation(draw(metres), draw(metres), tuple(low), free, others, model)
+
+
+@given(charges, st.integers(0, 40_000))
+def test_the_model_charges_as_the_paper_s_equation_does(charge: float, minutes: int) -> None:
+    battery = Battery(0, grains(charge), Flow.CHARGING)
+    after = PAPER.charge_at(battery, minutes * 60_000) / FULL
+    assert MODEL.charged(charge, minutes * 60 / POOL.theta) == pytest.approx(after, abs=1e-6)
+
+
+@given(charges, charges)
+def test_the_time_of_a_charge_is_the_inverse_of_the_charge_after_a_time(charge: float, to: float) -> None:
+    seconds = MODEL.charging_s(charge, to)
+    assert MODEL.charged(charge, seconds) == pytest.approx(max(charge, to), abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(fleets(), st.integers(1, 4), st.sampled_from(LOOKING_AHEAD))
+def test_every_plan_can_be_flown_and_fills_the_batch(situation: Situation, batch: int, name: str) -> None:
+    plan = registry.collection(name, CostScales(1.0, 100.0)).plan(situation, batch)
+    check_solution(plan, situation, StepKind.COLLECT)
+    assert len(plan.steps) == min(batch, len(situation.candidates), len(situation.free_docks))
+
+
+@settings(max_examples=60, deadline=None)
+@given(fleets(), st.floats(1, 4000))
+def test_a_projection_makes_no_energy_and_no_time(situation: Situation, horizon_s: float) -> None:
+    model = situation.model
+    assert model is not None
+    outcome = Projection(situation, model, horizon_s, 60.0).of(range(min(2, len(situation.candidates))))
+    agents = (*situation.candidates, *situation.others)
+    fastest = max(per_s for _, per_s in model.curve)
+    for agent, active_s, left in zip(agents, outcome.active_s, outcome.charges, strict=True):
+        assert 0 <= active_s <= horizon_s + 1e-6 and -1e-9 <= left <= 1 + 1e-9
+        gained = left + model.drain_per_s * active_s - agent.charge
+        assert gained <= fastest * (horizon_s - active_s) + 1e-6
+    assert 0 <= outcome.metres <= model.speed_m_s * horizon_s + 200  # the leg on which it ends counts whole
+
+
+def test_a_projection_of_nobody_low_lets_the_fleet_drain() -> None:
+    situation = Situation(0, 0, (), (0, 1, 2, 3), (swimming(1, 9, 9, 1.0), swimming(2, 5, 5, 0.9)), MODEL)
+    outcome = Projection(situation, MODEL, 100.0, 60.0).of(())
+    assert outcome.active_s == (100.0, 100.0) and outcome.metres == 0.0
+    assert outcome.charges == pytest.approx((1 - 100 * MODEL.drain_per_s, 0.9 - 100 * MODEL.drain_per_s))
+
+
+def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> None:
+    """By trying every order of every choice, with the same worth."""
+    agents = tuple(
+        swimming(k, north, east, charge)
+        for k, north, east, charge in ((1, 3, 20, 0.1), (2, 20, 2, 0.7), (3, 25, 18, 0.3), (4, 1, 1, 0.79))
+    )
+    situation = Situation(14, 10, agents, (0, 1), (), replace(MODEL, docks=2, batch=2))
+    rollout = Rollout(CostScales(1.0, 100.0))
+    horizon_s = 1 / MODEL.drain_per_s
+    projection = Projection(situation, situation.model or MODEL, horizon_s, 60.0)
+    worths = {
+        plan: rollout._worth(projection.of(plan), MODEL, horizon_s) for plan in permutations(range(4), 2)
+    }
+    chosen = [step.agent_id - 1 for step in rollout.plan(situation, 2).steps]
+    assert worths[(chosen[0], chosen[1])] == pytest.approx(max(worths.values()), rel=0.01)
+
+
+def test_charge_groups_do_not_let_the_nearly_full_wait_for_the_empty() -> None:
+    agents = [swimming(k, 10, 10 + k, 0.0 if k == 1 else 0.6) for k in range(1, 6)]
+    situation = Situation(10, 10, tuple(agents), (0, 1, 2, 3), (), MODEL)
+    plan = registry.collection("charge-groups", CostScales(0.0, 1.0)).plan(situation, 4)
+    assert sorted(step.agent_id for step in plan.steps) == [2, 3, 4, 5]
+
+
+def fleet_of(count: int, unserved_s: float = 0.0) -> Situation:
+    agents = [
+        swimming(k, 10, 10, 0.0 if k % 2 else 0.6, unserved_s if k == 1 else 0.0) for k in range(1, count + 1)
+    ]
+    return Situation(10, 10, tuple(agents), (0, 1, 2, 3), (), MODEL)
+
+
+def test_triage_is_cautious_without_overload_and_passes_the_empty_over_with_it() -> None:
+    assert not is_overloaded(12, MODEL) and is_overloaded(24, MODEL)
+    assert Triage().plan(fleet_of(12), 4) == Cautious().plan(fleet_of(12), 4)
+    assert all(step.agent_id % 2 == 0 for step in Triage().plan(fleet_of(24), 4).steps)
+
+
+def test_triage_passes_nobody_over_for_longer_than_its_floor() -> None:
+    floor_s = FLOOR_DISCHARGES / MODEL.drain_per_s
+    first = [
+        Triage().plan(fleet_of(24, unserved_s), 4).steps[0].agent_id
+        for unserved_s in (floor_s - 1, floor_s + 1)
+    ]
+    assert first == [2, 1]
+
+
+@pytest.mark.parametrize("name", LOOKING_AHEAD)
+def test_without_a_model_a_strategy_that_looks_ahead_says_so(name: str) -> None:
+    with pytest.raises(ValueError, match="energy model"):
+        registry.collection(name).plan(Situation(0, 0, (swimming(1, 0, 0, 0.5),), (0,)), 1)
