@@ -9,7 +9,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.replay.series import COLUMNS, MAX_SAMPLES, RunView, sample_times
+from apad_bridge.analysis.replay.series import (
+    COLUMNS,
+    MAX_PACKETS,
+    MAX_SAMPLES,
+    Counts,
+    RunView,
+    sample_times,
+)
 from apad_bridge.records.journal import JournalTail, await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
@@ -48,14 +55,20 @@ class Feed:
         self._view.add(self._journal.read_new())
         return {"sample": self._new_sample(), **self._state()}
 
-    def since(self, counts: tuple[int, int]) -> dict[str, Any]:
-        """The run's state at the last poll, for a page that has so much of the track and of the events."""
+    def since(self, counts: Counts) -> dict[str, Any]:
+        """The run's state at the last poll, for a page that has so much."""
         return {"sample": self._view.newest(counts), **self._state()}
 
     def page_data(self) -> dict[str, Any]:
         """The page's data so far. `live` tells the page to follow, and from where."""
         state = self._state()
-        live = {"counts": self._view.counts, "columns": COLUMNS, "most_samples": _MOST_SAMPLES, **state}
+        live = {
+            "counts": self._view.counts,
+            "columns": COLUMNS,
+            "most_samples": _MOST_SAMPLES,
+            "most_packets": MAX_PACKETS,
+            **state,
+        }
         return {**self._view.data(state["summary"]), "live": live}
 
     def close(self) -> None:

@@ -29,6 +29,7 @@ from starlette.responses import (
 from starlette.routing import Route
 
 from apad_bridge.analysis.replay.build import render
+from apad_bridge.analysis.replay.series import Counts
 from apad_bridge.console.feed import Feed
 from apad_bridge.supervisor import control
 
@@ -84,10 +85,10 @@ class Broadcast:
     async def page(self) -> str:
         """The page with the run so far."""
         async with self._lock:
-            return await asyncio.to_thread(lambda: render(self._feed.page_data()))
+            return await asyncio.to_thread(lambda: render([self._feed.page_data()]))
 
-    async def stream(self, counts: tuple[int, int]) -> AsyncIterator[bytes]:
-        """Yields what a page with so much of the track and of the events lacks, and then all that is new."""
+    async def stream(self, counts: Counts) -> AsyncIterator[bytes]:
+        """Yields what a page with so much lacks, and then all that is new."""
         queue: asyncio.Queue[bytes | None] = asyncio.Queue()
         async with self._lock:
             queue.put_nowait(_encoded(self._feed.since(counts)))
@@ -160,9 +161,10 @@ class _Pages:
         if not self._is_known(request):
             return _REFUSED
         try:
-            counts = int(request.query_params["trace"]), int(request.query_params["events"])
+            trace, events, plans, packets = map(int, request.query_params["counts"].split(","))
         except (KeyError, ValueError):
-            return PlainTextResponse("trace and events are numbers\n", status_code=400)
+            return PlainTextResponse("counts are four numbers\n", status_code=400)
+        counts = trace, events, plans, packets
         return StreamingResponse(
             self._broadcast.stream(counts),
             media_type="text/event-stream",

@@ -167,7 +167,7 @@ def test_without_its_token_a_console_shows_and_orders_nothing(run_dir: Path) -> 
             ("/", ""),
             ("/?token=guess", ""),
             ("/?token=%C3%BC", ""),
-            ("/live?trace=0&events=0", "guess"),
+            ("/live?counts=0,0,0,0", "guess"),
             ("/orders", ""),
         ):
             request = urllib.request.Request(base + path, headers={"Cookie": f"musselbed_console={cookie}"})

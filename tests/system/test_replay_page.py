@@ -90,14 +90,40 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         slots: tuple[int | None, ...] = (2, None, None, None) if now_s >= DOCKED_S else (None,) * 4
         if now_s == 10:
             steps = [{"agent": 2, "dock": 0}, {"agent": 3, "dock": 1}]
-            costs = dict.fromkeys(("distance_m", "demand", "distance_cost", "energy_cost"), 0.0)
+            costs = {"distance_m": 22.5, "demand": 0.9, "distance_cost": 22.5, "energy_cost": 0.9}
+            candidates = [{"id": n, "charge": n / 10, "north_m": 5.0, "east_m": 15.0} for n in (2, 3, 4)]
             recorder.event(
-                now_ms, "plan", what="collect", strategy="cautious", steps=steps, costs=costs, beliefs=[]
+                now_ms,
+                "plan",
+                what="collect",
+                strategy="cautious",
+                steps=steps,
+                costs=costs,
+                beliefs=candidates,
             )
             collect = Solution(tuple(Step(StepKind.COLLECT, it["agent"], it["dock"]) for it in steps))
             state = MissionState(Phase.GO_COLLECT, plan=collect, cost_m=7.5)
             recorder.event(now_ms, "mission", phase=state.phase.value, snapshot=state.to_json())
             recorder.event(now_ms, "primitive", name="go to point", phase="started", north_m=5.0, east_m=15.0)
+        if now_s in (20, 21):
+            heard = [(0, "received"), (4, "collided"), (1, "out_of_range")] if now_s == 20 else []
+            packet = {
+                "address": 255,
+                "what": "unicast",
+                "bytes": 45,
+                "lasted_ms": 868,
+                "timeslot": 0,
+                "data": "",
+            }
+            recorder.event(
+                now_ms,
+                "packet",
+                **{"from": 3 if now_s == 20 else 1},
+                began_ms=30 * (now_ms - 500),
+                unsent=None if now_s == 20 else "the modem is busy",
+                heard=[[listener, outcome, 20.0, 30 * now_ms, 5.0, 7.5] for listener, outcome in heard],
+                **packet,
+            )
         pose = PoseReported(now_ms, 14.0, 2.0 + min(now_s, DOCKED_S) / 10, 1.0)
         recorder.tick(
             now_ms, [estimate(now_ms)], pose, BatteryReported(now_ms, 15.0, 0.9), "go to point", slots
@@ -225,11 +251,101 @@ def test_a_marked_one_is_shown_with_its_estimate(page: Path, tmp_path: Path) -> 
     assert re.search(r'id="charge-now">mean 51\.\d %, least 0\.0 %<', unmarked)
 
 
+def test_a_plan_has_its_candidates_and_costs(page: Path, tmp_path: Path) -> None:
+    dom = browse(page, tmp_path / "a", "--dump-dom", at="#t=15&why=1")
+    rows = re.findall(r"<tr>((?:<td>[^<]*</td>)+)</tr>", dom)
+    assert [re.findall("<td>([^<]*)</td>", row) for row in rows] == [
+        ["2", "20.0 %", "5.0, 15.0", "1"],
+        ["3", "30.0 %", "5.0, 15.0", "2"],
+        ["4", "40.0 %", "5.0, 15.0", "not chosen"],
+    ]
+    assert "costs: distance m 22.50; demand 0.90; distance cost 22.50; energy cost 0.90" in dom
+    assert not re.findall("<td>", browse(page, tmp_path / "b", "--dump-dom", at="#t=15"))
+
+
+def test_packets_say_what_became_of_them_and_are_filtered_by_amussel(page: Path, tmp_path: Path) -> None:
+    told = [
+        "00:00:20 1 unicast not sent: the modem is busy",
+        "00:00:19 3 unicast received: aPad; collided: 4; out of range or too weak: 1",
+    ]
+    for at, wanted in (
+        ("#t=25", told),
+        ("#t=19.7", told[1:]),
+        ("#t=25&aMussel=4", told[1:]),
+        ("#t=25&aMussel=2", []),
+    ):
+        dom = browse(page, tmp_path / at[1:], "--dump-dom", at=at)
+        listed = re.search(r'<ol id="packets">(.*?)</ol>', dom, re.DOTALL)
+        assert listed
+        items = re.findall("<li[^>]*>(.*?)</li>", listed[1])
+        assert [re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", it)).strip() for it in items] == wanted
+
+
+def test_a_selected_one_shows_its_state_and_both_batteries(page: Path, tmp_path: Path) -> None:
+    dom = browse(page, tmp_path / "a", "--dump-dom", at="#t=100&aMussel=4")
+    assert 'id="one-now">4: active; primary 0.0 %, secondary 0.0 %<' in dom
+    assert re.search(r'id="one-card" hidden', browse(page, tmp_path / "b", "--dump-dom", at="#t=100"))
+
+
+def test_the_address_shows_the_same_moment_to_somebody_else(page: Path, tmp_path: Path) -> None:
+    """What clicks chose is in the address, and the address chooses it."""
+    press = """
+      document.querySelector("#agents [data-agent='3']").click();
+      document.getElementById("theme").click();
+      document.querySelector("#events button").click();
+      document.body.dataset.found=location.hash;
+    """
+    pressed = page.with_name("pressed.html")
+    pressed.write_text(page.read_text().replace("</body>", f"<script>{press}</script></body>"))
+    found = re.search(r'data-found="([^"]*)"', browse(pressed, tmp_path / "a", "--dump-dom", at="#t=5"))
+    assert found and found[1].replace("&amp;", "&") == "#t=10&aMussel=3&theme=contrast"
+    dom = browse(page, tmp_path / "b", "--dump-dom", at=found[1].replace("&amp;", "&"))
+    assert '<html lang="en" data-theme="contrast">' in dom
+    assert shown(dom)["mission-clock"] == "00:00:10" and 'id="one-now">3: active' in dom
+
+
+def test_high_contrast_is_7_to_1_or_more(page: Path, tmp_path: Path) -> None:
+    """WCAG 2.1, 1.4.6, of texts and of the colours that carry a meaning, against the card and the page."""
+    look = """
+      const of = ["ink", "soft", "accent", ...STATUSES.slice(0, 4), "received", "collided", "half-duplex", "missed", "bad"];
+      const light = (name) => {
+        const probe = document.createElement("i"); probe.style.color = colour(name); document.body.append(probe);
+        const parts = getComputedStyle(probe).color.match(/\\d+/g).map((it) => it / 255)
+          .map((it) => it <= 0.03928 ? it / 12.92 : ((it + 0.055) / 1.055) ** 2.4);
+        return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2];
+      };
+      const ratio = (a, b) => (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+      document.body.dataset.found = Math.min(...of.map((it) => ratio(light(it), light("card"))));
+    """.replace("\\\\", "\\")
+    looked = page.with_name("contrast.html")
+    looked.write_text(page.read_text().replace("</body>", f"<script>{look}</script></body>"))
+    found = re.search(
+        r'data-found="([^"]*)"', browse(looked, tmp_path / "a", "--dump-dom", at="#t=5&theme=contrast")
+    )
+    assert found and float(found[1]) >= 7
+
+
+def test_several_apads_have_one_page(page: Path, tmp_path: Path) -> None:
+    for name in ("apad1", "apad2"):
+        shutil.copytree(page.parent, tmp_path / "run" / name)
+    journal = tmp_path / "run" / "apad2" / "journal.jsonl"
+    journal.write_text(journal.read_text().replace('"strategy":"cautious"', '"strategy":"greedy"'))
+    several = build_replay(tmp_path / "run")
+    assert several == tmp_path / "run" / "replay.html"
+    for at, chosen, plan in (
+        ("#t=100", "apad1", "collect (cautious): 2 3"),
+        ("#t=100&aPad=apad2", "apad2", "collect (greedy): 2 3"),
+    ):
+        dom = browse(several, tmp_path / chosen, "--dump-dom", at=at)
+        assert shown(dom)["plan"] == plan
+        assert re.findall(r'<option value="(apad\d)"', dom) == ["apad1", "apad2"]
+
+
 def painted(page: Path, profile: Path, at: str) -> dict[str, Any]:
     """The colour that the map has left of the number of each aMussel, by id, and how many purple pixels there are."""
     look = """
       const map=document.getElementById("map"), ctx=map.getContext("2d");
-      const to=mapScale(data,map.clientWidth,map.clientHeight);
+      const to=mapScale(runs,map.clientWidth,map.clientHeight);
       const pixels=ctx.getImageData(0,0,map.width,map.height).data, found={purple:0};
       for (const [id,[n,e]] of Object.entries(data.homes))
         found[id]=[...ctx.getImageData(Math.round(to.x(e))-6,Math.round(to.y(n)),1,1).data].slice(0,3);

@@ -14,35 +14,47 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_atomically
 
+_SCRIPTS = ("plots.js", "map.js", "details.js", "page.js", "live.js")
+
 
 def build_replay(run_dir: Path) -> Path:
     """Writes the run's replay.html from its journal so far, and returns its path.
 
-    RunDirectoryError, one line, when the directory holds no run that can be shown.
+    A run of several aPads has one page with all of them, in the directory that holds theirs. RunDirectoryError, one line,
+    when the directory holds no run that can be shown.
     """
+    apads = sorted(it.parent for it in run_dir.glob("*/journal.jsonl"))
+    if apads and not (run_dir / "journal.jsonl").is_file():
+        page = RunDirectory(run_dir).replay
+        write_atomically(page, render([{**_data_of(it), "apad_name": it.name} for it in apads]))
+        return page
+    page = RunDirectory.open(run_dir).replay
+    write_atomically(page, render([_data_of(run_dir)]))
+    return page
+
+
+def _data_of(run_dir: Path) -> dict[str, Any]:
     directory = RunDirectory.open(run_dir)
     try:
         scenario = load(directory.scenario)
-        data = page_data(scenario, read_journal(directory.journal), _summary(directory))
+        return page_data(scenario, read_journal(directory.journal), _summary(directory))
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     except RunDirectoryError:
         raise
     except (KeyError, TypeError, ValueError) as error:
         raise RunDirectoryError(f"{directory.journal}: cannot be shown: {error}") from error
-    write_atomically(directory.replay, render(data))
-    return directory.replay
 
 
-def render(data: dict[str, Any]) -> str:
-    """The page, with styles, data and scripts in it."""
+def render(runs: list[dict[str, Any]]) -> str:
+    """The page, with styles, data and scripts in it; the runs are those of the aPads of one flight."""
     # "<" is escaped, so that no text of a scenario can end the script element that holds the data.
-    encoded = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    encoded = json.dumps(runs, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     parts = {
-        "TITLE": escape(f"{data['name']} - musselbed replay"),
+        "TITLE": escape(f"{runs[0]['name']} - musselbed replay"),
         "STYLE": _resource("page.css"),
         "DATA": encoded,
-        "SCRIPT": _resource("plots.js") + _resource("map.js") + _resource("page.js") + _resource("live.js"),
+        "SCRIPT": "".join(map(_resource, _SCRIPTS)),
     }
     page = _resource("page.html")
     for name, text in parts.items():

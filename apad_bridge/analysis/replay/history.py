@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from agents.mussel.outputs import Truth
+from agents.water.medium import Outcome
 from apad_bridge.analysis.replay.event_texts import event_text
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line
@@ -14,6 +15,8 @@ from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.supervisor.roster import Presence
 from firmware_model.power.charge import ChargeModel
+
+_TOO_FAR = frozenset(it.name.lower() for it in (Outcome.NOISE, Outcome.OUT_OF_RANGE))
 
 
 @dataclass(slots=True)
@@ -39,6 +42,23 @@ class RunState:
     phase: str = ""
     primitive: str = ""
     plan: PlanView | None = None
+
+
+class PacketView(NamedTuple):
+    """An acoustic packet: when it began in mission time, how long it was sent in agent time, and what became of it.
+
+    `heard` has (listener, outcome) for each listener that the sound reached; `far` counts those for which it was too weak
+    and those beyond its range.
+    """
+
+    at_ms: int
+    lasted_ms: int
+    sender: int
+    what: str
+    address: int | None
+    unsent: str | None
+    heard: tuple[tuple[int, str], ...]
+    far: int
 
 
 class Event(NamedTuple):
@@ -67,6 +87,10 @@ class History:
         """The aPad's track as (mission ms, north, east), one for each line of it that was taken."""
         self.events: list[Event] = []
         """The events that a person may look for, among the lines that were taken."""
+        self.plans: list[Line] = []
+        """The lines of all plans that were taken, with the reasons that they state."""
+        self.packets: list[PacketView] = []
+        """The acoustic packets among the lines that were taken."""
         self.ended_by: str | None = None
         self.add(journal)
         self.now = RunState(docks=(None,) * dock_count)
@@ -80,6 +104,7 @@ class History:
             EventKind.APAD: self._take_apad,
             EventKind.MISSION: self._take_mission,
             EventKind.PLAN: self._take_plan,
+            EventKind.PACKET: self._take_packet,
             EventKind.PRIMITIVE: self._take_primitive,
             EventKind.END: self._take_end,
         }
@@ -132,6 +157,23 @@ class History:
     def _take_plan(self, line: Line) -> None:
         steps = tuple((step["agent"], step["dock"]) for step in line["steps"])
         self.now.plan = PlanView(line["what"], line["strategy"], steps, len(steps))
+        self.plans.append(line)
+
+    def _take_packet(self, line: Line) -> None:
+        heard = [(listener, outcome) for listener, outcome, *_ in line["heard"]]
+        near = tuple((listener, outcome) for listener, outcome in heard if outcome not in _TOO_FAR)
+        self.packets.append(
+            PacketView(
+                line["began_ms"] // self._theta,
+                line["lasted_ms"],
+                line["from"],
+                line["what"],
+                line["address"],
+                line["unsent"],
+                near,
+                len(heard) - len(near),
+            )
+        )
 
     def _take_end(self, line: Line) -> None:
         self.ended_by = line["reason"]

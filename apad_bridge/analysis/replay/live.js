@@ -23,7 +23,9 @@ function takeSample(sample) {
     if (data.times_ms.length >= data.live.most_samples) thin();
     append(sample);
   }
-  data.trace.push(...sample.trace);
+  for (const name of ["trace", "plans", "packets"]) data[name].push(...sample[name]);
+  const surplus = data.packets.length - data.live.most_packets;
+  if (surplus > 0) { data.packets.splice(0, surplus); data.earlier_packets += surplus; }
   if (sample.events.length) {
     data.events.push(...sample.events);
     addEvents(sample.events);
@@ -88,7 +90,7 @@ function isSure(question) {
 }
 
 function connect() {
-  stream = new EventSource(`/live?trace=${counts[0]}&events=${counts[1]}`);
+  stream = new EventSource(`/live?counts=${counts.join()}`);
   stream.onmessage = (event) => take(JSON.parse(event.data));
   // Not the browser's own reconnection, which would ask again for what the page has by now.
   stream.onerror = () => {

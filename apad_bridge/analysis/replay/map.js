@@ -1,25 +1,69 @@
-// The map: local NED metres, north up, one scale both ways. `view` is the run at one time, from page.js.
+// The map: local NED metres, north up, one scale both ways. A `view` is a run at one time, from page.js.
 
 const RECENT_MS = 300000;
+const PACKET_MS = 10000;
+const FATES = { received: "received", collided: "collided", transmitting: "half-duplex" };
+const fateColour = (outcome) => PAINT[FATES[outcome] || "missed"];
 
-function drawMap(canvas, data, view, marked) {
+// Draws each run of a flight, the chosen one last.
+function drawMap(canvas, runs, views, marked, packets) {
   const { ctx, width, height } = fresh(canvas);
-  const toScreen = mapScale(data, width, height);
+  const toScreen = mapScale(runs, width, height);
   const at = ([north, east]) => [toScreen.x(east), toScreen.y(north)];
-  drawGrid(ctx, toScreen, width, height);
+  ctx.save();
   ctx.beginPath();
-  data.polygon.map(at).forEach(([x, y], i) => (i ? ctx.lineTo(x, y) : ctx.moveTo(x, y)));
-  ctx.closePath();
-  ctx.fillStyle = "#d9ecf766";
+  ctx.rect(0, 0, width, height);
+  ctx.clip();
+  drawGrid(ctx, toScreen, width, height);
+  const chosen = runs[runs.length - 1];
+  drawPlace(ctx, chosen, at);
+  runs.forEach((run, n) => drawRun(ctx, run, views[n], at, marked));
+  drawPackets(ctx, packets, views, at);
+  runs.forEach((run, n) => { if (views[n].apad) drawApad(ctx, at(views[n].apad.place), run, views[n], marked); });
+  drawScaleBar(ctx, toScreen.perMetre, width, height);
+  ctx.restore();
+}
+
+// The area, its shore and depths, and the fence with its keep-out zones.
+function drawPlace(ctx, data, at) {
+  const path = (points, closed) => {
+    ctx.beginPath();
+    points.map(at).forEach(([x, y], i) => (i ? ctx.lineTo(x, y) : ctx.moveTo(x, y)));
+    if (closed) ctx.closePath();
+  };
+  path(data.polygon, true);
+  ctx.fillStyle = PAINT.water;
   ctx.fill();
   ctx.lineWidth = 1.5;
-  ctx.strokeStyle = "#7fb2d3";
+  ctx.strokeStyle = PAINT.shore;
   ctx.stroke();
+  for (const { depth, points } of data.chart || []) {
+    path(points, false);
+    ctx.lineWidth = depth === null ? 2.5 : 1;
+    ctx.strokeStyle = depth === null ? PAINT.shore : PAINT.contour;
+    ctx.stroke();
+    if (depth === null) continue;
+    const [x, y] = at(points[Math.floor(points.length / 2)]);
+    ctx.fillStyle = PAINT.contour;
+    ctx.fillText(depth + " m", x + 3, y - 3);
+  }
+  ctx.setLineDash([8, 5]);
+  ctx.lineWidth = 1.5;
+  ctx.strokeStyle = PAINT.fence;
+  for (const zone of data.fence ? [data.fence, ...data.keep_out] : []) { path(zone, true); ctx.stroke(); }
+  ctx.setLineDash([]);
+  ctx.globalAlpha = 0.25;
+  ctx.fillStyle = PAINT.fence;
+  for (const zone of data.keep_out || []) { path(zone, true); ctx.fill(); }
+  ctx.globalAlpha = 1;
+}
+
+function drawRun(ctx, data, view, at, marked) {
   drawTrace(ctx, data.trace, view.nowMs, at);
   for (const agent of view.agents) {
     const home = data.homes[agent.id];
     if (!home) continue;
-    ctx.strokeStyle = "#9aa7b4";
+    ctx.strokeStyle = PAINT.home;
     ctx.lineWidth = 1;
     ctx.beginPath();
     ctx.arc(...at(home), 8, 0, 7);
@@ -30,15 +74,60 @@ function drawMap(canvas, data, view, marked) {
     if (agent.dock !== null || agent.place === null) continue;
     drawMussel(ctx, at(agent.place), 9, agent, marked);
   }
-  if (view.apad) drawApad(ctx, at(view.apad.place), data, view, marked);
-  drawScaleBar(ctx, toScreen.perMetre, width, height);
 }
 
-function mapScale(data, width, height) {
-  const points = [...data.polygon, ...Object.values(data.homes), ...data.trace.map(([, n, e]) => [n, e])];
-  const norths = points.map((p) => p[0]), easts = points.map((p) => p[1]);
-  const least = (list) => list.reduce((a, b) => Math.min(a, b)), most = (list) => list.reduce((a, b) => Math.max(a, b));
-  const [south, north, west, east] = [least(norths), most(norths), least(easts), most(easts)];
+// Each packet as lines from its sender to its listeners, in the colour of what became of it there; older ones fade.
+function drawPackets(ctx, packets, views, at) {
+  const places = new Map();
+  for (const view of views) {
+    if (view.apad) places.set(0, view.apad.place);
+    for (const agent of view.agents) if (agent.place) places.set(agent.id, agent.place);
+  }
+  for (const { packet: [, , sender, , , unsent, heard], age } of packets) {
+    if (unsent !== null || !places.has(sender)) continue;
+    ctx.globalAlpha = 1 - 0.8 * age;
+    for (const [listener, outcome] of heard) {
+      if (!places.has(listener)) continue;
+      const [from, to] = [at(places.get(sender)), at(places.get(listener))];
+      const missed = outcome !== "received";
+      ctx.setLineDash(missed ? [3, 4] : []);
+      ctx.lineWidth = missed ? 1.5 : 2.5;
+      stroke(ctx, fateColour(outcome), [from, to]);
+      ctx.setLineDash([]);
+      if (missed) drawCross(ctx, to, fateColour(outcome));
+    }
+    ctx.lineWidth = 2;
+    ctx.strokeStyle = PAINT.received;
+    ctx.beginPath();
+    ctx.arc(...at(places.get(sender)), 13 + 20 * age, 0, 7);
+    ctx.stroke();
+  }
+  ctx.globalAlpha = 1;
+}
+
+function drawCross(ctx, [x, y], style) {
+  ctx.lineWidth = 2.5;
+  stroke(ctx, style, [[x - 5, y - 16], [x + 5, y - 6]]);
+  stroke(ctx, style, [[x - 5, y - 6], [x + 5, y - 16]]);
+}
+
+// South, north, west and east of all that is drawn, computed anew when a track has grown.
+let bounds = { key: "" };
+function boundsOf(runs) {
+  const key = runs.map((it) => it.trace.length).join();
+  if (bounds.key === key) return bounds.of;
+  const of = [Infinity, -Infinity, Infinity, -Infinity];
+  const take = (n, e) => { of[0] = Math.min(of[0], n); of[1] = Math.max(of[1], n); of[2] = Math.min(of[2], e); of[3] = Math.max(of[3], e); };
+  for (const run of runs) {
+    for (const [n, e] of [...run.polygon, ...(run.fence || []), ...Object.values(run.homes)]) take(n, e);
+    for (const [, n, e] of run.trace) take(n, e);
+  }
+  bounds = { key, of };
+  return of;
+}
+
+function mapScale(runs, width, height) {
+  const [south, north, west, east] = boundsOf(runs);
   const perMetre = Math.min((width - 90) / Math.max(east - west, 1), (height - 70) / Math.max(north - south, 1));
   return {
     perMetre,
@@ -54,12 +143,12 @@ function drawGrid(ctx, toScreen, width, height) {
   ctx.fillStyle = SOFT;
   ctx.textBaseline = "middle";
   for (let e = Math.ceil(east0 / step) * step; toScreen.x(e) < width; e += step) {
-    stroke(ctx, "#eef1f4", [[toScreen.x(e), 0], [toScreen.x(e), height]]);
+    stroke(ctx, PAINT.grid, [[toScreen.x(e), 0], [toScreen.x(e), height]]);
     ctx.textAlign = "center";
     ctx.fillText(+e.toFixed(3), toScreen.x(e), height - 7);
   }
   for (let n = Math.ceil(north0 / step) * step; toScreen.y(n) > 0; n += step) {
-    stroke(ctx, "#eef1f4", [[0, toScreen.y(n)], [width, toScreen.y(n)]]);
+    stroke(ctx, PAINT.grid, [[0, toScreen.y(n)], [width, toScreen.y(n)]]);
     ctx.textAlign = "left";
     if (toScreen.y(n) < height - 18) ctx.fillText(+n.toFixed(3), 3, toScreen.y(n) - 7);
   }
@@ -71,19 +160,31 @@ function drawGrid(ctx, toScreen, width, height) {
 
 // The aPad's whole track so far, pale; its last five minutes, clear.
 function drawTrace(ctx, trace, nowMs, at) {
-  const so_far = trace.filter(([ms]) => ms <= nowMs);
-  const recent = so_far.filter(([ms]) => ms >= nowMs - RECENT_MS);
+  const end = firstAfter(trace, nowMs), recent = firstAfter(trace, nowMs - RECENT_MS);
+  ctx.globalAlpha = 0.15;
   ctx.lineWidth = 1.5;
-  stroke(ctx, "#1f4e7926", so_far.map(([, n, e]) => at([n, e])));
+  stroke(ctx, PAINT.track, trace.slice(0, end).map(([, n, e]) => at([n, e])));
+  ctx.globalAlpha = 0.7;
   ctx.lineWidth = 2;
-  stroke(ctx, "#1f4e79b0", recent.map(([, n, e]) => at([n, e])));
+  stroke(ctx, PAINT.track, trace.slice(recent, end).map(([, n, e]) => at([n, e])));
+  ctx.globalAlpha = 1;
+}
+
+// The index of the first row, by its time in the first column, that is later than a time.
+function firstAfter(rows, ms) {
+  let low = 0, high = rows.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (rows[middle][0] <= ms) low = middle + 1; else high = middle;
+  }
+  return low;
 }
 
 function drawWay(ctx, view, at) {
   if (!view.apad || view.way.length === 0) return;
   ctx.setLineDash([4, 5]);
   ctx.lineWidth = 1.5;
-  stroke(ctx, "#c77d0a", [view.apad.place, ...view.way].map(at));
+  stroke(ctx, PAINT.way, [view.apad.place, ...view.way].map(at));
   ctx.setLineDash([]);
 }
 
@@ -93,9 +194,9 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
   ctx.fillStyle = STATUS_COLOURS[agent.status];
   ctx.fill();
   ctx.lineWidth = marked === agent.id ? 3 : 1.5;
-  ctx.strokeStyle = marked === agent.id ? INK : "#fff";
+  ctx.strokeStyle = marked === agent.id ? INK : PAINT.card;
   ctx.stroke();
-  ctx.fillStyle = "#fff";
+  ctx.fillStyle = PAINT.card;
   ctx.font = "bold 10px system-ui, 'DejaVu Sans', sans-serif";
   ctx.textAlign = "center";
   ctx.textBaseline = "middle";
@@ -109,8 +210,8 @@ function drawApad(ctx, [x, y], data, view, marked) {
   ctx.save();
   ctx.translate(x, y);
   ctx.rotate(heading);
-  ctx.fillStyle = "#f2b53c";
-  ctx.strokeStyle = "#7a5200";
+  ctx.fillStyle = PAINT.hull;
+  ctx.strokeStyle = PAINT["hull-line"];
   ctx.lineWidth = 1.5;
   ctx.beginPath();
   ctx.moveTo(0, -22);
@@ -131,10 +232,10 @@ function drawApad(ctx, [x, y], data, view, marked) {
     if (agent) { drawMussel(ctx, place, 8, agent, marked); return; }
     ctx.beginPath();
     ctx.arc(...place, 5, 0, 7);
-    ctx.fillStyle = "#fff";
+    ctx.fillStyle = PAINT.card;
     ctx.fill();
     ctx.lineWidth = 1.5;
-    ctx.strokeStyle = "#7a5200";
+    ctx.strokeStyle = PAINT["hull-line"];
     ctx.stroke();
   });
 }

@@ -1,12 +1,14 @@
-// Shows the run at one mission time, which the scrubber, the play button and the address change: #t=SECONDS, or
-// #t=SECONDS&aMussel=ID, which also marks an aMussel as pointing at it does.
+// Shows a run at one mission time. The address holds what is shown: #t=SECONDS, and where chosen &aMussel=ID, &aPad=NAME,
+// &why=1 (the reasons of a plan) and &theme=contrast. So an address that is sent to somebody shows the same moment there.
 
-const data = JSON.parse(document.getElementById("data").textContent);
+const runs = JSON.parse(document.getElementById("data").textContent);
+let data = runs[0];
 const $ = (id) => document.getElementById(id);
-let endMs = data.times_ms[data.times_ms.length - 1];
 const MOST_EVENTS = 1000;
+const MOST_PACKETS = 40;
 const SPEEDS = [1, 5, 20, 60, 300, 1200, 7200, 43200];
-let nowMs = 0, playing = null, marked = null;
+let endMs = 0, nowMs = 0, playing = null, pointed = null, selected = null;
+const marked = () => (pointed === null ? selected : pointed);
 
 const percent = (value) => (100 * value).toFixed(1) + " %";
 
@@ -17,21 +19,21 @@ function clock(ms) {
 }
 
 // The last sample at or before a time, and the fraction of the way to the next sample.
-function sampleAt(ms) {
-  let low = 0, high = data.times_ms.length - 1;
+function sampleAt(ms, times) {
+  let low = 0, high = times.length - 1;
   while (low < high) {
     const middle = (low + high + 1) >> 1;
-    if (data.times_ms[middle] <= ms) low = middle; else high = middle - 1;
+    if (times[middle] <= ms) low = middle; else high = middle - 1;
   }
-  const next = Math.min(low + 1, data.times_ms.length - 1);
-  const span = data.times_ms[next] - data.times_ms[low];
-  return { i: low, next, share: span ? (ms - data.times_ms[low]) / span : 0 };
+  const next = Math.min(low + 1, times.length - 1);
+  const span = times[next] - times[low];
+  return { i: low, next, share: span ? Math.min(1, (ms - times[low]) / span) : 0 };
 }
 
 const between = (a, b, share) => (a === null || b === null ? a : a + (b - a) * share);
 
-function viewAt(ms) {
-  const { i, next, share } = sampleAt(ms);
+function viewAt(ms, data) {
+  const { i, next, share } = sampleAt(ms, data.times_ms);
   const docks = data.docks[i];
   const agents = data.agents.map((agent) => {
     const dock = docks.indexOf(agent.id);
@@ -40,6 +42,8 @@ function viewAt(ms) {
       status: agent.status[i],
       dock: dock < 0 ? null : dock,
       charge: agent.charge[i],
+      secondary: agent.secondary[i],
+      state: agent.state[i],
       believed: agent.believed && agent.believed[i],
       within: agent.low && agent.low[i] !== null ? [agent.low[i], agent.high[i]] : null,
       uptime: agent.uptime[i],
@@ -49,22 +53,23 @@ function viewAt(ms) {
   const [a, b] = [data.apad[i], data.apad[next]];
   const apad = a && { place: [between(a[0], b[0], share), between(a[1], b[1], share)], heading: a[2], battery: a[3] };
   const stage = data.stages[data.stage[i]];
-  return { i, nowMs: ms, agents, apad, docks, stage, way: wayOf(stage, agents), active: data.active[i], cost: data.cost[i] };
+  return { i, nowMs: ms, agents, apad, docks, stage, way: wayOf(stage, agents, data.homes), active: data.active[i], cost: data.cost[i] };
 }
 
 // The places of the plan's unfinished steps.
-function wayOf({ phase, plan }, agents) {
+function wayOf({ phase, plan }, agents, homes) {
   if (!plan || phase === "ended") return [];
   const places = plan.steps.slice(plan.done).map(([id]) => {
     const agent = agents.find((it) => it.id === id);
-    return plan.what === "collect" ? agent && agent.dock === null && agent.place : data.homes[id];
+    return plan.what === "collect" ? agent && agent.dock === null && agent.place : homes[id];
   });
   return places.filter(Boolean);
 }
 
 function show(ms) {
   nowMs = Math.max(0, Math.min(endMs, ms));
-  const view = viewAt(nowMs);
+  const others = runs.filter((it) => it !== data);
+  const view = viewAt(nowMs, data), views = [...others.map((it) => viewAt(nowMs, it)), view];
   $("scrub").value = nowMs / 1000;
   $("mission-clock").textContent = clock(nowMs);
   $("agent-clock").textContent = clock(nowMs * data.theta);
@@ -72,8 +77,12 @@ function show(ms) {
   showWords(view);
   showAgents(view);
   showEventNow();
-  drawMap($("map"), data, view, marked);
+  showWhy();
+  const packets = packetsAround();
+  showPackets(packets);
+  drawMap($("map"), [...others, data], views, marked(), packets);
   drawPlots(view);
+  showSelected(view);
 }
 
 function showWords({ stage, docks, agents, active, cost, apad }) {
@@ -83,7 +92,7 @@ function showWords({ stage, docks, agents, active, cost, apad }) {
   $("plan").replaceChildren(...planWords(stage.plan));
   const charges = agents.map((it) => it.charge).filter((it) => it !== null);
   const mean = (list) => list.reduce((a, b) => a + b, 0) / list.length;
-  const one = agents.find((it) => it.id === marked);
+  const one = agents.find((it) => it.id === marked());
   $("charge-now").textContent = one ? chargeWords(one) : charges.length ? `mean ${percent(mean(charges))}, least ${percent(Math.min(...charges))}` : "unknown";
   $("uptime-now").textContent = data.has_truth ? `mean ${mean(agents.map((it) => it.uptime)).toFixed(1)} %` : "no truth was recorded";
   $("active-now").textContent = data.has_truth ? `${active} of ${agents.length}` : "no truth was recorded";
@@ -113,28 +122,32 @@ function planWords(plan) {
 function showAgents({ agents }) {
   agents.forEach((agent, n) => {
     const item = $("agents").children[n];
-    item.dataset.status = STATUSES[agent.status];
-    item.lastChild.textContent = agent.charge === null ? "?" : (100 * agent.charge).toFixed(0) + " %";
-    item.classList.toggle("marked", marked === agent.id);
+    const words = agent.charge === null ? "?" : (100 * agent.charge).toFixed(0) + " %";
+    if (item.dataset.status !== STATUSES[agent.status]) item.dataset.status = STATUSES[agent.status];
+    if (item.lastChild.textContent !== words) item.lastChild.textContent = words;
+    item.classList.toggle("marked", marked() === agent.id);
+    item.classList.toggle("selected", selected === agent.id);
   });
 }
 
 function drawPlots(view) {
-  const times = data.times_ms;
-  const ofAgent = (agent, n) => ({ values: agent.charge, colour: STATUS_COLOURS[view.agents[n].status], width: marked === agent.id ? 2.2 : marked === null ? 1.2 : 0.5 });
-  const bands = data.agents.filter((it) => it.low).map((it) => ({
-    low: it.low, high: it.high, colour: marked === it.id ? ACCENT : STATUS_COLOURS[view.agents[data.agents.indexOf(it)].status],
-    alpha: marked === it.id ? 0.35 : marked === null ? 0.18 : 0.05,
-  }));
-  const chosen = data.agents.find((it) => it.id === marked);
-  const estimates = chosen && chosen.believed ? [{ values: chosen.believed, colour: INK, width: 1.2, dash: [4, 3] }] : [];
+  const times = data.times_ms, one = marked(), last = times.length - 1;
+  const colourOf = (n) => STATUS_COLOURS[view.agents[n].status];
   const asPercent = (value) => Math.round(100 * value) + " %";
-  drawLines($("charge"), times, nowMs, [...bands, ...data.agents.map(ofAgent), ...estimates], { min: 0, max: 1, format: asPercent, threshold: data.pool_threshold });
-  const last = data.times_ms.length - 1;
-  drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[last], colour: STATUS_COLOURS[view.agents[n].status] })), marked);
-  drawLines($("active"), times, nowMs, data.has_truth ? [{ values: data.active, colour: colour("above"), width: 1.8, step: true }] : [], { min: 0, max: Math.max(1, data.agents.length), format: (value) => value });
-  drawLines($("cost"), times, nowMs, [{ values: data.cost, colour: ACCENT, width: 1.8, step: true }], { min: 0, max: Math.max(1, data.cost[last]), format: (value) => value });
-  drawLines($("apad"), times, nowMs, [{ values: data.apad.map((it) => it && it[3]), colour: "#c77d0a", width: 1.8 }], { min: 0, max: 1, format: asPercent });
+  const charges = () => {
+    const bands = data.agents.map((it, n) => ({ low: it.low, high: it.high, colour: one === it.id ? ACCENT : colourOf(n), alpha: one === it.id ? 0.35 : one === null ? 0.18 : 0.05 }));
+    const lines = data.agents.map((it, n) => ({ values: it.charge, colour: colourOf(n), width: one === it.id ? 2.2 : one === null ? 1.2 : 0.5 }));
+    const chosen = data.agents.find((it) => it.id === one);
+    const estimates = chosen && chosen.believed ? [{ values: chosen.believed, colour: INK, width: 1.2, dash: [4, 3] }] : [];
+    return [...bands.filter((it) => it.low), ...lines, ...estimates];
+  };
+  const statuses = view.agents.map((it) => it.status).join("");
+  const of = (name) => [name, data.apad_name].join();
+  drawLines($("charge"), [of("charge"), one, statuses], times, nowMs, charges, { min: 0, max: 1, format: asPercent, threshold: data.pool_threshold });
+  drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[last], colour: colourOf(n) })), one);
+  drawLines($("active"), of("active"), times, nowMs, () => (data.has_truth ? [{ values: data.active, colour: colour("above"), width: 1.8, step: true }] : []), { min: 0, max: Math.max(1, data.agents.length), format: (value) => value });
+  drawLines($("cost"), of("cost"), times, nowMs, () => [{ values: data.cost, colour: ACCENT, width: 1.8, step: true }], { min: 0, max: Math.max(1, data.cost[last]), format: (value) => value });
+  drawLines($("apad"), of("apad"), times, nowMs, () => [{ values: data.apad.map((it) => it && it[3]), colour: PAINT.way, width: 1.8 }], { min: 0, max: 1, format: asPercent });
 }
 
 // The name of the run, why it ended, and the figures of its summary.
@@ -175,7 +188,7 @@ function addEvents(events) {
     item.innerHTML = "<button><time></time><span></span></button>";
     item.querySelector("time").textContent = clock(ms);
     item.querySelector("span").textContent = text;
-    item.firstChild.addEventListener("click", () => { leaveEnd(); show(ms); history.replaceState(null, "", "#t=" + ms / 1000); });
+    item.firstChild.addEventListener("click", () => { leaveEnd(); show(ms); writeAddress(); });
     return item;
   }));
   while ($("events").children.length > MOST_EVENTS) $("events").firstChild.remove();
@@ -196,29 +209,56 @@ function showEventNow() {
   $("events").scrollTop = now.offsetTop - $("events").offsetTop - $("events").clientHeight / 2;
 }
 
+// Shows the chosen aPad's run: once for a page with one.
 function setUp() {
   showHeader();
   const warnings = [];
   if (!data.has_truth) warnings.push("No truth was recorded in this run: batteries and places are what the supervisor believed.");
   if (data.dropped_lines) warnings.push(`${data.dropped_lines} line(s) of the journal could not be read.`);
-  $("search").addEventListener("input", listEvents);
   listEvents();
   $("warning").textContent = warnings.join(" ");
   $("warning").hidden = warnings.length === 0;
   $("shaded").hidden = !data.agents.some((it) => it.low);
   $("theta").textContent = data.theta === 1 ? "aMussels" : `aMussels, ${data.theta} times faster`;
+  $("packets-card").hidden = !data.live && !runs.some((it) => it.packets.length);
+  for (const item of document.querySelectorAll("#legend [data-fate]")) item.hidden = $("packets-card").hidden;
   $("agents").replaceChildren(...data.agents.map((agent) => {
     const item = document.createElement("li");
     item.dataset.agent = agent.id;
     item.innerHTML = "<b></b><span></span>";
     item.firstChild.textContent = agent.id;
-    item.addEventListener("mouseenter", () => { marked = agent.id; show(nowMs); });
-    item.addEventListener("mouseleave", () => { marked = null; show(nowMs); });
+    item.dataset.status = "unknown";
+    item.tabIndex = 0;
+    item.addEventListener("mouseenter", () => { pointed = agent.id; show(nowMs); });
+    item.addEventListener("mouseleave", () => { pointed = null; show(nowMs); });
+    item.addEventListener("click", () => select(agent.id));
+    item.addEventListener("keydown", (event) => { if (event.key === "Enter") select(agent.id); });
     return item;
   }));
+  endMs = runs.reduce((ms, it) => Math.max(ms, it.times_ms[it.times_ms.length - 1]), 0);
   $("scrub").max = endMs / 1000;
-  const fitting = SPEEDS.find((speed) => endMs / 1000 / speed <= 90) || SPEEDS[SPEEDS.length - 1];
-  $("speed").replaceChildren(...SPEEDS.map((speed) => new Option(speed + " ×", speed, false, speed === fitting)));
+}
+
+// Selects an aMussel, or none when it was the selected one.
+function select(id) {
+  selected = selected === id ? null : id;
+  writeAddress();
+  show(nowMs);
+}
+
+function writeAddress() {
+  const parts = ["t=" + Math.round(nowMs) / 1000];
+  if (selected !== null) parts.push("aMussel=" + selected);
+  if (data !== runs[0]) parts.push("aPad=" + encodeURIComponent(data.apad_name));
+  if ($("why").open) parts.push("why=1");
+  if (document.documentElement.dataset.theme) parts.push("theme=" + document.documentElement.dataset.theme);
+  history.replaceState(null, "", "#" + parts.join("&"));
+}
+
+function setTheme(name) {
+  if (name) document.documentElement.dataset.theme = name; else delete document.documentElement.dataset.theme;
+  $("theme").setAttribute("aria-pressed", String(Boolean(name)));
+  readColours();
 }
 
 function play(on) {
@@ -226,7 +266,7 @@ function play(on) {
   playing = on ? { from: nowMs >= endMs ? 0 : nowMs, since: performance.now(), speed: +$("speed").value } : null;
   $("play").textContent = on ? "\u275A\u275A" : "\u25B6";
   $("play").setAttribute("aria-label", on ? "Pause" : "Play");
-  if (on) requestAnimationFrame(frame);
+  if (on) requestAnimationFrame(frame); else if (!document.body.classList.contains("following")) writeAddress();
 }
 
 function frame() {
@@ -238,8 +278,19 @@ function frame() {
 function goToAddress() {
   const asked = new URLSearchParams(location.hash.slice(1));
   const seconds = Number(asked.get("t"));
-  marked = asked.has("aMussel") ? Number(asked.get("aMussel")) : null;
+  selected = asked.has("aMussel") ? Number(asked.get("aMussel")) : null;
+  $("why").open = asked.has("why");
+  const theme = asked.get("theme"), wanted = !asked.has("t") && matchMedia("(prefers-contrast: more)").matches ? "contrast" : "";
+  setTheme(theme === "contrast" ? theme : wanted);
+  const run = runs.find((it) => it.apad_name === asked.get("aPad")) || runs[0];
+  if (run !== data) choose(run);
   show(Number.isFinite(seconds) ? 1000 * seconds : 0);
+}
+
+function choose(run) {
+  data = run;
+  $("apads").value = run.apad_name;
+  setUp();
 }
 
 // Looking at another time than the newest ends following a live run; live.js begins it again.
@@ -249,13 +300,20 @@ function leaveEnd() {
 }
 
 $("scrub").addEventListener("input", () => { leaveEnd(); show(1000 * $("scrub").value); });
-$("scrub").addEventListener("change", () => history.replaceState(null, "", "#t=" + Math.round(nowMs / 1000)));
+$("scrub").addEventListener("change", writeAddress);
+$("search").addEventListener("input", listEvents);
+$("theme").addEventListener("click", () => { setTheme(document.documentElement.dataset.theme ? "" : "contrast"); writeAddress(); show(nowMs); });
+$("why").addEventListener("toggle", () => { showWhy(); if (nowMs || selected !== null) writeAddress(); });
+$("apads").hidden = runs.length < 2;
+$("apads").replaceChildren(...runs.map((it) => new Option(it.apad_name || it.name, it.apad_name)));
+$("apads").addEventListener("change", () => { choose(runs.find((it) => it.apad_name === $("apads").value)); writeAddress(); show(nowMs); });
 $("play").addEventListener("click", () => play(!playing));
 $("speed").addEventListener("change", () => playing && play(true));
 for (const id of ["charge", "active", "cost", "apad"]) {
   $(id).addEventListener("click", (event) => {
     leaveEnd();
-    show(endMs * (event.offsetX - 40) / ($(id).clientWidth - 50));
+    show(data.times_ms[data.times_ms.length - 1] * (event.offsetX - 40) / ($(id).clientWidth - 50));
+    writeAddress();
   });
 }
 document.addEventListener("keydown", (event) => {
@@ -264,4 +322,6 @@ document.addEventListener("keydown", (event) => {
 window.addEventListener("hashchange", goToAddress);
 window.addEventListener("resize", () => show(nowMs));
 setUp();
+const fitting = SPEEDS.find((speed) => endMs / 1000 / speed <= 90) || SPEEDS[SPEEDS.length - 1];
+$("speed").replaceChildren(...SPEEDS.map((speed) => new Option(speed + " ×", speed, false, speed === fitting)));
 goToAddress();

@@ -1,11 +1,18 @@
 "use strict";
-// Draws plots on canvases. Each change of the time redraws a whole chart, of at most 60 000 points.
+// Draws plots on canvases. A chart of up to 60 000 points is kept as a picture, over which the time moves.
 
 const STATUSES = ["above", "candidate", "charging", "lost", "unknown"];
 const css = getComputedStyle(document.documentElement);
 const colour = (name) => css.getPropertyValue("--" + name).trim();
-const STATUS_COLOURS = STATUSES.map(colour);
-const [INK, SOFT, LINE, ACCENT] = ["ink", "soft", "line", "accent"].map(colour);
+let STATUS_COLOURS, INK, SOFT, LINE, ACCENT, PAINT;
+// The colours of the chosen theme.
+function readColours() {
+  STATUS_COLOURS = STATUSES.map(colour);
+  [INK, SOFT, LINE, ACCENT] = ["ink", "soft", "line", "accent"].map(colour);
+  PAINT = Object.fromEntries(["card", "water", "shore", "contour", "fence", "grid", "track", "home", "way", "hull", "hull-line",
+    "pale", "received", "collided", "half-duplex", "missed"].map((name) => [name, colour(name)]));
+}
+readColours();
 const FONT = "11px system-ui, 'DejaVu Sans', sans-serif";
 
 // A canvas's context, cleared and scaled so that one unit is one CSS pixel.
@@ -39,11 +46,43 @@ function timeTicks(endMs) {
   return ticks;
 }
 
-// Draws lines over mission time. series: [{values, colour, width, step, dash}] or [{low, high, colour, alpha}] for a band, drawn
-// in order; null is a gap.
-function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold }) {
+// Draws a picture on a canvas that is drawn anew only when its key or its size changes; returns the canvas's context.
+const pictures = new Map();
+function picture(canvas, key, draw) {
   const { ctx, width, height } = fresh(canvas);
-  const box = { left: 40, right: width - 10, top: 6, bottom: height - 18 };
+  let kept = pictures.get(canvas);
+  if (!kept || kept.key !== key || kept.own.width !== canvas.width || kept.own.height !== canvas.height) {
+    const own = kept ? kept.own : document.createElement("canvas");
+    Object.assign(own, { width: canvas.width, height: canvas.height });
+    const inner = own.getContext("2d");
+    inner.scale(window.devicePixelRatio || 1, window.devicePixelRatio || 1);
+    inner.font = FONT;
+    draw(inner, width, height);
+    kept = { key, own };
+    pictures.set(canvas, kept);
+  }
+  if (kept.own.width && kept.own.height) ctx.drawImage(kept.own, 0, 0, width, height);
+  return { ctx, width, height };
+}
+
+const boxOf = (width, height) => ({ left: 40, right: width - 10, top: 6, bottom: height - 18 });
+
+// Draws lines over mission time, kept as a picture by `key`. `series` gives [{values, colour, width, step, dash}], or
+// [{low, high, colour, alpha}] for a band, drawn in order; null is a gap.
+function drawLines(canvas, key, timesMs, nowMs, series, options) {
+  const whole = [key, timesMs.length, timesMs[timesMs.length - 1], options.max, document.documentElement.dataset.theme].join();
+  const { ctx, width, height } = picture(canvas, whole, (inner, w, h) => drawChart(inner, w, h, timesMs, series(), options));
+  drawNow(ctx, boxOf(width, height), nowMs, timesMs[timesMs.length - 1] || 1);
+}
+
+function drawNow(ctx, box, nowMs, endMs) {
+  const x = box.left + (box.right - box.left) * Math.min(1, nowMs / endMs);
+  ctx.lineWidth = 1.5;
+  stroke(ctx, INK, [[x, box.top - 4], [x, box.bottom]]);
+}
+
+function drawChart(ctx, width, height, timesMs, series, { min, max, format, threshold }) {
+  const box = boxOf(width, height);
   const endMs = timesMs[timesMs.length - 1] || 1;
   const x = (ms) => box.left + (box.right - box.left) * ms / endMs;
   const y = (value) => box.bottom - (box.bottom - box.top) * (value - min) / (max - min || 1);
@@ -85,8 +124,6 @@ function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold
     ctx.stroke();
   }
   ctx.setLineDash([]);
-  ctx.lineWidth = 1.5;
-  stroke(ctx, INK, [[x(nowMs), box.top - 4], [x(nowMs), box.bottom]]);
 }
 
 // Fills the band between two rows of heights; where `low` is null there is a gap.
@@ -109,7 +146,7 @@ function fillBand(ctx, xs, low, high, colour, alpha) {
 // Draws vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.
 function drawBars(canvas, bars, marked) {
   const { ctx, width, height } = fresh(canvas);
-  const box = { left: 40, right: width - 10, top: 6, bottom: height - 18 };
+  const box = boxOf(width, height);
   const y = (percent) => box.bottom - (box.bottom - box.top) * percent / 100;
   ctx.textBaseline = "middle";
   for (const percent of [0, 25, 50, 75, 100]) {
@@ -123,7 +160,7 @@ function drawBars(canvas, bars, marked) {
   ctx.textAlign = "center";
   bars.forEach(({ label, value, full, colour }, i) => {
     const left = box.left + pitch * (i + 0.15), wide = pitch * 0.7;
-    ctx.fillStyle = "#e6ebf0";
+    ctx.fillStyle = PAINT.pale;
     ctx.fillRect(left, y(full), wide, box.bottom - y(full));
     ctx.fillStyle = colour;
     ctx.fillRect(left, y(value), wide, box.bottom - y(value));

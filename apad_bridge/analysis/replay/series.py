@@ -12,15 +12,20 @@ from typing import Any
 from apad_bridge.analysis.replay.history import History, PlanView
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import JournalContents
+from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.power.charge import fraction
+from firmware_model.states import State
 
 MAX_SAMPLES = 600
 MAX_VALUES = 60_000
 """The most samples times aMussels: a large fleet is sampled more coarsely."""
 MAX_TRACE = 5000
+MAX_PACKETS = 20_000
+"""The newest packets of a page; those before them are counted."""
+Counts = tuple[int, int, int, int]
+"""The lengths of the track, of the events, of the plans and of the packets."""
 _TICK_MS = 1000
 
 
@@ -54,6 +59,10 @@ class _Agent:
     low: list[float | None]
     high: list[float | None]
     """The ends of the charge's believed interval of 95 %."""
+    secondary: list[float | None]
+    """The charge of the other battery."""
+    state: list[int | None]
+    """The board's state by its number, true or believed."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[int]:
@@ -121,20 +130,23 @@ class RunView:
         """Drops every second sample."""
         self._sampler.thin()
 
-    def newest(self, since: tuple[int, int]) -> dict[str, Any]:
-        """The newest sample, with the track and the events that were added since these `counts`."""
-        traced, events = since
+    def newest(self, since: Counts) -> dict[str, Any]:
+        """The newest sample, with what was added to the lists since these `counts`."""
+        traced, events, plans, packets = since
         return {
             **self._sampler.newest(),
             "trace": _thinned(self._history.trace[traced:]),
             "events": [list(it) for it in self._history.events[events:]],
+            "plans": [_reasons(it) for it in self._history.plans[plans:]],
+            "packets": self._history.packets[packets:][-MAX_PACKETS:],
             "counts": self.counts,
         }
 
     @property
-    def counts(self) -> tuple[int, int]:
-        """The lengths of the track and of the list of events, as of the newest sample."""
-        return len(self._history.trace), len(self._history.events)
+    def counts(self) -> Counts:
+        """As of the newest sample."""
+        history = self._history
+        return len(history.trace), len(history.events), len(history.plans), len(history.packets)
 
     def data(self, summary: dict[str, Any] | None) -> dict[str, Any]:
         """All that the page needs, as plain data."""
@@ -157,6 +169,10 @@ class RunView:
             "summary": summary,
             "trace": _thinned(self._history.trace),
             "events": [list(it) for it in self._history.events],
+            "plans": [_reasons(it) for it in self._history.plans],
+            "packets": self._history.packets[-MAX_PACKETS:],
+            "earlier_packets": max(0, len(self._history.packets) - MAX_PACKETS),
+            "states": [state.name.lower().replace("_", " ") for state in State],
             **self._sampler.columns(),
         }
 
@@ -167,7 +183,7 @@ class _Sampler:
         self._scenario = scenario
         self._history = history
         self._ticks = max(1, run_ms // _TICK_MS)
-        self._agents = [_Agent(agent_id, *([] for _ in range(8))) for agent_id in agent_ids]
+        self._agents = [_Agent(agent_id, *([] for _ in COLUMNS)) for agent_id in agent_ids]
         self._active: list[int] = []
         self._cost: list[float] = []
         self._apad: list[list[float | None] | None] = []
@@ -205,12 +221,15 @@ class _Sampler:
             physical, charge = truth.physical, self._history.meter.charge_of(agent_id)
             at_ms = max(self._scenario.theta * now_ms, truth.at_ms)
             left: float | None = fraction(charge.charge_at(physical.primary, at_ms))
+            other: float | None = fraction(charge.charge_at(physical.secondary, at_ms))
+            state: int | None = int(truth.state)
             place: tuple[float | None, float | None] = (physical.north_um / 1e6, physical.east_um / 1e6)
             docked = physical.docked
         elif belief is not None:
             left, place = belief["charge"], (belief["north_m"], belief["east_m"])
+            other, state = belief["secondary"], int(State[belief["state"]])
         else:
-            left, place = None, (None, None)
+            left, place, other, state = None, (None, None), None, None
         if docked and now.apad is not None:
             place = (now.apad["north_m"], now.apad["east_m"])
         agent.north.append(_rounded(place[0], 2))
@@ -221,6 +240,8 @@ class _Sampler:
         agent.believed.append(None if truth is None else _rounded(believed.get("charge"), 4))
         agent.low.append(_rounded(believed.get("low"), 4))
         agent.high.append(_rounded(believed.get("high"), 4))
+        agent.secondary.append(_rounded(other, 3))
+        agent.state.append(state)
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:
@@ -274,7 +295,7 @@ class _Sampler:
 
 
 _OFTEN_EMPTY = ("believed", "low", "high")
-COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY)
+COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "secondary", "state")
 """An aMussel's columns, by their names on the page."""
 
 
@@ -291,6 +312,11 @@ def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
         "steps": [list(step) for step in plan.steps],
         "done": len(plan.steps) - plan.left,
     }
+
+
+def _reasons(line: Line) -> dict[str, Any]:
+    """A plan with whatever its line says of why: candidates, costs, and more where a version writes it."""
+    return {name: value for name, value in line.items() if name != "kind"}
 
 
 def _thinned(trace: list[tuple[int, float, float]]) -> list[list[float]]:

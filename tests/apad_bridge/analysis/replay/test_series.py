@@ -235,13 +235,13 @@ def test_a_journal_that_never_began_is_said():
 def test_no_text_of_a_scenario_ends_the_pages_script():
     hostile = "</script><script>alert(1)</script><!--SCRIPT-->"
     data = {**data_of(run_line(1)), "name": hostile, "description": hostile}
-    page = render(data)
+    page = render([data])
     assert page.count("</script>") == 2
     assert "alert(1)</script>" not in page and "&lt;/script&gt;" in page
 
 
 def test_the_page_needs_no_network():
-    page = render(data_of(run_line(1)))
+    page = render([data_of(run_line(1))])
     for reference in ("http://", "https://", "src=", "@import", "url(", "<link"):
         assert reference not in page
 
@@ -293,7 +293,7 @@ def test_a_run_that_is_followed_shows_the_same_as_one_that_is_read_at_its_end():
         followed.sample(now_ms)
     whole, live = data_of(*lines), followed.data(None)
     for agent in live["agents"]:
-        for name in ("north", "east", "charge", "status", "uptime"):
+        for name in ("north", "east", "charge", "status", "uptime", "secondary", "state"):
             del agent[name][0]
     for name in ("times_ms", "active", "cost", "apad", "docks", "stage"):
         del live[name][0]
@@ -315,7 +315,8 @@ def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
         [3000, "remark", "Anna: a <b>boat"],
         [4000, "end", "the mission ended: mission time"],
     ]
-    assert view.newest(view.counts)["events"] == view.newest(view.counts)["trace"] == []
+    for name in ("trace", "events", "plans", "packets"):
+        assert view.newest(view.counts)[name] == []
 
 
 def test_thinning_keeps_the_newest_sample_and_the_columns_alike_long():
@@ -330,3 +331,33 @@ def test_thinning_keeps_the_newest_sample_and_the_columns_alike_long():
         [Status.CANDIDATE, Status.CHARGING, Status.CHARGING],
     ]
     assert {len(data[name]) for name in ("active", "cost", "apad", "docks", "stage")} == {3}
+
+
+def test_packets_and_plans_are_those_of_the_journal():
+    packet = {
+        "t": 3000,
+        "kind": "packet",
+        "from": 2,
+        "address": None,
+        "what": "ping",
+        "bytes": 4,
+        "began_ms": 20_000,
+        "lasted_ms": 200,
+        "timeslot": None,
+        "unsent": None,
+        "heard": [[0, "received", 1.0, 1, 1.0, 1.0], [1, "noise", 1.0, 1, 1.0, 1.0]],
+        "data": "",
+    }
+    plan = {"t": 2000, "kind": "plan", "what": "collect", "strategy": "exact", "steps": [], "costs": {}}
+    plan |= {"beliefs": [], "runner_up": {"strategy": "greedy"}}
+    data = data_of(run_line(1, 2), *truth_lines(truth(0, 1, 0.5, secondary=0.25)), plan, packet)
+    assert data["packets"] == [(2000, 200, 2, "ping", None, None, ((0, "received"),), 1)]
+    assert data["earlier_packets"] == 0
+    # Whatever a version writes of a plan's reasons goes along.
+    assert [it["runner_up"] for it in data["plans"]] == [{"strategy": "greedy"}]
+    assert data["agents"][0]["secondary"][-1] == 0.25 and data["agents"][1]["secondary"][-1] is None
+    assert data["states"][data["agents"][0]["state"][-1]] == "active"
+
+
+def test_the_page_without_its_data_is_small():
+    assert len(render([{"name": "x"}]).encode()) < 400_000
