@@ -19,6 +19,7 @@ from rich.table import Table
 
 from apad_bridge.commands import run as run_command
 from apad_bridge.commands.flight import peers_may_fail
+from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.preflight_checks import (
     PROOFS,
     Report,
@@ -34,7 +35,7 @@ from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, check_lookout, check_
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -51,9 +52,11 @@ def add_parser(commands: Any) -> None:
         description="Checks the network both ways, the aPad on the master at ROS_MASTER_URI, and the scenario for it "
         "to fly, and prints one page: green, or the mend. Nothing moves unless --prove-stop or --prove-docks asks for it. "
         "`musselbed run` makes the same checks before a real aPad moves, and refuses to start on red.",
-        epilog="examples: musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana; "
-        "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana --prove-stop --prove-docks. Exit code 3 "
-        f"when something is red. Of all commands: {EXITS}",
+        epilog=ending(
+            "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana",
+            "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana --prove-stop --prove-docks",
+            note="The exit code is 3 when something is red.",
+        ),
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
     parser.add_argument(
