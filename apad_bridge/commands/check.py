@@ -24,9 +24,9 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "check",
         help="check that a run's records obey the laws that hold in every run",
-        description="Checks the journal and the samples of a run. Time never falls, and energy is neither made nor lost. An "
-        "aMussel is in one dock and at one place. Samples are kept once, beliefs are finite, and the cost is the way driven. A "
-        "broken law is a defect of musselbed; the command prints the lines that show it.",
+        description="Checks the journal and the samples of a run. Time never falls, and energy is neither made nor "
+        "lost. An aMussel is in one dock and at one place. Samples are kept once, beliefs are finite, and the cost is the "
+        "way driven. A broken law is a defect of musselbed; the command prints the lines that show it.",
         epilog=ending("musselbed check runs/NAME", "musselbed check runs/* --json"),
     )
     parser.add_argument("directories", type=Path, nargs="+", metavar="RUN", help="a run's directory")
