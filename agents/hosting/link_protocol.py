@@ -188,7 +188,7 @@ def _array(data: bytes | memoryview) -> list[Any]:
 def _counts(fields: list[Any]) -> list[int]:
     for field in fields:
         if type(field) is not int or field < 0:
-            raise LinkError("a count from 0 is wanted")
+            raise LinkError("must be a count from 0")
     return fields
 
 

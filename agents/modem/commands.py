@@ -187,7 +187,7 @@ class CommandReader:
 
     def _count(self, byte: int) -> list[Command | Malformed]:
         if not self._in_data and not 48 <= byte <= 57:
-            return self._wrong(byte, "a digit is wanted")
+            return self._wrong(byte, "needs a digit")
         self._taken.append(byte)
         self._wanted -= 1
         if self._wanted:

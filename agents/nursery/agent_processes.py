@@ -269,4 +269,4 @@ def _newest(pair: RecordPair, up_to: Key | None) -> Record:
 def _ending(status: int) -> str:
     if os.WIFSIGNALED(status):
         return f"killed by {signal.Signals(os.WTERMSIG(status)).name}"
-    return f"ended with exit status {os.WEXITSTATUS(status)}; nursery.log says why"
+    return f"ended with exit status {os.WEXITSTATUS(status)}; see nursery.log"

@@ -80,4 +80,4 @@ def _wait_until_ready(reading: int, log: str) -> None:
         os.read(reading, 4096).decode() if answered else f"it was not ready within {READY_TIMEOUT_S:g} s\n"
     )
     if message != "ready\n":
-        raise NurseryFailed(message.strip() or f"the nursery ended at once; {log} says why")
+        raise NurseryFailed(message.strip() or f"the nursery ended at once; see {log}")

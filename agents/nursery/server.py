@@ -137,7 +137,7 @@ class NurseryServer:
             case protocol.End():
                 self._ending = True
             case _:
-                self._send_to_supervisor(protocol.Refused(0, 0, False, "not a supervisor's word"))
+                self._send_to_supervisor(protocol.Refused(0, 0, False, "not a supervisor's message"))
 
     def _start(self, request: int, rows: tuple[tuple[int, ...], ...]) -> None:
         try:

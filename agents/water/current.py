@@ -95,12 +95,12 @@ def _crossings(text: str) -> dict[tuple[int, int], tuple[int, int]]:
             _millionths(name, texts[name], MAX_M_S if name.endswith("_m_s") else MAX_M) for name in COLUMNS
         )
         if (north, east) in crossings:
-            raise ValueError("this place stands in a line above already")
+            raise ValueError("this place is in a line above already")
         crossings[north, east] = north_speed, east_speed
 
     read_rows(text, _check_header, take)
     if not crossings:
-        raise ValueError(f"no current in it: a header {','.join(COLUMNS)} and one row or more are wanted")
+        raise ValueError(f"no current in it: needs a header {','.join(COLUMNS)} and one row or more")
     return crossings
 
 
@@ -113,9 +113,9 @@ def _millionths(name: str, text: str, limit: float) -> int:
     try:
         number = float(text)
     except ValueError:
-        raise ValueError(f"{name}: a number is wanted, not {text!r}") from None
+        raise ValueError(f"{name}: must be a number, not {text!r}") from None
     if not isfinite(number) or abs(number) > limit:
-        raise ValueError(f"{name}: a number within +-{limit:g} is wanted, not {text}")
+        raise ValueError(f"{name}: must be a number within +-{limit:g}, not {text}")
     return round(number * 1_000_000)
 
 

@@ -132,7 +132,7 @@ def parse_stream(text: str) -> Stream:
                 for key, unit in zip(keys, (1, _UNIT), strict=True)
             )
         except (ValueError, OverflowError):
-            raise ValueError(f"line {number}: time_s and depth_m: numbers are wanted") from None
+            raise ValueError(f"line {number}: time_s and depth_m: must be numbers") from None
         # Blank lines keep the line numbers right in the errors of `CurrentField.parse`.
         part = parts.setdefault((time_s, depth_um), [",".join(kept)])
         part += [""] * (number - len(part) - 1)

@@ -65,7 +65,7 @@ def parse_topology(text: str, nodes: dict[str, int], agent_ms_per_s: int) -> Top
     """
     rules: list[LinkRule] = []
     if not read_rows(text, _check_header, lambda texts: rules.append(_rule(texts, nodes, agent_ms_per_s))):
-        raise ValueError(f"no header: {','.join(COLUMNS)} is wanted")
+        raise ValueError(f"no header: needs {','.join(COLUMNS)}")
     return Topology(rules)
 
 
@@ -99,7 +99,7 @@ def _number(name: str, text: str) -> float:
     try:
         number = float(text)
     except ValueError:
-        raise ValueError(f"{name}: a number is wanted, not {text!r}") from None
+        raise ValueError(f"{name}: must be a number, not {text!r}") from None
     if not 0 <= number < 1e9:
-        raise ValueError(f"{name}: a number from 0 on is wanted, not {text}")
+        raise ValueError(f"{name}: must be a number from 0 on, not {text}")
     return number

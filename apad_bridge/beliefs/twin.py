@@ -236,7 +236,7 @@ class Twin:
         twin_state = belief.estimator_state
         assert isinstance(twin_state, TwinState), "a belief of another estimator"
         if (packet.sequence, packet.agent_ms) == twin_state.packet:
-            raise Rejected("a status that was heard already")
+            raise Rejected("a status that came already")
         if packet.agent_ms < twin_state.packet[1]:
             raise Rejected("a status that a newer one overtook")
         at_ms = max(at_ms, belief.at_ms)

@@ -100,8 +100,8 @@ def _warn(scores: Scores) -> None:
 def _show(scores: Scores, record: Record, console: Console) -> None:
     table = Table(
         padding=(0, 0, 0, 1),
-        title=f"Charges believed, less true ones, by the run's {record}",
-        caption="by the age of the newest packet, by what it was doing, by aMussel; cover, width: of the 95 % interval; "
+        title=f"Belief error (estimate minus truth), from the run's {record}",
+        caption="by the age of the newest packet, by mode, by aMussel; cover, width: of the 95 % interval; "
         "mode: share that is right; place: rms error in m, and the cover of its 95 % ellipse",
     )
     table.add_column("", min_width=12)

@@ -124,4 +124,4 @@ def _why_nobody(directory: Path) -> str:
         return "it has ended"
     if not any(directory.rglob(SOCKET_NAME)):
         return "it flies in virtual time (--time asap), has ended, or moves no aPad"
-    return f"its supervisor died; go on with: musselbed resume {directory}"
+    return f"its supervisor died; continue with: musselbed resume {directory}"

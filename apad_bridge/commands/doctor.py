@@ -91,8 +91,8 @@ def check_ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     if not master_uri:
         yield warn(
             "master",
-            "ROS_MASTER_URI is not set: what needs a master was not checked",
-            "nothing to mend for `musselbed run`, which brings its own; for an aPad's: export ROS_MASTER_URI=http://HOST:11311",
+            "ROS_MASTER_URI is not set: the checks that need a master were skipped",
+            "nothing to mend for `musselbed run`, which starts its own; for an aPad's: export ROS_MASTER_URI=http://HOST:11311",
         )
         return
     try:
@@ -123,7 +123,7 @@ def _unreachable_master(uri: str, error: network.Unreachable) -> Finding:
         return warn(
             "master",
             found,
-            "nothing to mend for `musselbed run`, which brings its own; for others: start roscore",
+            "nothing to mend for `musselbed run`, which starts its own; for others: start roscore",
         )
     return fail(
         "master",

@@ -79,7 +79,7 @@ def _save(out: Path, text: str, *, force: bool) -> None:
     if out.is_dir():
         raise UserError(f"--out {out}: is a directory: name a file in it")
     if out.exists() and not force:
-        raise UserError(f"--out {out}: is there already: --force replaces it")
+        raise UserError(f"--out {out} exists already: replace it with --force")
     try:
         write_atomically(out, text)
     except OSError as error:

@@ -78,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
     def refuse(_: argparse.Namespace) -> int:
-        raise UserError(f"cannot be loaded ({error}); `musselbed doctor` says what stands in the way")
+        raise UserError(f"cannot be loaded ({error}); `musselbed doctor` names the cause")
 
     stub = commands.add_parser(name, help=f"cannot be loaded: {error}")
     stub.add_argument("rest", nargs="...")

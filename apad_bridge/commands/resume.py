@@ -60,10 +60,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(str(error)) from error
     if options.time is TimeSource.ASAP:
         raise UserError(
-            f"an asap run is the same whenever it is flown: musselbed run {directory.scenario} --time asap"
+            f"a run in virtual time always repeats: musselbed run {directory.scenario} --time asap"
         )
     if options.script:
-        raise UserError(f"a script cannot go on in the middle: musselbed script {options.script} begins anew")
+        raise UserError(
+            f"a script cannot continue in the middle: musselbed script {options.script} begins anew"
+        )
     if (pid := supervisor_of(path)) is not None:
         raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
     if directory.summary.exists():
@@ -84,6 +86,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _ask_whether_it_may_move() -> None:
     if not sys.stdin.isatty():
-        raise UserError("a real aPad moves again only on a person's word: add --confirm-motion")
+        raise UserError("a real aPad moves again only after a person's confirmation: add --confirm-motion")
     if input("The aPad will move again. Is the water around it clear? Type yes: ").strip().lower() != "yes":
         raise UserError("not confirmed: nothing was commanded")

@@ -186,7 +186,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         mend = "leave out --apad ros, or use --time wall" if "apad" in arguments else "use --time wall or ros"
         raise UserError(f"--time asap flies the simulated aPad in-process: {mend}")
     if time is TimeSource.ROS and apad is APadKind.SIM:
-        raise UserError("--time ros follows somebody else's /clock: it needs --apad ros")
+        raise UserError("--time ros follows another master's /clock: it needs --apad ros")
     if arguments.speed != 1 and time is TimeSource.ASAP:
         raise UserError("--speed is of --time wall: leave it out, asap flies as fast as the machine goes")
     if arguments.speed != 1 and (apad is APadKind.ROS or time is not TimeSource.WALL):
@@ -198,7 +198,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         raise UserError("--manual plans nothing: there is no first plan to print")
     for remapping in arguments.remap:
         if not _REMAPPING.fullmatch(remapping):
-            raise UserError(f"--remap {remapping}: it is FROM:=TO, two names of ROS, as /a/b:=/c")
+            raise UserError(f"--remap {remapping}: use FROM:=TO, two names of ROS, as /a/b:=/c")
     if arguments.remap and time is TimeSource.ASAP:
         raise UserError("--remap names things of ROS, which --time asap does without")
     return RunOptions(

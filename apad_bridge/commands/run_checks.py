@@ -132,7 +132,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
             )
     if options.part is Part.MISSION:
         raise UserError(
-            "--open-modem needs a fleet: a mission alone has no aMussels; say it to `musselbed fleet`"
+            "--open-modem needs a fleet: a mission alone has no aMussels; use it with `musselbed fleet`"
         )
     if options.time is TimeSource.ASAP:
         raise UserError("--open-modem needs real time, which a driver lives in: use --time wall")

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.scenario is None:
         arguments.scenario = _scenario_of(file)
     if arguments.part is Part.MISSION and arguments.apad != APadKind.ROS:
-        raise UserError("--no-fleet is for the aMussels on somebody's master: it needs --apad ros")
+        raise UserError("--no-fleet is for the aMussels on another master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
     scenario, starts = run_command.read_scenario(arguments)
     return fly(options, scenario, starts, arguments.out, arguments.json, script=Script(file, program))

@@ -95,13 +95,13 @@ def run(arguments: argparse.Namespace) -> int:
     except AnotherStudy as error:
         raise UserError(str(error)) from error
     except KeyboardInterrupt:
-        print(f"musselbed study: ended; the same command goes on from {directory}", file=sys.stderr)
+        print(f"musselbed study: ended; the same command continues from {directory}", file=sys.stderr)
         raise
     except StudyFailed as error:
         print(f"musselbed study: {error}", file=sys.stderr)
         return Exit.PEER_FAILED
     except OSError as error:
-        raise UserError(f"{directory}: {error.strerror}: say another place with --out") from error
+        raise UserError(f"{directory}: {error.strerror}: choose another place with --out") from error
     found = comparisons(plan, rows)
     write_parquet(directory / RESULTS, plan, rows)
     write_report(directory / REPORT, plan, rows, found)

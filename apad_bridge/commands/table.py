@@ -56,15 +56,15 @@ def print_table(
         )
     if (apart := summary["apart"]) is not None:
         console.print(
-            f"not in these figures, of {apart['amussels']} aMussels: {apart['beside_real_s']:g} s as twins of real ones, "
-            f"{apart['retired_s']:g} s out of the water",
+            f"Excluded ({apart['amussels']} aMussel{'' if apart['amussels'] == 1 else 's'}): "
+            f"{apart['beside_real_s']:g} s shadowing a real one, {apart['retired_s']:g} s retired.",
             highlight=False,
             soft_wrap=True,
         )
     if summary["causes"]:
         causes = "; ".join(f"{count} x {cause}" for cause, count in summary["causes"].items())
         console.print(
-            f"{summary['steps_given_up']} steps given up; what failed: {causes}",
+            f"{summary['steps_given_up']} steps given up; failures: {causes}",
             highlight=False,
             soft_wrap=True,
         )

@@ -32,7 +32,7 @@ def serve(run_dir: Path, address: Address, tell: Callable[[str], None], ended: C
     RunDirectoryError when the directory holds no run that can be shown; OSError when the address cannot be used.
     """
     if not RunDirectory(run_dir).scenario.is_file():
-        raise RunDirectoryError(f"{run_dir}: no run: there is no scenario.yaml in it")
+        raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
     token = secrets.token_urlsafe(16)
     asked_to_end = threading.Event()
     with socket.create_server((address.host, address.port), backlog=_BACKLOG) as listener:

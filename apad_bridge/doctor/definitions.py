@@ -65,4 +65,4 @@ def check_definitions(ours: Definitions, others: Iterable[Definitions]) -> Itera
                 "mend that package, or take it off ROS_PACKAGE_PATH",
             )
     if not any(other.md5s or other.unreadable for other in others):
-        yield ok("definitions", "nobody else on PYTHONPATH or ROS_PACKAGE_PATH defines our types")
+        yield ok("definitions", "no other package on PYTHONPATH or ROS_PACKAGE_PATH defines our types")

@@ -155,8 +155,8 @@ def check_clock(graph: Graph) -> Finding:
     if follows and not sources:
         return fail(
             "clock",
-            "/use_sim_time is true and nobody publishes /clock: nodes stand still",
-            "start what publishes /clock, or: rosparam set /use_sim_time false, and start the nodes again",
+            "/use_sim_time is true and no node publishes /clock: time stands still",
+            "start the node that publishes /clock, or: rosparam set /use_sim_time false, and start the nodes again",
         )
     if follows:
         return ok("clock", f"simulated time, /clock from {whose}: fly with --time ros")
@@ -215,7 +215,7 @@ def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str
         if found := position.fullmatch(topic):
             taken[int(found[1])] = nodes
     if not taken:
-        return ok("aMussel ids", f"nobody publishes an {in_full(namespace, 'amusselK')}/position")
+        return ok("aMussel ids", f"no node publishes an {in_full(namespace, 'amusselK')}/position")
     taken_ids = in_ranges(taken)
     clash = sorted(set(taken) & set(ids or ()))
     if clash:

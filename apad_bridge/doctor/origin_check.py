@@ -35,9 +35,7 @@ def check_origin(uri: str, apad: str, ours: OriginLike) -> Finding:
             f"{found}, {metres:.0f} m from the scenario's: degrees given to one are other metres for the other",
             f"area.origin: {{latitude_deg: {latitude_deg!r}, longitude_deg: {longitude_deg!r}}} in the scenario",
         )
-    return ok(
-        "origin", f"no LocalOriginLat at {apad} nor above: that the scenario's is the aPad's is not known"
-    )
+    return ok("origin", f"Cannot check the origin: {apad}/LocalOriginLat is not set.")
 
 
 def _upwards(name: str) -> list[str]:

@@ -25,7 +25,8 @@ def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
         scenario = load(path)
     except ScenarioError as error:
         return None, [
-            fail("scenario", line, "mend the file: docs/scenarios.md says every key") for line in error.lines
+            fail("scenario", line, "mend the file: docs/scenarios.md explains every key")
+            for line in error.lines
         ]
     mission = scenario.mission
     found = f"{path} can be read; strategies {mission.collection} and {mission.redeployment}"

@@ -150,7 +150,7 @@ class EnergyExchange(OrderBook):
         return self.take_orders()
 
     def take_over(self, by: str = "person") -> str:
-        return "this flight takes no calls: nobody can take it over"
+        return "this flight takes no calls: a person cannot take it over"
 
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
@@ -230,7 +230,7 @@ class EnergyExchange(OrderBook):
     def _go_collect(self, now_ms: int) -> None:
         belief = self._beliefs.get(self._step.agent_id)
         if belief is None:
-            self._give_up("it was never heard", now_ms)
+            self._give_up("it never reported", now_ms)
             return
         self._legs, self._dockings = 1, 0
         self._go_to(belief.north_m, belief.east_m)

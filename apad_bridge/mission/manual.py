@@ -144,7 +144,7 @@ class ManualMission(OrderBook):
         return "no mission plans in this flight: orders are taken without it"
 
     def give_back(self) -> str:
-        raise Refused("in this flight there is no mission to give the aPad back to")
+        raise Refused("this flight has no mission to which to give the aPad back")
 
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
@@ -350,8 +350,8 @@ class ManualMission(OrderBook):
         belief = self.beliefs.get(agent_id)
         if belief is None:
             # In ROS 1 a field that is left out of a call is 0.
-            hint = "" if agent_id else ": say the aMussel's id, which is 0 where it is left out"
-            raise Refused(f"aMussel {agent_id} was never heard{hint}")
+            hint = "" if agent_id else ": give the aMussel's id; it is 0 if left out"
+            raise Refused(f"aMussel {agent_id} never reported{hint}")
         return belief
 
     def _refuse_dock(self, dock_index: int, agent_id: int, here: tuple[float, float]) -> None:

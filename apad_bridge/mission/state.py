@@ -15,6 +15,9 @@ from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.docks import Occupancy
 from firmware_model.state_groups import DOCKED
 
+EARLIER_COMMANDED = "as it is told"
+"""`Phase.COMMANDED` in journals of earlier versions."""
+
 
 class Phase(StrEnum):
     """The boxes of the paper's Fig. 7, with each routine split into its parts."""
@@ -26,11 +29,16 @@ class Phase(StrEnum):
     CHARGE = "charging wait"
     GO_DEPLOY = "go to deployment"
     UNDOCK = "undock"
-    COMMANDED = "as it is told"
+    COMMANDED = "commanded"
     """No box of the figure: a script or a person gives the orders."""
     STANDS_DOWN = "stands down"
     """No box either: one of several aPads cannot go on, and others take over its aMussels."""
     ENDED = "ended"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Phase | None:
+        """The phase of a journal of an earlier version, by its name there."""
+        return cls.COMMANDED if value == EARLIER_COMMANDED else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,7 +149,7 @@ class Takeover:
     def go_on(self) -> str:
         """Goes on with a person's order that was stopped, or else gives the aPad back."""
         if self.by_hand is not None and self.by_hand.resume():
-            return "a person goes on flying the aPad: continue again to give it back"
+            return "a person still flies the aPad: continue again to give it back"
         return self.give_back()
 
     def _taken_over(self) -> ManualMission:

@@ -78,9 +78,7 @@ def _create(name: str, kind: StepKind, scales: Scales) -> object:
     if not sources:
         raise ValueError(f"unknown strategy {name!r}; known: {', '.join(known_names())}")
     if len(sources) > 1:
-        raise ValueError(
-            f"strategy {name!r} is brought by each of {', '.join(sources)}: rename or remove one"
-        )
+        raise ValueError(f"strategy {name!r} is in each of {', '.join(sources)}: rename or remove one")
     strategy: object = _built_in(name, scales) or _load(entries[0])
     if getattr(strategy, "plans", None) is not kind or not callable(getattr(strategy, "plan", None)):
         raise ValueError(

@@ -17,7 +17,7 @@ from pydantic_core import SchemaValidator
 
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.ending import EndReason
-from apad_bridge.mission.state import Phase
+from apad_bridge.mission.state import EARLIER_COMMANDED, Phase
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import MAX_DOCKS
 from apad_bridge.supervisor.roster import Fault, Presence
@@ -159,6 +159,7 @@ def _optional(field: Field) -> Field:
     return field._replace(optional=True)
 
 
+_PHASE = _one_of([*(it.value for it in Phase), EARLIER_COMMANDED])
 _POINT = _row(NUMBER, NUMBER)
 _LEG = _object(
     "leg",
@@ -167,7 +168,7 @@ _LEG = _object(
 )
 _SNAPSHOT = _object(
     "snapshot",
-    *(Field("phase", _values(Phase), ""), Field("since_ms", INTEGER, "")),
+    *(Field("phase", _PHASE, ""), Field("since_ms", INTEGER, "")),
     Field("plan", _list_of(_row(_values(StepKind), INTEGER, INTEGER)), ""),
     Field("docked", _list_of(_row(INTEGER, INTEGER)), ""),
     Field("homes", _list_of(_row(INTEGER, NUMBER, NUMBER)), ""),
@@ -272,7 +273,7 @@ KINDS: tuple[Kind, ...] = (
         EventKind.MISSION,
         "the mission's state changed; a resumed run continues from the newest",
         (
-            Field("phase", _values(Phase), "the box of the paper's Fig. 7"),
+            Field("phase", _PHASE, "the box of the paper's Fig. 7"),
             Field("snapshot", _SNAPSHOT, "the whole state", "m, mission ms"),
         ),
     ),

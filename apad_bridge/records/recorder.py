@@ -301,8 +301,8 @@ class Recorder:
         """Nothing more is written after this; the result is to be raised."""
         self.has_failed = True
         return RecordsFailed(
-            f"the disk of {self._directory.path} takes no more ({error.strerror}): the run ends, "
-            "with its records whole up to there"
+            f"the disk of {self._directory.path} takes no more data ({error.strerror}): the run ends, and "
+            "its records are complete up to there"
         )
 
     @_on_disk

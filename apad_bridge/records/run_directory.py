@@ -51,7 +51,9 @@ class RunDirectory:
             except FileExistsError:
                 n += 1
             except OSError as error:
-                raise RunDirectoryError(f"{path}: {error.strerror}; say another place with --out") from error
+                raise RunDirectoryError(
+                    f"{path}: {error.strerror}; choose another place with --out"
+                ) from error
             else:
                 return cls(path)
 
@@ -61,7 +63,7 @@ class RunDirectory:
         if not (path / "journal.jsonl").is_file():
             apad_runs = sorted(str(journal.parent) for journal in path.glob("*/journal.jsonl"))
             mend = f"; a run of several aPads has one for each: {', '.join(apad_runs)}" if apad_runs else ""
-            raise RunDirectoryError(f"{path}: no run: there is no journal.jsonl in it{mend}")
+            raise RunDirectoryError(f"{path}: no run: it has no journal.jsonl{mend}")
         return cls(path)
 
     def of_apad(self, name: str, apads: int) -> RunDirectory:
@@ -152,5 +154,7 @@ def _claim(out: Path) -> Path:
     except OSError as error:
         raise RunDirectoryError(f"{out}: {error.strerror}; --out wants a new or empty directory") from error
     if taken:
-        raise RunDirectoryError(f"{out}: is not empty; a run never writes over another: say a new directory")
+        raise RunDirectoryError(
+            f"{out}: is not empty; a run never overwrites another: choose a new directory"
+        )
     return out

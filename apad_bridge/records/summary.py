@@ -195,7 +195,7 @@ def apad_energy(ending: Ending, theta: int) -> dict[str, Any]:
     if theta != 1:
         reason = f"it compares at theta 1 alone: at {theta} the aMussels charge {theta} times as fast as the aPad spends"
     elif ending.apad_energy_fraction is None:
-        reason = "the aPad's battery was not heard"
+        reason = "the aPad did not report its battery"
     used = ending.apad_energy_fraction if reason is None else None
     return {"apad_energy_fraction": used, "apad_energy_missing": reason}
 
@@ -215,7 +215,7 @@ def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict
             if not uptimes
             else "the run ended before its first tick"
             if ticks == 0
-            else "nobody was simulated in the water"
+            else "no aMussel was simulated in the water"
         )
         return {**dict.fromkeys(_KEYS), **apart, "uptime_missing": reason}
     left = [uptime for uptime in uptimes if uptime.presence is Presence.SIMULATED]

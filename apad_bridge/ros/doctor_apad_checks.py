@@ -77,7 +77,9 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
         told = GetDockingInfoResponse().deserialize(answer)
     except (NotAnnounced, DeserializationError) as error:
         yield warn(
-            f"{name} docks", f"did not say what they hold: {error}", "start the node that offers its services"
+            f"{name} docks",
+            f"did not report what they hold: {error}",
+            "start the node that offers its services",
         )
         return
     held = [it.strip("/") for it in told.slots if it.strip("/")]
@@ -191,7 +193,7 @@ def _tell_capabilities(name: str, stack: Stack) -> Finding:
     told = (
         "docks by its own eyes" if able.sees_amussels else "has no eyes to dock by",
         "holds a position" if able.can_hold else "holds a position by going there",
-        "tells what its docks hold" if able.reports_contact else "leaves it to the bench what its docks hold",
+        "reports what its docks hold" if able.reports_contact else "does not report what its docks hold",
         "obeys the speed of a go-to" if able.obeys_speed else "goes at a speed of its own",
         f"has {LIMITS[stack.generation].docks} docks at most",
     )

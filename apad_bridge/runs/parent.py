@@ -250,14 +250,14 @@ class SupervisorWatch:
         if options.script:
             self._fail(
                 run.name,
-                f"{died}, and the script with it: a script cannot go on in the middle; see {run.path}",
+                f"{died}, and the script with it: a script cannot continue in the middle; see {run.path}",
             )
             return
         waits = options.on_death is OnDeath.WAIT
         if waits and options.is_one_of_several and not options.keeps:
             self._print(
                 run.name,
-                f"{died}: another one keeps its aMussels, whom the other aPads go on to serve, and orders nothing",
+                f"{died}: another one keeps its aMussels and orders nothing; the other aPads serve them",
             )
             self._broken[run.name] = f"its supervisor died ({killer.name})"
             run = replace(run, options=replace(options, keeps=True))
@@ -266,7 +266,7 @@ class SupervisorWatch:
         else:
             self._print(
                 run.name,
-                f"{died}; the fleet is suspended and whole. To go on: musselbed resume {run.path}",
+                f"{died}; the fleet is paused and intact. Continue: musselbed resume {run.path}",
             )
         if waits:
             self._waiting[run.name] = time.monotonic() + WAIT_FOR_RESUME_S

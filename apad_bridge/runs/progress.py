@@ -77,7 +77,7 @@ class _JointPart:
 
 _NOT_DONE = {
     "collect": "is not collected this time",
-    "deploy": "is not brought home this time",
+    "deploy": "is not returned this time",
     "charge": "is not charged any further",
     "dock": "is not docked",
 }
@@ -85,9 +85,9 @@ _NOT_DONE = {
 
 
 _REACTIONS = {
-    "hold": "the aPad was told to hold where it is",
-    "stop": "the aPad's controllers shall go off",
-    "return": "the aPad was told to go back inside the fence",
+    "hold": "the aPad holds where it is",
+    "stop": "the aPad's controllers go off",
+    "return": "the aPad goes back inside the fence",
 }
 """The reaction to a danger, by the `reaction` of the journal's line `guard`."""
 
@@ -108,7 +108,7 @@ def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
         case "left_alone", {"agent": agent, "tries": tries}:
             text = f"aMussel {agent} is left alone from now on: {tries} tries in a row failed, the last one"
         case "stuck", _:
-            text = "the aPad does not get anywhere"
+            text = "the aPad is stuck"
         case "refused", {"order": "permit to surface", "agent": agent}:
             text = f"aMussel {agent} is not permitted to surface"
         case "guard", {"reaction": reaction, "calls_pilot": calls_pilot}:
@@ -161,14 +161,15 @@ class FlightProgress:
 
     def show_status(self, status: Status) -> None:
         clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"
+        reports = f"{status.active}/{status.agents} active" if status.agents else "waiting for first reports"
         doing = (
-            f"{status.phase}: {status.active}/{status.agents} active, {_docked_text(status.docked)}, "
+            f"{status.phase}: {reports}, {_docked_text(status.docked)}, "
             f"{status.services} served, {status.cost_m:.0f} m"
         )
         if status.apad_fraction is not None:
             doing += f", aPad {100 * status.apad_fraction:.0f} %"
         if status.behind_s > 1:
-            doing += f", {status.behind_s:.1f} s behind"
+            doing += f", {status.behind_s:.1f} s behind real time"
         if self._task is not None:
             self._progress.update(self._task, completed=status.now_ms, clock=clock, doing=doing)
         if self._progress.disable and status.now_ms - self._last_line_ms >= _LINE_EVERY_MS:

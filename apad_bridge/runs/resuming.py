@@ -56,7 +56,7 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
         elif line["kind"] == EventKind.APAD and fraction is None:
             fraction = line["battery"]
         elif line["kind"] == EventKind.END:
-            raise PeerFailed("this run has ended: there is nothing to go on with")
+            raise PeerFailed("this run has ended: nothing to resume")
     # Ticks are at whole seconds; the journal's last line may lie between two ticks.
     now_ms = (journal.last_ms + gap_ms) // 1000 * 1000
     return ResumePoint(now_ms, state, epoch, fraction, first_failure(journal))
@@ -208,10 +208,10 @@ def restore_learned(checkpoint: Path, learned: LearnedState, now_ms: int) -> tup
     try:
         restored = restore(checkpoint, learned.beliefs, learned.ranging)
     except NoCheckpoint as reason:
-        return f"nothing is believed of an aMussel until it is heard again: {reason}", None
+        return f"no beliefs until the aMussels report again: {reason}", None
     believed = learned.beliefs.all()
     if not believed:
-        return "nothing had been heard of any aMussel yet", restored.counts
+        return "no aMussel had reported yet", restored.counts
     oldest_s = max(it.age_s(now_ms) for it in believed)
     line = (
         f"believed as before: {len(believed)} aMussels, as of {restored.until_ms / 1000:g} s of mission time; "
@@ -224,9 +224,8 @@ def restore_learned(checkpoint: Path, learned: LearnedState, now_ms: int) -> tup
 
 def loss_lines(resumed: Resumed, dropped: Counter[str] | None) -> list[str]:
     """Lines for a person, one for each kind of data that the crash lost."""
-    lost = ["lost: words on their way"]
-    if dropped is None:
-        lost[0] += ", and the counts of what was dropped so far"
+    counts = " and the counts of dropped input" if dropped is None else ""
+    lost = [f"Messages in transit{counts} were lost."]
     if resumed.journal.dropped or resumed.journal_torn_bytes:
         lost.append(f"the journal's last line was torn: {resumed.journal_torn_bytes} bytes of it are lost")
     if resumed.bag is not None:

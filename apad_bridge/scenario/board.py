@@ -56,7 +56,7 @@ class Board:
         if self.surfacing_timeout_s is not None and self.surfacing_timeout_s <= self.surfacing_s:
             raise ValueError("surfacing_timeout_s must be longer than surfacing_s")
         if self.whole is None and missing:
-            raise ValueError(f"{' and '.join(missing)} must be there, or `whole` for the whole firmware")
+            raise ValueError(f"{' and '.join(missing)} must be given, or `whole` for the whole firmware")
         if self.whole is not None and self.motor_run_charge:
             given.append("motor_run_charge")
         if self.whole is not None and given:

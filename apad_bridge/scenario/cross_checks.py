@@ -281,14 +281,14 @@ def _check_mission(scenario: Scenario) -> list[Contradiction]:
         found.append(
             (
                 "mission.full_when",
-                "a board without `whole` charges its primary battery only: leave this key out, or say primary",
+                "a board without `whole` charges its primary battery only: leave this key out, or use primary",
             )
         )
     if not can_fill(scenario.board, mission.pool_threshold, mission.full_threshold):
         found.append(
             (
                 "mission.full_threshold",
-                "is never reached in a dock: what is on there draws more than the charger gives. Lower it, or keep less on",
+                "is never reached in a dock: the modules there draw more than the charger gives. Lower it, or keep less on",
             )
         )
     if mission.speed_m_s > scenario.apad.max_speed_m_s:

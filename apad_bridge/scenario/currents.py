@@ -41,7 +41,7 @@ def current_text(path: Path, frame: LocalFrame) -> str:
     try:
         import netCDF4
     except ImportError:
-        raise ValueError("to read NetCDF the package netCDF4 is wanted: pip install netCDF4") from None
+        raise ValueError("NetCDF needs the package netCDF4: pip install netCDF4") from None
     with netCDF4.Dataset(str(path)) as data:
         return _csv(data.variables, frame)
 
@@ -116,7 +116,7 @@ def _metres(row: Any, column: Any, frame: LocalFrame) -> tuple[NDArray[np.float6
     """Returns the axes' points in local NED; converts degrees along the origin's meridian and parallel."""
     rows, columns = (np.asarray(it[:], dtype=np.float64) for it in (row, column))
     if rows.ndim != 1 or columns.ndim != 1:
-        raise ValueError("the axes of a grid are wanted, not a curved one")
+        raise ValueError("needs the axes of a grid, not of a curved one")
     if row.name == "north_m":
         return rows, columns
     norths = np.array([frame.to_local(it, frame.longitude_deg)[0] for it in rows])

@@ -89,7 +89,7 @@ def read_table(path: Path, frame: LocalFrame) -> list[Row]:
         try:
             row = _row(number, columns, _cells(line), frame)
             if row.agent_id in rows:
-                raise ValueError(f"id {row.agent_id} stands in line {rows[row.agent_id].line} already")
+                raise ValueError(f"id {row.agent_id} is in line {rows[row.agent_id].line} already")
             rows[row.agent_id] = row
         except ValueError as error:
             problems.append(f"{path}:{number}: {error}")
@@ -136,7 +136,7 @@ def _columns(header: str) -> list[str]:
             hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(_ALIASES)}"
             raise ValueError(f"unknown column {cell!r}; {hint}")
         if name in columns:
-            raise ValueError(f"column {cell!r}: {name} is there already")
+            raise ValueError(f"column {cell!r}: {name} exists already")
         columns.append(name)
     for needed in ("id", "battery"):
         if needed not in columns:
@@ -184,14 +184,14 @@ def _place(texts: Mapping[str, str], frame: LocalFrame) -> tuple[float, float]:
 
 def _agent_id(text: str) -> int:
     if not (text.isascii() and text.isdigit() and 1 <= int(text) <= MAX_AGENT_ID):
-        raise ValueError(f"id: a whole number from 1 on is wanted, not {text!r}")
+        raise ValueError(f"id: must be a whole number from 1 on, not {text!r}")
     return int(text)
 
 
 def _charge(column: str, text: str) -> float:
     charge = _number(column, text)
     if not 0 <= charge <= 1:
-        raise ValueError(f"{column}: a charge in [0, 1] is wanted, not {text}")
+        raise ValueError(f"{column}: must be a charge in [0, 1], not {text}")
     return charge
 
 
@@ -199,7 +199,7 @@ def _number(column: str, text: str) -> float:
     try:
         number = float(text)
     except ValueError:
-        raise ValueError(f"{column}: a number is wanted, not {text!r}") from None
+        raise ValueError(f"{column}: must be a number, not {text!r}") from None
     if not isfinite(number):
-        raise ValueError(f"{column}: a finite number is wanted, not {text}")
+        raise ValueError(f"{column}: must be a finite number, not {text}")
     return number

@@ -119,7 +119,7 @@ class Queries:
             for agent_id, north_m, east_m in mission.state.homes:
                 if agent_id == id:
                     return self._located(north_m, east_m)
-            raise Refused(f"aMussel {id} was never heard in the water")
+            raise Refused(f"aMussel {id} never reported from the water")
 
         return self._do(find_home)
 
@@ -210,7 +210,7 @@ class Queries:
     def _belief(self, mission: ManualMission, id: int) -> Belief:
         belief = mission.beliefs.get(id)
         if belief is None:
-            raise Refused(f"aMussel {id} was never heard")  # the wait for its first packet timed out
+            raise Refused(f"aMussel {id} never reported")  # the wait for its first packet timed out
         return belief
 
     def _location(self, mission: ManualMission, id: int | str) -> Location:
@@ -293,5 +293,5 @@ def _refuse_held(belief: Belief) -> None:
     """Raises Refused for a belief that repeats the last packet and is not carried on in time."""
     if not belief.is_predicted:
         raise Refused(
-            "this scenario's estimator believes the last packet and foretells nothing: say beliefs: {estimator: twin} in it"
+            "this scenario's estimator holds the last packet and predicts nothing: set beliefs: {estimator: twin} in it"
         )

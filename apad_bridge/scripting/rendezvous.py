@@ -93,7 +93,7 @@ class Rendezvous:
                 self._script = threading.current_thread()
             if self._script is not threading.current_thread():
                 raise RuntimeError(
-                    "the API is for the script's own thread: let the others hand it what they found"
+                    "the API is for the script's own thread: let other threads pass their results to it"
                 )
             self._request = request
             self._lock.notify_all()

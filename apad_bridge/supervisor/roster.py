@@ -145,9 +145,7 @@ class Presences:
             if before is not Presence.SIMULATED:
                 return f"aMussel {request.agent_id} is {before}: faults are for simulated ones"
             if request.fault is Fault.COIL_SLIP and not _is_docked(beliefs, request.agent_id):
-                return (
-                    f"aMussel {request.agent_id} is in no dock, as far as is heard: a coil slips only there"
-                )
+                return f"aMussel {request.agent_id} is in no dock, by its reports: a coil slips only there"
             return [(request.agent_id, _STIMULI[request.fault])], Note(
                 "fault", {"id": request.agent_id, "fault": request.fault.value}
             )
@@ -162,7 +160,7 @@ class Presences:
         if after is Presence.SIMULATED:
             placed = self._placed(request, beliefs)
             if placed is None:
-                return f"nothing was heard of the real aMussel {request.agent_id}: retire it, and spawn it somewhere"
+                return f"no report came from the real aMussel {request.agent_id}: retire it, and spawn it somewhere"
             stimuli.append((request.agent_id, placed))
             coordinator.unmute(request.agent_id, now_ms)
         else:
@@ -204,7 +202,7 @@ def _is_docked(beliefs: FleetBeliefs, agent_id: int) -> bool:
 def _no_spawn(request: PresenceRequest) -> str | None:
     """The reason for refusing to spawn, or None. Charge 0 is refused: ROS 1 fills a field that is left out with 0."""
     if not all(0.0 < charge <= 1.0 for charge in request.charges):
-        return "primary and secondary are charges above 0 and up to 1 (one that is left out is 0): say both"
+        return "primary and secondary are charges above 0 and up to 1 (0 if left out): give both"
     if not math.hypot(*(request.at or (0.0, 0.0))) <= FARTHEST_M:
         return f"a place is metres north and east of the scenario's origin, {FARTHEST_M:.0f} m away at most"
     return None

@@ -138,7 +138,7 @@ class GoToProgress:
 
     def stall_reason(self) -> str:
         if self._pose_ms is None or self._pose_ms + self._stall_ms <= self.deadline_ms:
-            return f"stalled: no pose of the vehicle was heard for {self._stall_ms / 1000:g} s"
+            return f"stalled: the vehicle sent no pose for {self._stall_ms / 1000:g} s"
         return f"stalled: not {PROGRESS_M:g} m nearer within {self._stall_ms / 1000:g} s, {self._nearest_m:.1f} m to go"
 
     def _distance_m(self, pose: PoseReported) -> float:
@@ -270,7 +270,7 @@ class DockingPort:
                 self._command_id = self._take_command_id()
                 wanted = (speed_m_s, victory_radius_m)
                 if not self._capabilities.obeys_speed and self._usual_go_to not in (None, wanted):
-                    self.dropped["speed or victory radius of a go-to: the aPad goes as it is set"] += 1
+                    self.dropped["speed or victory radius of a go-to: the aPad uses its own"] += 1
                 actions.append(GoTo(self._command_id, north_m, east_m, *wanted))
             case HoldPosition(_, north_m, east_m):
                 self._phase = Phase.HOLDING
@@ -420,7 +420,7 @@ class DockingPort:
     def _hold_here(self, actions: list[Action]) -> None:
         """Stop a vehicle under way: field vehicles keep going to the old goal until the next command."""
         if self._pose is None:
-            self.dropped["hold: no pose was ever heard"] += 1
+            self.dropped["hold: the vehicle never sent a pose"] += 1
             return
         actions.append(Hold(self._take_command_id(), self._pose.north_m, self._pose.east_m))
 

@@ -206,7 +206,7 @@ def test_a_page_whose_console_stands_still_says_so_within_3_s(
 
 def test_a_console_of_what_is_no_run_does_not_start(tmp_path: Path) -> None:
     with (
-        pytest.raises(UserError, match=r"no run: there is no scenario\.yaml in it"),
+        pytest.raises(UserError, match=r"no run: it has no scenario\.yaml"),
         console_beside(tmp_path),
     ):
         pytest.fail("it started")

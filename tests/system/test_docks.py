@@ -73,7 +73,7 @@ def test_a_server_that_is_silent_about_higher_docks_loses_no_amussel(tmp_path: P
     virtual, virtual_lines = flown(path, tmp_path / "asap", "--time", "asap")
     assert changes(lines) == changes(virtual_lines) and len(changes(lines)) >= 8
     assert summary["services"] == virtual["services"] >= 4
-    reckoned = "silence on position_static of an aMussel that the aPad holds: reckoned"
+    reckoned = "silence on position_static of an aMussel that the aPad holds: dead reckoning"
     assert summary["dropped"].keys() == {reckoned}
     places, virtual_places = places_at_the_end(lines), places_at_the_end(virtual_lines)
     assert places.keys() == virtual_places.keys()

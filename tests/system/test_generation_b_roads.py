@@ -98,7 +98,7 @@ def test_a_docking_by_the_simple_service_reaches_the_amussel_that_floats_there(t
 @pytest.mark.parametrize("road", ["simple", "action"])
 def test_a_mission_notices_that_somebody_else_sent_the_apad_away(told: Any, road: str) -> None:
     (reason,) = told["missions"][road]
-    assert reason.startswith("the aPad says it arrived, ") and reason.endswith(" m from the goal")
+    assert reason.startswith("the aPad reports an arrival, ") and reason.endswith(" m from the goal")
 
 
 def test_a_mission_notices_that_somebody_else_stopped_the_apad(told: Any) -> None:
@@ -109,5 +109,5 @@ def test_a_mission_that_holds_lets_anothers_go_to_end_and_then_takes_the_apad_ba
     holding = told["missions"]["holding"]
     assert holding["state"] == "SUCCEEDED" and holding["distance_m"] < 0.5
     assert holding["came_back_m"] == pytest.approx([0.0, 0.0], abs=0.5)
-    assert "goto_status: somebody else sent the aPad away from where it shall hold" in holding["dropped"]
-    assert "the aPad did not hold its position, and was told again" in holding["dropped"]
+    assert "goto_status: another client sent the aPad away from its hold" in holding["dropped"]
+    assert "the aPad did not hold its position, and got the hold again" in holding["dropped"]

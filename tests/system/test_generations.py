@@ -247,8 +247,8 @@ def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_dif
     failed = told(start("legacy_flight", scenario, "ros", "max", "0.2"))["failed"]
     for missing in (
         "nobody publishes /apad1/position",
-        "no word of its action server",
-        "nobody listens to /apad1/action_server/goal",
+        "no message from its action server",
+        "no subscriber on /apad1/action_server/goal",
     ):
         assert missing in failed
     stranger = subprocess.Popen(

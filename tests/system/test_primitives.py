@@ -140,8 +140,8 @@ def test_an_apad_is_flown_by_calls(
     )
     assert called.stdout.count("accepted: True") == 3, called.stdout + called.stderr
     assert called.stdout.count("success: True") == 3
-    assert len(calls) == 9 and "aMussel 7 was never heard" in called.stdout
-    assert "no mission to give the aPad back to" in called.stdout
+    assert len(calls) == 9 and "aMussel 7 never reported" in called.stdout
+    assert "no mission to which to give the aPad back" in called.stdout
     first = read_journal(run / "journal.jsonl").first("run")
     assert first is not None
     agent = first["agents"][0]

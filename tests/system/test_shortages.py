@@ -64,7 +64,7 @@ def test_a_full_disk_ends_the_mission_in_order_with_whole_records(
 ) -> None:
     run = tmp_path / "run"
     done = fly(run, (resource.RLIMIT_FSIZE, 100_000), *options)
-    check_failed(done, run, "takes no more (File too large)")
+    check_failed(done, run, "takes no more data (File too large)")
     contents = read_journal(run / "journal.jsonl")
     assert contents.dropped == 0 and contents.last_ms > 60_000
     with Reader(run / "run.bag") as bag:

@@ -119,7 +119,7 @@ def test_diagnostics_name_who_is_silent_and_who_wants_charging(environment: dict
     )
     assert (lines["musselbed: aMussel 2"]["level"], lines["musselbed: aMussel 2"]["message"]) == (
         3,
-        "never heard",
+        "no report yet",
     )
     assert lines["musselbed: mission"]["message"] == "idle wait"
     assert lines["musselbed: aPad"]["level"] == 0

@@ -137,10 +137,10 @@ def _column(
         return 1 - but
     if not found:
         what = "time" if option == "--time-column" else "a battery's voltage or charge"
-        raise LogError(f"no column looks like {what}: say which by {option}, one of {', '.join(names)}")
+        raise LogError(f"no column looks like {what}: choose one with {option}: {', '.join(names)}")
     if len(found) > 1 and option == "--value-column":
         several = ", ".join(names[n] for n in found)
-        raise LogError(f"{several}: say by {option} which of them is fitted")
+        raise LogError(f"{several}: choose one with {option}")
     return found[0]
 
 
@@ -169,7 +169,7 @@ def _minutes(times: list[str], line_numbers: list[int], unit: str | None) -> Flo
     stamps = not _is_number(times[0])
     if not stamps and unit is None:
         raise LogError(
-            "does not say the unit of its time: call the column time_s or time_min, or give --time-unit"
+            "does not state the unit of its time: call the column time_s or time_min, or give --time-unit"
         )
     found: list[float] = []
     first: datetime | None = None
@@ -223,7 +223,7 @@ def _unit_by_size(values: Floats) -> str:
     if low >= 2000 and high <= 5500:
         return "mv"
     raise LogError(
-        f"does not say the unit of its values, which run from {low:g} to {high:g}: give --value-unit "
+        f"does not state the unit of its values, which run from {low:g} to {high:g}: give --value-unit "
         f"({', '.join(VALUE_UNITS)})"
     )
 

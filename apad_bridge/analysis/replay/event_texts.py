@@ -23,7 +23,7 @@ def event_text(line: Line) -> str | None:
         case EventKind.LEFT_ALONE, {"agent": agent}:
             return f"aMussel {agent} is left alone: {reason}"
         case EventKind.STUCK, _:
-            return f"the aPad does not get anywhere: {reason}"
+            return f"the aPad is stuck: {reason}"
         case EventKind.OVERRIDE, {"taken": taken}:
             return "a person took the aPad over" if taken else "the aPad was given back"
         case EventKind.OPERATOR, {"order": order, "by": by}:
@@ -53,9 +53,9 @@ def event_text(line: Line) -> str | None:
         case EventKind.VEHICLE_SILENT, _:
             return "the aPad is silent"
         case EventKind.VEHICLE_HEARD, _:
-            return "the aPad is heard again"
+            return "the aPad publishes again"
         case EventKind.RESUMED, _:
-            return "another supervisor went on"
+            return "another supervisor continued"
         case EventKind.END, _:
             return f"the mission ended: {reason}"
         case _:

@@ -46,7 +46,7 @@ def diagnose(
 def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) -> DiagnosticStatus:
     status = DiagnosticStatus(name=f"musselbed: aMussel {agent_id}", hardware_id=f"amussel{agent_id}")
     if belief is None:
-        status.level, status.message = DiagnosticStatus.STALE, "never heard"
+        status.level, status.message = DiagnosticStatus.STALE, "no report yet"
         return status
     status.values = _values(
         state=belief.state.name,
@@ -99,7 +99,7 @@ def _apad(supervisor: Supervisor, name: str) -> DiagnosticStatus:
     if failure is not None:
         status.level, status.message = DiagnosticStatus.ERROR, f"first failure: {failure.reason}"
     elif supervisor.pose is None:
-        status.level, status.message = DiagnosticStatus.STALE, "its position has not been heard"
+        status.level, status.message = DiagnosticStatus.STALE, "its position is not known yet"
     else:
         status.level, status.message = DiagnosticStatus.OK, supervisor.primitive
     return status

@@ -73,7 +73,7 @@ class Subscribers(LegacySubscribers):
     def missing(self) -> list[str]:
         """A line for a person about each part that a flight needs and that is not connected."""
         lines = super().missing
-        return lines if self.has_server_status else [*lines, "no word of its action server"]
+        return lines if self.has_server_status else [*lines, "no message from its action server"]
 
     def _take_static(self, message: Any, agent_id: int) -> None:
         position, released = message.position, message.status == 1
@@ -147,7 +147,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
 
     def _missing(self) -> list[str]:
         unread = (
-            [] if self._goals.get_num_connections() else [f"nobody listens to {self._goals.resolved_name}"]
+            [] if self._goals.get_num_connections() else [f"no subscriber on {self._goals.resolved_name}"]
         )
         return self._subscribers.missing + unread
 

@@ -35,7 +35,7 @@ def _services(stack: Stack, name: str) -> list[str]:
 
 
 def _absence(stack: Stack, name: str) -> str:
-    lines = [f"nobody listens to {goal}" for goal in _goals(stack, name)]
+    lines = [f"no subscriber on {goal}" for goal in _goals(stack, name)]
     lines += [f"nobody offers {service}" for service in _services(stack, name)]
     return f"{', '.join(lines)} (generation {stack.generation.name})"
 

@@ -123,7 +123,7 @@ class LaboratoryLink:
             elif self._docks is not None:
                 self._docks.receive_dock_report(message)
             else:
-                laboratory.ignored["a docked alert, where the aPad itself tells what it holds"] += 1
+                laboratory.ignored["a docked alert, though the aPad itself reports what it holds"] += 1
         facts = self._vehicle.advance(now_ms)
         for fact in facts:
             if isinstance(fact, DockClosed | DockOpened):

@@ -117,7 +117,7 @@ class Server(LegacyServer[GenerationAVehicle]):
         with self._lock:
             vehicle = self._vehicle
             if vehicle is None:
-                handle.set_rejected(None, "no /clock was heard yet")
+                handle.set_rejected(None, "no /clock came yet")
                 return
             if vehicle.has_crashed:
                 return

@@ -76,7 +76,7 @@ class LegacyServer(ABC, Generic[Vehicle]):
     def _running(self) -> Vehicle:
         """The vehicle, for a service: ServiceException while there is none."""
         if self._vehicle is None:
-            raise rospy.ServiceException("no /clock was heard yet")
+            raise rospy.ServiceException("no /clock came yet")
         return self._vehicle
 
 

@@ -18,7 +18,7 @@ def somebodys_master(environment: Mapping[str, str] = os.environ) -> str:
     uri = environment.get("ROS_MASTER_URI") or _DEFAULT_URI
     if (why := why_silent(uri)) is not None:
         raise PeerFailed(
-            f"no ROS master answers at {uri} ({why}): start it, or say where it is with ROS_MASTER_URI"
+            f"no ROS master answers at {uri} ({why}): start it, or set ROS_MASTER_URI to its address"
         )
     return uri
 

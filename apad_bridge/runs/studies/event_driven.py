@@ -63,8 +63,8 @@ def model_gap(scenario: Scenario) -> str | None:
     """The first thing in the scenario that the event-driven model leaves out; None if it covers the scenario."""
     fleet, docking = scenario.fleet, scenario.mission.docking
     gaps = {
-        "board.whole: its timers fire too often to be skipped": scenario.board.whole is not None,
-        "hearing.mode: only `paper` is heard at every tick": scenario.hearing.mode is not HearingMode.PAPER,
+        "board.whole: its timers fire too often for skipped ticks": scenario.board.whole is not None,
+        "hearing.mode: only `paper` reports at every tick": scenario.hearing.mode is not HearingMode.PAPER,
         "hearing.report_period_s: only 1": scenario.hearing.report_period_s * 1000 != TICK_MS,
         "hearing.codec: only the built-in one": scenario.hearing.codec != "musselbed-1",
         "hearing.positioning: only `ground_truth`": scenario.hearing.positioning

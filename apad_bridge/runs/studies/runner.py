@@ -71,7 +71,7 @@ def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[LineFile, dict[
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise AnotherStudy(
-                f"{directory}: another process flies this study: wait for it, or say another --out"
+                f"{directory}: another process flies this study: wait for it, or choose another --out"
             ) from error
         lines = [line for line in read_lines(path) if line is not None] if path.exists() else []
         if lines and lines[0].get("study") != fingerprint:
@@ -96,7 +96,7 @@ def fly_block(plan: Plan, setting: int, seed: int) -> list[Row]:
         except StrategyFailed as failed:
             where = f"{plan.settings[setting].label}, seed {seed}"
             raise StudyFailed(
-                f"{failed} ({strategy} in {where}): mend the strategy; the study goes on from there"
+                f"{failed} ({strategy} in {where}): mend the strategy; the same command continues from there"
             ) from failed
         rows.append({"setting": setting, "strategy": strategy, "seed": seed, **asdict(figures)})
     return rows
@@ -139,7 +139,7 @@ def _answer(process: Worker) -> list[Row]:
         answer: list[Row] | StudyFailed = pickle.load(process.stdout)
     except EOFError as error:
         raise StudyFailed(
-            f"a worker ended with status {process.wait()}, perhaps for want of memory: the same command goes on from there"
+            f"a worker ended with status {process.wait()}, perhaps for lack of memory; the same command continues"
         ) from error
     if isinstance(answer, StudyFailed):
         raise answer

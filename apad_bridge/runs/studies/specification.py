@@ -175,7 +175,7 @@ def _strategy_of(given: str | dict[str, Any]) -> Strategy:
 
 def _check_names(study: Study, names: Sequence[str], source: str) -> None:
     if len(set(names)) < len(names):
-        raise ScenarioError([f"{source}: strategies: a name stands there twice: give one another `name`"])
+        raise ScenarioError([f"{source}: strategies: a name occurs twice: give one another `name`"])
     if study.baseline is not None and study.baseline not in names:
         raise ScenarioError(
             [f"{source}: baseline: {study.baseline} is none of the strategies: {', '.join(names)}"]
@@ -185,7 +185,7 @@ def _check_names(study: Study, names: Sequence[str], source: str) -> None:
             [f"{source}: primary: {study.primary} is no column; columns are {', '.join(COLUMNS)}"]
         )
     if not isinstance(study.seeds, int) and len(set(study.seeds)) < len(study.seeds):
-        raise ScenarioError([f"{source}: seeds: one stands there twice"])
+        raise ScenarioError([f"{source}: seeds: one occurs twice"])
 
 
 def _changed(

@@ -36,7 +36,7 @@ def write(message: Any, path: str, value: Any) -> None:
     """Writes in the field's own kind: text, boolean, number or bytes. Raises AttributeError or TypeError if it cannot."""
     *parents, last = path_steps(path)
     if not isinstance(last, str):
-        raise TypeError(f"{path!r}: elements of a list cannot be told, name the list")
+        raise TypeError(f"{path!r}: cannot send elements of a list: name the list")
     for step in parents:
         message = getattr(message, step) if isinstance(step, str) else message[step]
     present = getattr(message, last)

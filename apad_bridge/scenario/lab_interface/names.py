@@ -95,7 +95,7 @@ class Subscription:
 
     def __post_init__(self) -> None:
         if self.what is MessageKind.WIFI:
-            raise ValueError("wifi can be told and not heard: the bench knows its own aMussels' Wi-Fi")
+            raise ValueError("the bench sends wifi and does not receive it: it knows its own aMussels' Wi-Fi")
         if (self.what is MessageKind.PACKET) != (self.bytes is not None):
             raise ValueError("a packet needs bytes, the field that holds them; nothing else has any")
         if self.bytes is not None:
@@ -106,7 +106,7 @@ class Subscription:
             MessageKind.RELEASED,
             MessageKind.PACKET,
         ):
-            raise ValueError("whom it is for must be said: an id, {id} in the topic, or everyone")
+            raise ValueError("needs an addressee: an id, {id} in the topic, or everyone")
 
     def id_of(self, message: Any) -> int | None:
         return None if self.id is None else self.id.of(message)

@@ -234,7 +234,7 @@ class GenerationACore:
         if away_m <= FAR_M:
             return None
         return (
-            f"aMussel {agent_id} is in no dock: its dock opened, as far as is heard, {away_m:.1f} m from here"
+            f"aMussel {agent_id} is in no dock: its dock opened, by the last report, {away_m:.1f} m from here"
         )
 
     def _watch_silence(self, now_ms: int) -> None:
@@ -366,13 +366,13 @@ class GenerationACore:
             elif sent.is_taken and silent_ms >= SERVER_SILENT_MS and not _still_comes(sent, now_ms):
                 reason = "the aPad's action server fell silent after it took the goal"
             elif sent.pre_empted_ms is not None and self._others_are_done(sent.pre_empted_ms, now_ms):
-                reason = "the aPad's action server says PREEMPTED: another's goal took its place"
+                reason = "the aPad's action server reports PREEMPTED: another client's goal replaced it"
             elif (
                 isinstance(sent.command, CloseDock)
                 and sent.ended_ms is not None
                 and now_ms - sent.ended_ms >= PERCHED_MS
             ):
-                reason = "the aPad says it perched, but holds nothing: is a dock free?"
+                reason = "the aPad reports a perch, but holds nothing: is a dock free?"
             if reason is not None:
                 del self._goals[key]
                 self._fail(sent.command, now_ms, reason)
@@ -402,7 +402,7 @@ class GenerationACore:
                 del self._goals[key]
                 has_new = True
         if has_new and self._post is not None and not runs_ours and self._away_ms is None:
-            self._server.dropped["somebody else sent the aPad away from where it should hold"] += 1
+            self._server.dropped["another client sent the aPad away from its hold"] += 1
             self._away_ms = now_ms
         if self._post is None or self._away_ms is None or not self._others_are_done(self._away_ms, now_ms):
             return

@@ -247,11 +247,11 @@ class ReportedDocks:
 
     def _reckon(self, holding: _Holding, at_ms: int) -> None:
         if holding.confirmed_ms < holding.heard_ms:
-            self.dropped["silence on position_static of an aMussel that the aPad holds: reckoned"] += 1
+            self.dropped["silence on position_static of an aMussel that the aPad holds: dead reckoning"] += 1
         holding.asked_ms, holding.confirmed_ms = None, at_ms
 
     def _open_by_silence(self, agent_id: int, at_ms: int) -> list[LinkFact]:
-        self.dropped["silence on position_static, taken for a release that nobody ordered"] += 1
+        self.dropped["silence on position_static, taken for a release without an order"] += 1
         self.unordered_releases.append(agent_id)
         if (place_m := self._held[agent_id].place_m) is not None:
             self.lost_m[agent_id] = place_m

@@ -69,7 +69,7 @@ class ExternalDocking:
         return DockReport(at_ms, None, self._dock, self._dock not in held)
 
 
-NOTHING_THERE = "the aPad says it docked, but the aMussel is not there"
+NOTHING_THERE = "the aPad reports a docking, but the aMussel is not there"
 PILOT = "a pilot steers the aPad"
 
 
@@ -148,11 +148,11 @@ class Tasks:
                 self._arrive(self._go_to_task.command, at_ms)
             else:
                 distance_m = self._go_to_task.distance_m(self._pose)
-                self._fail(f"the aPad says it arrived, {distance_m:.1f} m from the goal", at_ms)
+                self._fail(f"the aPad reports an arrival, {distance_m:.1f} m from the goal", at_ms)
         elif self._hold_task is not None and self._hold_task.receive_goto_status(
             status, at_ms, answered=answered
         ):
-            self._dropped["goto_status: somebody else sent the aPad away from where it shall hold"] += 1
+            self._dropped["goto_status: another client sent the aPad away from its hold"] += 1
 
     def _receive_external(self, status: Status, at_ms: int) -> None:
         """Lets a docking that nobody here ordered end; it then leaves the controllers off."""
@@ -227,7 +227,7 @@ class Tasks:
         elif self._servo_task is not None:
             self._watch_servo(self._servo_task, now_ms)
         elif self._hold_task is not None and self._must_hold_again(self._hold_task, now_ms):
-            self._dropped["the aPad did not hold its position, and was told again"] += 1
+            self._dropped["the aPad did not hold its position, and got the hold again"] += 1
             self._hold_again(self._hold_task, now_ms)
 
     def _must_hold_again(self, task: HoldTask, now_ms: int) -> bool:

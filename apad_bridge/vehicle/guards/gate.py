@@ -305,7 +305,9 @@ class GuardedVehicle:
         else:
             self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
         if self._safety.needs_person:
-            self.gate.awaits_person = f"a person must let the aPad go on after this: {finding.reason}"
+            self.gate.awaits_person = (
+                f"a person must confirm that the aPad may continue after this: {finding.reason}"
+            )
 
     def _goal_inside(self) -> GoTo | None:
         place_m = self.gate.watch.place_m

@@ -79,16 +79,16 @@ def test_order_of_rows_and_columns_and_comments_do_not_matter() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"^no current in it: a header north_m,east_m,north_m_s,east_m_s and one row"),
+        ("", r"^no current in it: needs a header north_m,east_m,north_m_s,east_m_s and one row"),
         (HEADER, r"^no current in it"),
         ("north,east,u,v\n0,0,0,0\n", r"^line 1: the columns must be north_m, .*, not north, east, u, v$"),
         ("0,0,0.1,0.1\n", r"^line 1: the columns must be"),
         (f"{HEADER}0,0,0\n", r"^line 2: 3 values for 4 columns$"),
-        (f"{HEADER}0,0,0,0\n\n1,0,x,0\n", r"^line 4: north_m_s: a number is wanted, not 'x'$"),
-        (f"{HEADER}0,0,nan,0\n", r"^line 2: north_m_s: a number within \+-20 is wanted, not nan$"),
-        (f"{HEADER}0,inf,0,0\n", r"^line 2: east_m: a number within \+-1e\+06 is wanted, not inf$"),
-        (f"{HEADER}0,0,0,50\n", r"^line 2: east_m_s: a number within \+-20 is wanted, not 50$"),
-        (f"{HEADER}0,0,0,0\n0,0,1,1\n", r"^line 3: this place stands in a line above already$"),
+        (f"{HEADER}0,0,0,0\n\n1,0,x,0\n", r"^line 4: north_m_s: must be a number, not 'x'$"),
+        (f"{HEADER}0,0,nan,0\n", r"^line 2: north_m_s: must be a number within \+-20, not nan$"),
+        (f"{HEADER}0,inf,0,0\n", r"^line 2: east_m: must be a number within \+-1e\+06, not inf$"),
+        (f"{HEADER}0,0,0,50\n", r"^line 2: east_m_s: must be a number within \+-20, not 50$"),
+        (f"{HEADER}0,0,0,0\n0,0,1,1\n", r"^line 3: this place is in a line above already$"),
         (
             f"{HEADER}0,0,0,0\n0,1,0,0\n2.5,0,0,0\n",
             r"^not a grid: there is no row for north_m 2.5, east_m 1$",

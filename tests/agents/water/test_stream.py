@@ -70,7 +70,7 @@ def test_a_file_without_depth_and_time_is_one_field() -> None:
     [
         ("", "only a header"),
         ("0,0,1,0,0\n", "line 2: 5 values for 6 columns"),
-        ("0,0,1,0,deep,0\n", "line 2: time_s and depth_m: numbers"),
+        ("0,0,1,0,deep,0\n", "line 2: time_s and depth_m: must be numbers"),
         ("0,0,1,0,0,0\n0,0,1,0,5,0\n0,0,1,0,0,9\n", "nothing for time_s 9, depth_m 5"),
         ("0,0,1,0,0,0\n0,0,1,0,5,0\n0,0,fast,0,5,0\n", "line 4: .*north_m_s"),
     ],

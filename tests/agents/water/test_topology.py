@@ -44,9 +44,9 @@ def test_seconds_are_mission_time() -> None:
         ("from,to,loss\n1,2", "line 2: 2 values for 3 columns"),
         ("from,to,loss\nboat,2,1", "line 2: 'boat' is no aMussel's id, apad or \\*"),
         ("from,to,loss\n1,2,1.5", "line 2: loss must lie in 0 to 1"),
-        ("from,to,loss\n1,2,much", "line 2: loss: a number is wanted, not 'much'"),
+        ("from,to,loss\n1,2,much", "line 2: loss: must be a number, not 'much'"),
         ("from,to,loss,since_s,until_s\n1,2,1,5,5", "line 2: until_s must be after since_s"),
-        ("from,to,loss,since_s\n1,2,1,-5", "line 2: since_s: a number from 0 on"),
+        ("from,to,loss,since_s\n1,2,1,-5", "line 2: since_s: must be a number from 0 on"),
     ],
 )
 def test_what_is_no_rule_is_refused_with_its_line(text: str, error: str) -> None:

@@ -27,7 +27,7 @@ def test_a_file_that_is_there_is_kept_unless_forced(
     out = tmp_path / "mine.perspective"
     out.write_text("arranged by hand")
     assert main(["layout", "rqt", POOL, "--out", str(out)]) == 2
-    assert "is there already: --force replaces it" in capsys.readouterr().err
+    assert "exists already: replace it with --force" in capsys.readouterr().err
     assert out.read_text() == "arranged by hand"
     assert main(["layout", "rqt", POOL, "--out", str(out), "--force"]) == 0
     assert json.loads(out.read_text())["groups"]

@@ -42,7 +42,7 @@ def test_what_is_beside_and_differs_is_a_warning_with_both_md5s(monkeypatch: pyt
 def test_it_tells_what_can_be_asked_of_the_apad(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found_of(monkeypatch, SERVICES)["/boat capabilities"] == (
         Status.OK,
-        "docks by its own eyes; holds a position; leaves it to the bench what its docks hold; "
+        "docks by its own eyes; holds a position; does not report what its docks hold; "
         "obeys the speed of a go-to; has 4 docks at most",
     )
 

@@ -133,7 +133,7 @@ def test_a_loopback_name_is_of_no_use_to_a_master_elsewhere(monkeypatch: pytest.
         ([1, "", False], [], "OK", "--time wall"),
         ([1, "", True], ["/gazebo"], "OK", "/gazebo (somebody else)"),
         ([1, "", True], ["/musselbed"], "OK", "/musselbed (ours)"),
-        ([1, "", True], [], "FAIL", "nobody publishes /clock"),
+        ([1, "", True], [], "FAIL", "no node publishes /clock"),
         ([-1, "not set", 0], ["/gazebo"], "WARN", "not set"),
         ([1, "", True], ["/gazebo", "/player"], "FAIL", "time would jump"),
     ],

@@ -60,4 +60,4 @@ def test_what_is_no_place_is_said(parameters: Parameters, wrong: object) -> None
 
 def test_without_parameters_nothing_is_claimed(parameters: Parameters) -> None:
     found = check_origin(parameters.uri, "/apad1", BIOGRAD)
-    assert found.status is Status.OK and "is not known" in found.found
+    assert found.status is Status.OK and "Cannot check the origin" in found.found

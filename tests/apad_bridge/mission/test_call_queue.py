@@ -232,5 +232,5 @@ def test_what_changes_nothing_says_so_and_an_id_left_out_is_asked_for(pool: Scen
     assert mission.resume() is False
     mission.pause()
     assert mission.resume() is True
-    with pytest.raises(Refused, match="aMussel 0 was never heard: say the aMussel's id"):
+    with pytest.raises(Refused, match="aMussel 0 never reported: give the aMussel's id"):
         mission.dock(1, 0)

@@ -147,7 +147,7 @@ def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
     hand = open_flight(pool, (CallQueue(),))[0].supervisor.mission
     assert isinstance(hand, ManualMission)
     assert hand.take_over() == "no mission plans in this flight: orders are taken without it"
-    with pytest.raises(Refused, match="no mission to give the aPad back to"):
+    with pytest.raises(Refused, match="no mission to which to give the aPad back"):
         hand.give_back()
 
 
@@ -205,7 +205,7 @@ def test_a_go_to_of_a_person_is_stopped_and_continued(pool: Scenario) -> None:
     assert flying.by_hand.goto is Status.RUNNING
     assert asked(flying, Act.CONTINUE) == (
         True,
-        "a person goes on flying the aPad: continue again to give it back",
+        "a person still flies the aPad: continue again to give it back",
     )
     flying.until(lambda: flying.by_hand.goto is Status.DONE)
     assert asked(flying, Act.CONTINUE) == (True, "")
@@ -241,3 +241,9 @@ def test_a_flight_by_hand_that_was_not_stopped_has_nothing_to_continue(pool: Sce
     assert asked(flying, Act.CONTINUE) == (True, "nothing was stopped")
     assert asked(flying, Act.STOP) == (True, "")
     assert asked(flying, Act.CONTINUE) == (True, "")
+
+
+def test_a_journal_of_an_earlier_version_has_another_name_for_a_commanded_mission() -> None:
+    assert Phase("as it is told") is Phase.COMMANDED
+    with pytest.raises(ValueError):
+        Phase("as it was told")

@@ -90,5 +90,5 @@ def test_what_is_no_strategy_is_refused(site: Path) -> None:
 
 def test_a_name_that_is_taken_is_not_shadowed_silently(site: Path) -> None:
     install(site, "shadow_lab", "greedy = shadow_lab:Own", "shadow_lab", "class Own: pass\n")
-    with pytest.raises(ValueError, match=r"brought by each of musselbed itself, shadow_lab 1\.2"):
+    with pytest.raises(ValueError, match=r"is in each of musselbed itself, shadow_lab 1\.2"):
         collection("greedy")

@@ -27,7 +27,7 @@ def test_a_named_directory_may_be_new_or_empty_but_not_used(tmp_path):
     (used / "notes.txt").write_text("mine")
     assert RunDirectory.create("x", NOW, new).path.is_dir()
     assert RunDirectory.create("x", NOW, empty).path == empty
-    with pytest.raises(RunDirectoryError, match=r"used: is not empty; .*say a new directory$"):
+    with pytest.raises(RunDirectoryError, match=r"used: is not empty; .*choose a new directory$"):
         RunDirectory.create("x", NOW, used)
     assert (used / "notes.txt").read_text() == "mine"
 
@@ -39,7 +39,7 @@ def test_a_file_is_no_directory(tmp_path):
 
 
 def test_a_directory_without_a_journal_is_no_run(tmp_path):
-    with pytest.raises(RunDirectoryError, match=r"there is no journal\.jsonl in it"):
+    with pytest.raises(RunDirectoryError, match=r"it has no journal\.jsonl"):
         RunDirectory.open(tmp_path)
 
 

@@ -202,7 +202,8 @@ def test_where_everybody_is_elsewhere_there_are_no_figures():
     meter.set_presence(7, Presence.RETIRED, 0)
     figures = uptime_figures(meter, 4 * TICK_MS, TICK_MS)
     assert (
-        figures["uptime_paper"] is None and figures["uptime_missing"] == "nobody was simulated in the water"
+        figures["uptime_paper"] is None
+        and figures["uptime_missing"] == "no aMussel was simulated in the water"
     )
     assert figures["apart"]["retired_s"] == 4 * TICK_MS / 1000
 

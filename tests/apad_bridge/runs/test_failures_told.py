@@ -54,9 +54,7 @@ def test_a_stuck_aPad_is_told_and_costs_nothing(stuck: Scenario, tmp_path: Path)
     at = f"{first['t'] // 60_000:02d}:{first['t'] // 1000 % 60:02d}"
     assert f"{at}  aMussel {first['agent']} is not collected this time: {first['reason']}" in lines
     assert sum("go to point (" in line and ") failed: stalled" in line for line in lines) == count
-    stuck_lines = [
-        line for line in lines if "the aPad does not get anywhere: 3 go-tos in a row failed" in line
-    ]
+    stuck_lines = [line for line in lines if "the aPad is stuck: 3 go-tos in a row failed" in line]
     assert len(stuck_lines) == 1
     # Nobody is left alone for what is the aPad's fault.
     assert summary["left_alone"] == [] and len(given_up) > 5
@@ -135,7 +133,7 @@ def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) 
 def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
     data = {"cause": "position", "reaction": "stop", "reason": "it is old", "calls_pilot": True}
     assert failure_line(61_000, "guard", data) == (
-        "01:01  PILOT, TAKE IT: the aPad's controllers shall go off: it is old"
+        "01:01  PILOT, TAKE IT: the aPad's controllers go off: it is old"
     )
     data |= {"cause": "fence ahead", "reaction": "hold", "calls_pilot": False}
-    assert failure_line(61_000, "guard", data) == "01:01  the aPad was told to hold where it is: it is old"
+    assert failure_line(61_000, "guard", data) == "01:01  the aPad holds where it is: it is old"

@@ -99,7 +99,7 @@ def test_options_of_another_version_are_refused_by_name(tmp_path: Path) -> None:
 POOL = load(POOL_FILE)
 CONFIG = flight_config(POOL)
 FREE = (None, None, None, None)
-LOST = "lost: words on their way"
+LOST = "Messages in transit were lost."
 
 
 def a_crash(path: Path) -> tuple[RunDirectory, LearnedState]:
@@ -203,7 +203,7 @@ def test_without_a_checkpoint_it_goes_on_and_says_that_it_believes_nothing(
     start_state = resume_run(directory, CONFIG, OPTIONS.next_epoch(), lines.append)
     start_state.recorder.close()
     assert start_state.learned.beliefs.all() == []
-    assert lines[-1].startswith(f"nothing is believed of an aMussel until it is heard again: {why}")
+    assert lines[-1].startswith(f"no beliefs until the aMussels report again: {why}")
 
 
 def ticked(recorder: Recorder, now_ms: int, dropped: dict[str, int]) -> None:
@@ -259,7 +259,7 @@ def test_a_checkpoint_that_kept_no_counts_is_read_and_they_are_told_as_lost(tmp_
     told: list[str] = []
     start_state = resume_run(directory, CONFIG, OPTIONS.next_epoch(), told.append)
     start_state.recorder.close()
-    assert told[0] == LOST + ", and the counts of what was dropped so far"
+    assert told[0] == "Messages in transit and the counts of dropped input were lost."
     assert start_state.learned.beliefs.all() == learned.beliefs.all() != []
 
 

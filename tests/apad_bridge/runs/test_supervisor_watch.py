@@ -164,7 +164,7 @@ def test_another_supervisor_resumes_at_once_where_the_run_says_so(tmp_path: Path
     assert flown == Flown({"a": {"services": 3}})
     assert starts.made == [("a", False, False), ("a", True, False)]
     assert progress.messages == [
-        f"the supervisor died (SIGKILL); the fleet is suspended and whole. To go on: musselbed resume {tmp_path}"
+        f"the supervisor died (SIGKILL); the fleet is paused and intact. Continue: musselbed resume {tmp_path}"
     ]
 
 
@@ -176,7 +176,7 @@ def test_one_of_several_is_followed_by_one_that_keeps_its_fleet(tmp_path: Path) 
 
 def test_a_script_is_not_followed(tmp_path: Path) -> None:
     flown, starts = died(OnDeath.WAIT, tmp_path, ProgressLog(), script="/s.py")
-    assert flown.summaries == {} and "a script cannot go on in the middle" in flown.failures["a"]
+    assert flown.summaries == {} and "a script cannot continue in the middle" in flown.failures["a"]
     assert len(starts.made) == 1
 
 

@@ -401,7 +401,7 @@ def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) 
 def test_a_current_that_cannot_be_read_is_refused_with_its_line(refusals: Refusals, tmp_path: Path) -> None:
     (tmp_path / "tide.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0,fast\n")
     assert refusals(("0.005}", "0.005, current_file: tide.csv}")) == [
-        f"fleet.drift.current_file: {tmp_path}/tide.csv: line 2: east_m_s: a number is wanted, not 'fast'"
+        f"fleet.drift.current_file: {tmp_path}/tide.csv: line 2: east_m_s: must be a number, not 'fast'"
     ]
 
 

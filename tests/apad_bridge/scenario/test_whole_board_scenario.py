@@ -252,7 +252,7 @@ def test_a_fleet_too_large_for_its_frame_is_refused_on_the_command_line_too() ->
         (
             "power: table-one",
             "power: {profile: table-one, kept_on: [motors]}",
-            "mission.full_threshold: is never reached in a dock: what is on there draws more than the charger gives. "
+            "mission.full_threshold: is never reached in a dock: the modules there draw more than the charger gives. "
             "Lower it, or keep less on",
         ),
     ],
@@ -277,7 +277,7 @@ def test_the_worst_case_needs_its_equations(worst_case: Callable[..., dict[str, 
     with pytest.raises(ScenarioError) as caught:
         from_data(worst_case(discharge_per_min=None), "it")
     assert caught.value.lines == (
-        "it: board: discharge_per_min must be there, or `whole` for the whole firmware",
+        "it: board: discharge_per_min must be given, or `whole` for the whole firmware",
     )
 
 

@@ -92,9 +92,9 @@ def test_who_holds_the_last_packet_says_what_is_now_and_refuses_the_rest(pool: S
         api.sleep(2)
         for agent in (1, 4, 7):
             assert api.chance(agent, "low") == float(api.battery(agent) <= LOW)
-        with pytest.raises(Refused, match=r"foretells nothing.*estimator: twin"):
+        with pytest.raises(Refused, match=r"predicts nothing.*estimator: twin"):
             api.chance(1, "low", api.now() + 60)
-        with pytest.raises(Refused, match="foretells nothing"):
+        with pytest.raises(Refused, match="predicts nothing"):
             api.sure_at(1, "low")
 
     results_of(pool, script)

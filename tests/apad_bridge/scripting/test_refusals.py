@@ -32,7 +32,7 @@ from apad_bridge.scripting.api import Api
             "4800000 m from the scenario's origin",
         ),
         (lambda api: api.hold([0, 0]), "m from the scenario's origin"),
-        (lambda api: api.home(99), "never heard in the water"),
+        (lambda api: api.home(99), "never reported from the water"),
         (lambda api: api.sleep(float("nan")) or api.wait_until(lambda: True, -1), "cannot be waited for"),
         (lambda api: api.plan_collection(batch=0), "a batch of 0"),
         (lambda api: api.plan_collection(strategy="lazy"), "unknown strategy 'lazy'"),

@@ -79,7 +79,7 @@ def test_a_thread_that_a_script_starts_cannot_take_its_turn(pool: Scenario) -> N
         api.sleep(1)
 
     assert fly_script(pool, script).error is None
-    assert errors == ["the API is for the script's own thread: let the others hand it what they found"]
+    assert errors == ["the API is for the script's own thread: let other threads pass their results to it"]
 
 
 def test_a_condition_may_look_but_not_wait() -> None:

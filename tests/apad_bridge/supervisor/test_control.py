@@ -85,7 +85,7 @@ def test_without_a_supervisor_the_command_says_what_can_be_done(
         left.bind(SOCKET_NAME)
         os.chdir(tmp_path)
     assert main.main(["stop", str(run_dir)]) == 2
-    assert f"go on with: musselbed resume {run_dir}" in capsys.readouterr().err
+    assert f"continue with: musselbed resume {run_dir}" in capsys.readouterr().err
     (run_dir / "summary.json").write_text("{}")
     assert main.main(["stop", str(run_dir)]) == 2
     assert "it has ended" in capsys.readouterr().err

@@ -203,7 +203,7 @@ def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused() -> No
     bench = Bench()
     bench.ask(PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test"))
     (refusal,) = bench.ask(PresenceRequest(THE_ONE, Trigger.TAKE_BACK, "a test"))
-    assert refusal is not None and "nothing was heard" in refusal
+    assert refusal is not None and "no report came" in refusal
 
 
 def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> None:
@@ -244,7 +244,7 @@ def test_what_cannot_be_is_refused_in_words() -> None:
     (faulty,) = bench.ask(FaultRequest(1, Fault.WATCHDOG))
     assert faulty == "aMussel 1 is real: faults are for simulated ones"
     (slipped,) = bench.ask(FaultRequest(2, Fault.COIL_SLIP))
-    assert slipped == "aMussel 2 is in no dock, as far as is heard: a coil slips only there"
+    assert slipped == "aMussel 2 is in no dock, by its reports: a coil slips only there"
 
 
 @pytest.mark.parametrize(

@@ -209,7 +209,7 @@ def test_without_a_pose_there_is_nowhere_to_hold_and_that_is_counted():
     port = DockingPort(VIRTUAL)
     port.receive(GO, 0)
     assert port.receive(DockMussel(2, 0, 9), 1000) == [PrimitiveFailed(1000, 1, "pre-empted")]
-    assert port.dropped == {"hold: no pose was ever heard": 1}
+    assert port.dropped == {"hold: the vehicle never sent a pose": 1}
 
 
 def test_a_go_to_pre_empts_a_dock_that_still_waits():
@@ -352,7 +352,7 @@ def test_a_speed_or_radius_that_a_stack_cannot_be_told_is_counted(stack: Generat
         assert port.receive(GoToPoint(n, 10.0, 0.0, speed_m_s, radius_m), 0)[-1] == GoTo(
             n, 10.0, 0.0, speed_m_s, radius_m
         )
-    assert port.dropped["speed or victory radius of a go-to: the aPad goes as it is set"] == counted
+    assert port.dropped["speed or victory radius of a go-to: the aPad uses its own"] == counted
 
 
 @pytest.mark.parametrize("docks", [1, 4, 6])

@@ -44,7 +44,7 @@ def test_every_form_of_a_log_says_the_same(tmp_path: Path, text: str, how: dict[
         ("", {}, "holds no rows"),
         ("time_s,u\n", {}, "no rows with a value"),
         ("time_s,u\n0,\n1,nan\n", {}, "no rows with a value"),
-        ("time,voltage_mv\n0,3600\n", {}, "does not say the unit of its time"),
+        ("time,voltage_mv\n0,3600\n", {}, "does not state the unit of its time"),
         ("time_s,u\n0,0.1\n1,x\n", {}, "line 3: 'x' is no number"),
         ("time_s,u\n0,0.1\nsoon,0.2\n", {}, "line 3: 'soon' is no number"),
         ("time,u\n2026-05-01,0.1\n7,0.2\n", {}, "line 3: '7' is no ISO time stamp"),
@@ -60,11 +60,15 @@ def test_every_form_of_a_log_says_the_same(tmp_path: Path, text: str, how: dict[
         (
             "time_s,battery\n0,3.7\n1,55\n",
             {},
-            "does not say the unit of its values, which run from 3.7 to 55",
+            "does not state the unit of its values, which run from 3.7 to 55",
         ),
-        ("time_s,primary,secondary\n0,1,1\n", {}, "primary, secondary: say by --value-column"),
-        ("a,b,c\n0,1,1\n", {}, "no column looks like time: say which by --time-column, one of a, b, c"),
-        ("time_s,b,c\n0,1,1\n", {}, "looks like a battery's voltage or charge: say which by --value-column"),
+        ("time_s,primary,secondary\n0,1,1\n", {}, "primary, secondary: choose one with --value-column"),
+        ("a,b,c\n0,1,1\n", {}, "no column looks like time: choose one with --time-column: a, b, c"),
+        (
+            "time_s,b,c\n0,1,1\n",
+            {},
+            "looks like a battery's voltage or charge: choose one with --value-column",
+        ),
         ("a,b\n0,1\n", {"time_column": "t"}, "no column is called 't'; there are a, b"),
     ],
 )

@@ -129,7 +129,7 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     assert values["place_deviation"] == "2.00 m north, 3.00 m east"
     assert values["clock"] == "+0.250 s, deviation 0.300 s"
     assert (values["silent_timeslots"], values["learned_from"]) == ("29", "packet silence")
-    assert statuses["musselbed: aMussel 8"].message == "never heard"
+    assert statuses["musselbed: aMussel 8"].message == "no report yet"
     assert {"musselbed: aPad", "musselbed: mission"} <= statuses.keys()
     # One of several on a master adds its name: otherwise their statuses would replace each other.
     array = diagnose(supervisor, (), Limits(120.0, 0.5), 300_000, "apad2")  # type: ignore[arg-type]

@@ -45,7 +45,7 @@ def test_a_master_that_answers_late_is_asked_again(answers: list[Graph | Unreach
 
 @pytest.mark.parametrize(
     ("answer", "told"),
-    [(SILENT, "no answer within 2 s"), (EMPTY, "/apad1 is not there after 0.2 s: nobody listens to")],
+    [(SILENT, "no answer within 2 s"), (EMPTY, "/apad1 is not there after 0.2 s: no subscriber on")],
 )
 def test_what_never_comes_is_told_when_the_time_is_over(
     answers: list[Graph | Unreachable], answer: Graph | Unreachable, told: str

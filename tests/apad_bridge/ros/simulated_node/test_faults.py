@@ -303,7 +303,10 @@ def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_clos
     bench.order(UndockMussel(6, 2, 9))
     assert isinstance(bench.outcome(6)[1], PrimitiveSucceeded)
     assert stack.vehicle.held == ["amussel8"]
-    assert stack.core.dropped["silence on position_static of an aMussel that the aPad holds: reckoned"] == 1
+    assert (
+        stack.core.dropped["silence on position_static of an aMussel that the aPad holds: dead reckoning"]
+        == 1
+    )
     assert "the bench asks" in ROWS["counts_docks"]
 
 
@@ -318,7 +321,7 @@ def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
     assert bench.port.docked == ((1, 8),)
     bench.run(16_000)
     assert not bench.port.docked
-    assert stack.core.dropped["silence on position_static, taken for a release that nobody ordered"] == 1
+    assert stack.core.dropped["silence on position_static, taken for a release without an order"] == 1
 
 
 def foreign(north_m: float) -> GoalOrder:
@@ -337,7 +340,7 @@ def test_anothers_go_to_during_a_hold_is_let_end_and_then_the_hold_goes_on() -> 
         north_m.append(stack.vehicle.pose.north_m - NORTH_M)
     assert max(north_m) > 5.5, "the other's go-to was cut short"
     assert north_m[-1] == pytest.approx(0.0, abs=0.5)
-    assert stack.core.dropped == {"somebody else sent the aPad away from where it should hold": 1}
+    assert stack.core.dropped == {"another client sent the aPad away from its hold": 1}
     assert isinstance(bench.port.running, HoldPosition)
 
 
@@ -349,7 +352,7 @@ def test_a_real_apad_stays_where_another_sent_it_until_the_next_order() -> None:
     stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
     bench.run(90_000)
     assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M + 6.0, abs=0.5)
-    assert stack.core.dropped == {"somebody else sent the aPad away from where it should hold": 1}
+    assert stack.core.dropped == {"another client sent the aPad away from its hold": 1}
     assert [type(it) for it in bench.facts if isinstance(it, CommandedByOthers)] == [CommandedByOthers]
     bench.order(AWAY)
     assert isinstance(bench.outcome(1)[1], PrimitiveSucceeded)
@@ -378,7 +381,7 @@ def test_a_go_to_that_anothers_pre_empted_fails_when_the_others_has_ended() -> N
     stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
     _, outcome = bench.outcome(1)
     assert isinstance(outcome, PrimitiveFailed)
-    assert outcome.reason == "the aPad's action server says PREEMPTED: another's goal took its place"
+    assert outcome.reason == "the aPad's action server reports PREEMPTED: another client's goal replaced it"
     assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.6), "the other's was cut short"
 
 
@@ -443,7 +446,7 @@ def test_a_vehicle_that_wanders_is_told_again() -> None:
         farthest_m = max(farthest_m, bench.stack.vehicle.pose.north_m - NORTH_M)
     # 10 s at most at 0.3 m/s beyond the 3 m.
     assert 3.0 < farthest_m < 6.5
-    assert bench.stack.core.dropped["the aPad did not hold its position, and was told again"] >= 3
+    assert bench.stack.core.dropped["the aPad did not hold its position, and got the hold again"] >= 3
 
 
 def test_a_fault_of_the_other_generation_is_refused() -> None:

@@ -39,7 +39,7 @@ def plan(**changes: Any) -> Plan:
     ("changes", "message"),
     [
         ({"strategies": ["gready"]}, "unknown strategy 'gready'; known: .*greedy"),
-        ({"strategies": ["greedy", "greedy"]}, "a name stands there twice"),
+        ({"strategies": ["greedy", "greedy"]}, "a name occurs twice"),
         ({"baseline": "none"}, "baseline: none is none of the strategies: cautious, greedy"),
         ({"primary": "joy"}, "primary: joy is no column; columns are amussels_lost, samples_taken"),
         ({"parameters": {"mission.batsch": [1]}}, "mission.batsch"),

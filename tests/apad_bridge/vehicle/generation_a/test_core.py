@@ -101,7 +101,9 @@ def test_a_goal_that_another_partys_pre_empted_fails_when_that_one_has_ended(cor
     others = (GoalStatusEntry("another's", GoalCode.SUCCEEDED),)
     core.receive(GoalStatusReceived(9_000, others, whole=True), 9_000)
     assert tells(core, 9_000) == [
-        CommandFailed(9_000, 1, "the aPad's action server says PREEMPTED: another's goal took its place")
+        CommandFailed(
+            9_000, 1, "the aPad's action server reports PREEMPTED: another client's goal replaced it"
+        )
     ]
 
 
@@ -161,7 +163,7 @@ def test_a_perch_that_succeeds_and_does_nothing_has_failed(core: GenerationACore
     says(core, 0, "run-1", GoalCode.SUCCEEDED)
     assert tells(core, 999) == []
     assert tells(core, 1_000) == [
-        CommandFailed(1_000, 1, "the aPad says it perched, but holds nothing: is a dock free?")
+        CommandFailed(1_000, 1, "the aPad reports a perch, but holds nothing: is a dock free?")
     ]
 
 
@@ -276,7 +278,7 @@ def test_where_the_answer_tells_nothing_a_living_server_holds_what_it_held(
         assert not any(isinstance(it, DockOpened) for it in tells(core, now_ms))
         if core.take_question() and answer is not None:
             core.receive(DocksReceived(now_ms, answer), now_ms)
-    assert core.dropped["silence on position_static of an aMussel that the aPad holds: reckoned"] == 1
+    assert core.dropped["silence on position_static of an aMussel that the aPad holds: dead reckoning"] == 1
     core.command(OpenDock(1, 0, 7), 40_000)
     says(core, 40_000, "run-1", GoalCode.ABORTED, "holds no amussel7")
     assert DockOpened(40_000, 0, 7) in tells(core, 40_000), "it is believed for good"
@@ -304,7 +306,7 @@ def test_without_an_answer_the_silence_is_a_release(core: GenerationACore, refus
     assert core.command(OpenDock(5, 0, 7), 16_000) is None
     assert tells(core, 16_000) == [
         CommandFailed(
-            16_000, 5, "aMussel 7 is in no dock: its dock opened, as far as is heard, 24.0 m from here"
+            16_000, 5, "aMussel 7 is in no dock: its dock opened, by the last report, 24.0 m from here"
         )
     ]
 

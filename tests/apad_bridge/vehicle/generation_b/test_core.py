@@ -154,7 +154,7 @@ def test_a_go_to_said_to_be_done_far_from_its_goal_has_failed() -> None:
     apad.goes(0, Status.RUNNING)
     apad.goes(2_000, Status.DONE)
     (failed,) = apad.tells(2_000)
-    assert failed == CommandFailed(2_000, 1, "the aPad says it arrived, 4.2 m from the goal")
+    assert failed == CommandFailed(2_000, 1, "the aPad reports an arrival, 4.2 m from the goal")
 
 
 def test_without_any_message_on_goto_status_the_position_decides() -> None:
@@ -226,7 +226,7 @@ def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
     apad.goes(12_000, Status.RUNNING)
     apad.is_at(30_000, 9.0, 3.0)
     assert apad.tells(30_000) == [] and apad.answers(30_000) == []
-    assert apad.core.dropped["goto_status: somebody else sent the aPad away from where it shall hold"] == 1
+    assert apad.core.dropped["goto_status: another client sent the aPad away from its hold"] == 1
     apad.goes(31_000, Status.DONE)
     # That go-to has ended somewhere, and the controllers are off since.
     apad.is_at(31_000, 2.5, 3.0)
