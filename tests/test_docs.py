@@ -6,6 +6,8 @@ import argparse
 import dataclasses
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -155,14 +157,41 @@ def test_every_path_exists(page: str, path: str) -> None:
     assert (ROOT / path).exists(), f"{page} names {path}"
 
 
-@pytest.mark.parametrize(("page", "target"), sorted(set(of_all_pages(r"\]\((?!http)([^)]+)\)"))))
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as Git's web pages and Sphinx make them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize(("page", "target"), sorted(set(of_all_pages(r"\]\((?!https?:)([^)]+)\)"))))
 def test_every_link_leads_somewhere(page: str, target: str) -> None:
     name, _, anchor = target.partition("#")
-    linked = (ROOT / page).parent / name
-    assert linked.exists()
-    if anchor:
-        headings = re.findall(r"^#+ (.*)$", linked.read_text(), re.MULTILINE)
-        assert anchor in {heading.lower().replace(" ", "-") for heading in headings}
+    linked = (ROOT / page).parent / name if name else ROOT / page
+    assert linked.is_file()
+    assert not anchor or anchor in anchors(linked)
+
+
+def test_the_index_lists_every_page_once_in_one_of_four_groups() -> None:
+    index = ROOT / "docs" / "README.md"
+    listed = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", index.read_text(), re.MULTILINE)
+    pages = [page.name for page in index.parent.glob("*.md") if page != index]
+    assert sorted(listed) == sorted(pages), "add a line for the page to a group of docs/README.md"
+    assert re.findall(r"^## (.*)$", index.read_text(), re.MULTILINE) == [
+        "Tutorials",
+        "How-to guides",
+        "Reference",
+        "Explanation",
+    ]
+
+
+def test_the_site_builds_without_a_warning_and_leads_to_every_page(tmp_path: Path) -> None:
+    pytest.importorskip("myst_parser")
+    build = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", ROOT / "docs", tmp_path]
+    built = subprocess.run(build, capture_output=True, text=True, timeout=300)
+    assert built.returncode == 0, built.stderr
+    index = (tmp_path / "README.html").read_text()
+    for page in (ROOT / "docs").glob("*.md"):
+        assert f'href="{page.stem}.html"' in index or page.name == "README.md"
 
 
 @pytest.mark.parametrize(
