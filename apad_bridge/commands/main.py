@@ -39,6 +39,7 @@ _COMMANDS = (
     "replay",
     "export",
     "report",
+    "logs",
     "console",
     "imc",
     "beliefs",

@@ -120,7 +120,7 @@ class BagWriter:
         """`stamp_ms` returns the stamp of a message about a mission time; by default the same."""
         self.path = path
         self._messages = Messages(theta, stamp_ms)
-        self._writer = _new_writer(path)
+        self._writer = new_bag(path)
         self._connections = {}
         for name, topic in _TOPICS.items():
             text, md5 = definition(name)
@@ -178,7 +178,7 @@ def repair_bag(path: Path) -> BagRepair | None:
         return None
     fresh = path.with_name(f".{path.name}.repaired")
     fresh.unlink(missing_ok=True)
-    writer = _new_writer(fresh)
+    writer = new_bag(fresh)
     connections: dict[int, Connection] = {}
     messages = last_ns = whole_bytes = 0
     for record in _whole_records(path):
@@ -204,6 +204,45 @@ def repair_bag(path: Path) -> BagRepair | None:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordedConnection:
+    """A connection of a bag, as ROS names it; several publishers of a topic have one each."""
+
+    topic: str
+    kind: str
+    """`package/msg/Name`."""
+    definition: str
+    md5: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMessage:
+    connection: RecordedConnection
+    stamp_ns: int
+    """When it was recorded, by the recorder's clock."""
+    data: bytes
+
+
+def recorded_messages(path: Path) -> Iterator[RecordedMessage]:
+    """Every whole message in the order in which it was recorded, whatever the clock did; also of an unclosed bag.
+
+    OSError for no file; nothing for a file that is no bag.
+    """
+    connections: dict[int, RecordedConnection] = {}
+    for record in _whole_records(path):
+        if record.header.get("op") == bytes([RecordType.CONNECTION]):
+            fields = Header.read(BytesIO(_as_header(record.data)))
+            connections[record.header.get_uint32("conn")] = RecordedConnection(
+                record.header.get_string("topic"),
+                fields.get_string("type").replace("/", "/msg/", 1),
+                fields.get_string("message_definition"),
+                fields.get_string("md5sum"),
+            )
+        elif record.header.get("op") == bytes([RecordType.MSGDATA]):
+            connection = connections[record.header.get_uint32("conn")]
+            yield RecordedMessage(connection, record.header.get_time("time"), record.data)
+
+
+@dataclass(frozen=True, slots=True)
 class _Record:
     header: Header
     data: bytes
@@ -211,7 +250,8 @@ class _Record:
     """The offset of the next record in the file."""
 
 
-def _new_writer(path: Path) -> _ChunkedWriter:
+def new_bag(path: Path) -> _ChunkedWriter:
+    """Opens a new bag for writing, compressed in chunks; `path` must not exist."""
     writer = _ChunkedWriter(path)
     writer.set_compression(Writer.CompressionFormat.LZ4)
     writer.compressor = _compressed

@@ -1,0 +1,221 @@
+"""Two bags of one mission, on two machines: their clocks' offset, what each lacks, and one bag of both."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag1 import Reader, Writer
+
+from apad_bridge.analysis.bag_merge.clocks import clock_offset
+from apad_bridge.analysis.bag_merge.figures import figures_of
+from apad_bridge.commands import main
+from apad_bridge.records.bag import RecordedMessage, recorded_messages
+
+ROOT = Path(__file__).parents[3]
+EPOCH_S = 1.7e9
+STEP_AT_S = 200.0
+
+
+@pytest.fixture(scope="module")
+def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of 400 s whose bag is what two machines record."""
+    folder = tmp_path_factory.mktemp("flown")
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data.update(name="logs", duration_s=400)
+    data["fleet"].update(count=6, start={"charge": [0.5, 0.75]}, hosting="one_process")
+    (folder / "logs.yaml").write_text(yaml.safe_dump(data))
+    out = folder / "run"
+    assert main.main(["run", str(folder / "logs.yaml"), "--time", "asap", "--out", str(out), "--json"]) == 0
+    return out
+
+
+def record(
+    path: Path,
+    messages: list[RecordedMessage],
+    keep: Callable[[int], bool],
+    clock_s: Callable[[float], float],
+    late_s: Callable[[], float],
+) -> list[int]:
+    """Writes what a machine with this clock records of the messages; the places of those that it keeps."""
+    kept = []
+    with Writer(path) as writer:
+        connections: dict[str, Any] = {}
+        for place, message in enumerate(messages):
+            if not keep(place):
+                continue
+            topic = message.connection.topic
+            if topic not in connections:
+                connections[topic] = writer.add_connection(
+                    topic,
+                    message.connection.kind,
+                    msgdef=message.connection.definition,
+                    md5sum=message.connection.md5,
+                    callerid=f"/{path.stem}",
+                )
+            true_s = message.stamp_ns / 1e9 + late_s()
+            writer.write(connections[topic], round(1e9 * (EPOCH_S + clock_s(true_s))), message.data)
+            kept.append(place)
+    return kept
+
+
+def contents(path: Path) -> Counter[tuple[str, bytes]]:
+    return Counter((it.connection.topic, it.data) for it in recorded_messages(path))
+
+
+def with_flags(messages: list[RecordedMessage]) -> list[RecordedMessage]:
+    """The messages, with a flag without any stamp each second: always the same bytes."""
+    connection = type(messages[0].connection)(
+        "/flag", "std_msgs/msg/Bool", "bool data", "8b94c1b53db61fb6aed406028ad6332a"
+    )
+    flags = [RecordedMessage(connection, round(1e9 * (n + 0.5)), b"\x01") for n in range(400)]
+    return sorted([*messages, *flags], key=lambda it: it.stamp_ns)
+
+
+def test_two_bags_2_s_apart_with_a_step_and_5_percent_missing_become_one_whole_bag(
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    draw = random.Random(1)
+    messages = with_flags(list(recorded_messages(run_dir / "run.bag")))
+    lost_first, lost_second = ({it for it in range(len(messages)) if draw.random() < 0.05} for _ in range(2))
+    first, second, out = (tmp_path / name for name in ("apad.bag", "station.bag", "whole.bag"))
+    late = lambda: draw.expovariate(1 / 0.01)  # noqa: E731
+    record(first, messages, lambda it: it not in lost_first, lambda true_s: true_s, late)
+    record(
+        second,
+        messages,
+        lambda it: it not in lost_second,
+        lambda true_s: true_s + (2.0 if true_s < STEP_AT_S else -3.5),
+        late,
+    )
+    assert main.main(["logs", "merge", str(first), str(second), "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+
+    assert [it["offset_s"] for it in told["clock"]] == pytest.approx([2.0, -3.5], abs=0.02)
+    assert told["steps_s"] == pytest.approx([-5.5], abs=0.03)
+
+    # Everything that either machine recorded, once.
+    whole = Counter(
+        (it.connection.topic, it.data)
+        for place, it in enumerate(messages)
+        if not (place in lost_first and place in lost_second)
+    )
+    merged = contents(out)
+    flag = ("/flag", b"\x01")
+    assert {key: count for key, count in merged.items() if key != flag} == {
+        key: count for key, count in whole.items() if key != flag
+    }
+    assert abs(merged[flag] - whole[flag]) <= 2  # without a stamp they pair by time alone, also at the step
+    for name, lost, others in (("first", lost_first, lost_second), ("second", lost_second, lost_first)):
+        missing = Counter(messages[place].connection.topic for place in lost - others)
+        assert {
+            topic: counts[f"missing_in_{name}"]
+            for topic, counts in told["topics"].items()
+            if topic != flag[0] and counts[f"missing_in_{name}"]
+        } == {topic: count for topic, count in missing.items() if topic != flag[0]}
+
+    # By the first one's clock: what only the second recorded stands where it belongs.
+    with Reader(out) as reader:
+        at_s = {(it.topic, bytes(data)): stamp / 1e9 - EPOCH_S for it, stamp, data in reader.messages()}
+    for it in messages:
+        if (key := (it.connection.topic, it.data)) != flag and merged[key] == 1:
+            assert at_s[key] == pytest.approx(it.stamp_ns / 1e9, abs=0.2)
+
+    # The run's figures, from both and from either alone.
+    summary = json.loads((run_dir / "summary.json").read_text())
+    of_merged = told["figures"]["merged"]
+    assert of_merged["uptime_paper_mean"] == pytest.approx(summary["uptime_paper"]["mean"], abs=0.5)
+    assert of_merged["cost_m"] == pytest.approx(summary["cost_m"], abs=0.01)
+    for name in ("first", "second"):
+        alone = told["figures"][name]
+        assert alone["uptime_paper_mean"] == pytest.approx(summary["uptime_paper"]["mean"], abs=1.5)
+        assert alone["cost_m"] == pytest.approx(summary["cost_m"], rel=0.1)
+        assert 0.02 < alone["ticks_missing"] / 400 < 0.09
+
+
+def test_the_bag_of_a_run_gives_the_figures_of_its_summary(run_dir: Path) -> None:
+    figures, summary = figures_of(run_dir / "run.bag"), json.loads((run_dir / "summary.json").read_text())
+    assert figures is not None and figures.ticks_missing == 0
+    assert [figures.uptime_paper_mean, figures.uptime_paper_max, figures.uptime_paper_min] == pytest.approx(
+        [summary["uptime_paper"][it] for it in ("mean", "max", "min")],
+        abs=100 / 400,  # a sample shows a docking one tick later than the truth
+    )
+    assert figures.cost_m == pytest.approx(summary["cost_m"], abs=0.01)
+    assert (figures.services, figures.ended_by) == (summary["services"], summary["ended_by"])
+
+
+def test_a_gap_is_told_with_its_length(
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    messages = list(recorded_messages(run_dir / "run.bag"))
+    first, second = tmp_path / "apad.bag", tmp_path / "station.bag"
+    away = {n for n, it in enumerate(messages) if 100 <= it.stamp_ns / 1e9 < 160}
+    record(first, messages, lambda it: it not in away, lambda true_s: true_s, lambda: 0.0)
+    record(second, messages, lambda it: True, lambda true_s: true_s + 2.0, lambda: 0.0)
+    assert main.main(["logs", "merge", str(first), str(second), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    (gap,) = told["gaps"]
+    assert gap["in"] == "first" and gap["messages"] == len(away)
+    assert gap["from_s"] == pytest.approx(EPOCH_S + 100, abs=1.0)
+    assert gap["to_s"] == pytest.approx(EPOCH_S + 159, abs=1.0)
+    assert contents(tmp_path / "apad-merged.bag") == contents(run_dir / "run.bag")
+    assert main.main(["logs", "merge", str(first), str(second)]) == 2  # the merged bag is there
+    assert "exists already" in capsys.readouterr().err
+    assert main.main(["logs", "merge", str(first), str(second), "--out", str(tmp_path / "again.bag")]) == 0
+    assert "A has nothing for 59" in capsys.readouterr().out
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    steps=st.lists(st.tuples(st.integers(30, 120), st.floats(0.5, 1e4), st.booleans()), max_size=3),
+    drift=st.floats(-50e-6, 50e-6),
+    jitter_s=st.floats(0.0, 0.02),
+)
+def test_steps_and_drift_are_found_from_common_messages(
+    seed: int, steps: list[tuple[int, float, bool]], drift: float, jitter_s: float
+) -> None:
+    draw = np.random.default_rng(seed)
+    true_s: list[float] = []
+    offsets: list[float] = []
+    offset = 2.0
+    for n, (count, size_s, is_back) in enumerate([*steps, (60, 0.0, False)]):
+        for _ in range(count):
+            true_s.append(len(true_s) * 1.0)
+            offsets.append(offset + drift * true_s[-1] + jitter_s * float(draw.exponential()))
+        offset += -size_s if is_back else size_s
+        del n
+    times = [a + b for a, b in zip(true_s, offsets, strict=True)]
+    found = clock_offset(range(len(times)), times, offsets)
+    assert len(found.stretches) == 1 + len(steps)
+    for place, (time_s, expected) in enumerate(zip(times, offsets, strict=True)):
+        assert found.at(place, time_s) == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize("what", ["no bag", "nothing in it", "nothing in common", "no file"])
+def test_what_cannot_be_merged_is_one_line(
+    run_dir: Path, tmp_path: Path, what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, other = run_dir / "run.bag", tmp_path / "other.bag"
+    messages = list(recorded_messages(bag))
+    if what == "no bag":
+        other.write_bytes(b"#ROSBAG V1.1\n" + bytes(1000))
+    elif what == "nothing in it":
+        record(other, [], lambda _: True, float, lambda: 0.0)
+    elif what == "nothing in common":
+        changed = [RecordedMessage(it.connection, it.stamp_ns, it.data + b"x") for it in messages[:50]]
+        record(other, changed, lambda _: True, float, lambda: 0.0)
+    out = tmp_path / "out.bag"
+    assert main.main(["logs", "merge", str(bag), str(other), "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and str(other) in said
+    assert not out.exists()
