@@ -93,7 +93,7 @@ def _show_figures(merged: Merge, console: Console) -> None:
     if not any(figures.values()):
         console.print("no run's figures: neither bag has musselbed's own topics")
         return
-    table = Table("from", "uptime %", "max %", "min %", "cost [m]", "served", "ticks", "lacking")
+    table = Table("from", "by", "uptime %", "max %", "min %", "cost [m]", "served", "ticks", "lacking")
     for name, it in figures.items():
         if it is not None:
             table.add_row(name, *_cells(it))
@@ -103,6 +103,7 @@ def _show_figures(merged: Merge, console: Console) -> None:
 def _cells(figures: RunFigures) -> tuple[str, ...]:
     uptimes = (figures.uptime_paper_mean, figures.uptime_paper_max, figures.uptime_paper_min)
     return (
+        figures.samples or "-",
         *("-" if it is None else f"{it:.2f}" for it in (*uptimes, figures.cost_m)),
         *map(str, (figures.services, figures.ticks, figures.ticks_missing)),
     )

@@ -1,12 +1,14 @@
-"""The figures of a run, counted again from a bag alone: from what was sampled of truths, and from the mission's events.
+"""The figures of a run, counted again from a bag alone: from samples of its aMussels, and from the mission's events.
 
-A bag that lacks ticks gives them from the ticks that it has, and says how many those are.
+The samples are those of the truth, which a run's own bag has. A bag that was recorded on the graph has beliefs, and then
+the believed uptime. A bag that lacks ticks gives figures of the ticks that it has, and says how many those are.
 """
 
 from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -16,17 +18,23 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from apad_bridge.records.bag import RecordedConnection, recorded_messages
-from apad_bridge.records.bag_messages import EVENT, TRUTH
+from apad_bridge.records.bag_messages import BELIEFS, EVENT, TRUTH
 from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.records.event_kinds import EventKind
+from firmware_model.state_groups import DOCKED
+
+_SAMPLES = {"truth": TRUTH, "beliefs": BELIEFS}
+"""The kinds of samples, the better one first."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunFigures:
     """As in summary.json, where a figure has the same name; None for what the bag does not tell."""
 
+    samples: str | None
+    """What the uptimes are counted from: `truth` or `beliefs`."""
     ticks: int
-    """Mission times of which the bag has a sample of the truth."""
+    """Mission times of which the bag has a sample."""
     ticks_missing: int
     """Ticks between its first and its last sample that it lacks."""
     uptime_paper_mean: float | None
@@ -42,26 +50,33 @@ class RunFigures:
         return asdict(self)
 
 
-class _Counts:
-    def __init__(self) -> None:
+class _Uptimes:
+    """The ticks of one kind of sample at which each aMussel was seen, and was up."""
+
+    def __init__(self, is_up: Callable[[Any], bool]) -> None:
         self.times_ms: set[int] = set()
         self.seen: Counter[int] = Counter()
         self.up: Counter[int] = Counter()
-        self.events: set[tuple[int, str, str]] = set()
-        self.cost_m: float | None = None
-        self.services = 0
-        self.ended_by: str | None = None
+        self._is_up = is_up
 
-    def take_truth(self, message: Any) -> None:
+    def take(self, message: Any) -> None:
         # The mission's ticks begin after its start, as in summary.json.
         if message.mission_time_ms == 0 or message.mission_time_ms in self.times_ms:
             return
         self.times_ms.add(message.mission_time_ms)
         for row in message.agents:
             self.seen[row.id] += 1
-            self.up[row.id] += not row.docked and row.primary > 0
+            self.up[row.id] += self._is_up(row)
 
-    def take_event(self, message: Any) -> None:
+
+class _Events:
+    def __init__(self) -> None:
+        self.events: set[tuple[int, str, str]] = set()
+        self.cost_m: float | None = None
+        self.services = 0
+        self.ended_by: str | None = None
+
+    def take(self, message: Any) -> None:
         event = message.mission_time_ms, message.kind, message.data
         if event in self.events:
             return
@@ -81,32 +96,36 @@ class _Counts:
 
 def figures_of(path: Path) -> RunFigures | None:
     """The figures of the run in a bag; None for a bag without one. BagUnreadable for a definition that makes no sense."""
-    counts, stores = _Counts(), dict[str, Typestore]()
+    events, stores = _Events(), dict[str, Typestore]()
+    uptimes = {
+        TRUTH: _Uptimes(lambda row: not row.docked and row.primary > 0),
+        BELIEFS: _Uptimes(lambda row: row.state not in DOCKED and row.charge > 0),
+    }
     for message in recorded_messages(path):
         connection = message.connection
-        if connection.kind not in (TRUTH, EVENT):
+        if connection.kind not in (*uptimes, EVENT):
             continue
         if connection.md5 not in stores:
             stores[connection.md5] = _store(path, connection)
         read = stores[connection.md5].deserialize_ros1(message.data, connection.kind)
-        if connection.kind == TRUTH:
-            counts.take_truth(read)
-        else:
-            counts.take_event(read)
-    if not counts.times_ms and not counts.events:
+        (events if connection.kind == EVENT else uptimes[connection.kind]).take(read)
+    name = next((name for name, kind in _SAMPLES.items() if uptimes[kind].seen), None)
+    if name is None and not events.events:
         return None
+    counts = uptimes[TRUTH if name is None else _SAMPLES[name]]
     shares = [100 * counts.up[it] / seen for it, seen in counts.seen.items()]
     total = counts.seen.total()
     return RunFigures(
+        name,
         len(counts.times_ms),
         _missing(counts.times_ms),
         100 * counts.up.total() / total if total else None,
         max(shares, default=None),
         min(shares, default=None),
-        counts.cost_m,
-        counts.services,
-        len(counts.events),
-        counts.ended_by,
+        events.cost_m,
+        events.services,
+        len(events.events),
+        events.ended_by,
     )
 
 

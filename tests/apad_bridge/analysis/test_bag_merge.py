@@ -153,6 +153,17 @@ def test_the_bag_of_a_run_gives_the_figures_of_its_summary(run_dir: Path) -> Non
     assert (figures.services, figures.ended_by) == (summary["services"], summary["ended_by"])
 
 
+def test_a_bag_of_the_graph_has_no_truth_and_gives_the_believed_uptime(run_dir: Path, tmp_path: Path) -> None:
+    messages = list(recorded_messages(run_dir / "run.bag"))
+    heard = tmp_path / "station.bag"
+    record(heard, messages, lambda it: "truth" not in messages[it].connection.topic, float, lambda: 0.0)
+    figures, summary = figures_of(heard), json.loads((run_dir / "summary.json").read_text())
+    assert figures is not None and (figures.samples, figures.ticks_missing) == ("beliefs", 0)
+    # An aMussel reports that it is docked some seconds after the dock has closed.
+    assert figures.uptime_paper_mean == pytest.approx(summary["uptime_paper"]["mean"], abs=2.0)
+    assert figures.cost_m == pytest.approx(summary["cost_m"], abs=0.01)
+
+
 def test_a_gap_is_told_with_its_length(
     run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
