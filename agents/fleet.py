@@ -43,17 +43,21 @@ _MOST_DEVIATIONS = 3.0
 class Spread:
     """How far one board's drain and battery capacity differ from the nominal: standard deviations in 1/10000.
 
+    All boards alike drain by `drain_bias` / 10000 more than the nominal.
+
     The draws are a keyed hash of (seed, agent id): normal, and cut at three deviations.
     """
 
     drain: int = 0
     capacity: int = 0
+    drain_bias: int = 0
 
     def applied(self, board: BoardConfig, seed: int) -> BoardConfig:
         """This board's own configuration; the very same object without a spread."""
-        if not (self.drain or self.capacity):
+        if not (self.drain or self.capacity or self.drain_bias):
             return board
         drain = AS_NEW + round(self.drain * deviations_of(seed, board.agent_id, b"drain"))
+        drain = drain * (AS_NEW + self.drain_bias) // AS_NEW
         capacity = AS_NEW + round(self.capacity * deviations_of(seed, board.agent_id, b"capacity"))
         return rescaled(board, drain, capacity)
 

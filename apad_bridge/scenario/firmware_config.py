@@ -78,7 +78,9 @@ def sinking_of(scenario: Scenario) -> Sinking:
 def spread_of(scenario: Scenario) -> Spread:
     """Converts the spread among the fleet's boards."""
     spread = scenario.fleet.spread
-    return Spread(round(spread.drain * AS_NEW), round(spread.capacity * AS_NEW))
+    return Spread(
+        round(spread.drain * AS_NEW), round(spread.capacity * AS_NEW), round(spread.drain_bias * AS_NEW)
+    )
 
 
 def charge_models(scenario: Scenario) -> Callable[[int], ChargeModel]:

@@ -120,6 +120,8 @@ class Spread:
     """Of both batteries of an aMussel alike: they drain and charge faster the less they hold."""
     secondary_start: SpreadDeviation = 0.0
     """How far below full a secondary battery starts, where the start does not state its charge."""
+    drain_bias: Annotated[float, Ge(-0.5), Le(0.5)] = 0.0
+    """All boards drain by so much more than their numbers say, relative: the planner and the estimators are wrong by it."""
 
 
 @frozen

@@ -8,6 +8,8 @@ from statistics import correlation, mean, stdev
 import msgpack
 import pytest
 from fleets import PAPER, with_whole_boards
+from hypothesis import given
+from hypothesis import strategies as st
 
 from agents.fleet import FleetConfig, Spread, deviations_of, drift_of
 from agents.water.patches import CALM, Patch, Waters
@@ -118,3 +120,12 @@ def test_crystals_differ_and_stay_within_the_bound() -> None:
 def test_timeslots_follow_each_other_where_ids_have_gaps() -> None:
     configs = replace(FLEETS["field"], first_id=3, agent_ids=(3, 7, 12, 999)).maker()
     assert [configs.config(agent_id).board.slot for agent_id in (3, 7, 12, 999)] == [0, 1, 2, 3]
+
+
+@given(st.integers(1, 1000), st.integers(-5000, 5000), st.integers(0, 3000))
+def test_a_bias_scales_every_board_s_drain_alike(agent_id: int, bias: int, drain: int) -> None:
+    nominal = WORST.board.charge
+    without = Spread(drain=drain).charge_model(nominal, 7, agent_id)
+    biased = Spread(drain=drain, drain_bias=bias).charge_model(nominal, 7, agent_id)
+    assert biased.discharge == pytest.approx(without.discharge * (1 + bias / 10_000), rel=1e-3)
+    assert biased.segments == without.segments
