@@ -43,6 +43,7 @@ _COMMANDS = (
     "console",
     "imc",
     "beliefs",
+    "explain",
     "mu",
     "fit",
     "study",

@@ -223,7 +223,8 @@ class EnergyExchange(OrderBook):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return False
         if solution.steps:
-            self._orders.append(plan_note("collect", name, solution, situation, self._config.costs))
+            note = plan_note("collect", name, solution, situation, self._config.costs, self._collection)
+            self._orders.append(note)
             self.set(plan=solution)
         return bool(solution.steps)
 
@@ -296,7 +297,8 @@ class EnergyExchange(OrderBook):
         if isinstance(solution, str):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return
-        self._orders.append(plan_note("redeploy", name, solution, situation, self._config.costs))
+        note = plan_note("redeploy", name, solution, situation, self._config.costs, self._redeployment)
+        self._orders.append(note)
         self.set(plan=solution)
         self._next_step(now_ms)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
+from math import isfinite
+from typing import Any
 
 from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.orders import Note
@@ -24,7 +26,10 @@ def plan_or_reason(
     return solution
 
 
-def plan_note(what: str, name: str, solution: Solution, situation: Situation, scales: Scales) -> Note:
+def plan_note(
+    what: str, name: str, solution: Solution, situation: Situation, scales: Scales, strategy: object = None
+) -> Note:
+    """The plan's line for the journal, with the reasons that `strategy` gives, if it gives any."""
     return Note(
         "plan",
         {
@@ -33,8 +38,41 @@ def plan_note(what: str, name: str, solution: Solution, situation: Situation, sc
             "steps": [{"agent": step.agent_id, "dock": step.dock_index} for step in solution.steps],
             "costs": asdict(cost_of(solution, situation, scales)),
             "beliefs": [
-                {"id": c.agent_id, "charge": round(c.charge, 5), "north_m": c.north_m, "east_m": c.east_m}
+                {
+                    **{
+                        "id": c.agent_id,
+                        "charge": round(c.charge, 5),
+                        "north_m": c.north_m,
+                        "east_m": c.east_m,
+                    },
+                    **{"secondary": round(c.secondary, 5), "unserved_s": c.unserved_s},
+                }
                 for c in situation.candidates
             ],
+            "from": list(situation.apad_m),
+            **_reasons(strategy, situation, solution),
         },
     )
+
+
+def _reasons(strategy: object, situation: Situation, solution: Solution) -> dict[str, Any]:
+    """The fields of an explanation. A user's error in one must not end a flight: it stands in the place of the reasons."""
+    explain = getattr(strategy, "explain", None)
+    if explain is None:
+        return {}
+    try:
+        options = list(explain(situation, solution))
+        if not all(isfinite(cost) for option in options for cost in (option.cost, *option.parts.values())):
+            raise ValueError("a cost that is no finite number")
+        return {
+            "options": [
+                {
+                    "agents": [int(agent_id) for agent_id in option.agents],
+                    "cost": float(option.cost),
+                    "parts": {str(name): float(cost) for name, cost in option.parts.items()},
+                }
+                for option in options
+            ]
+        }
+    except Exception as error:
+        return {"unexplained": f"{type(error).__name__}: {error}"}

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import CostScales, Scales
+from apad_bridge.planning.explanation import Option, way_m, with_exchanges
 from apad_bridge.planning.routes import cheapest_choice
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
@@ -36,6 +37,17 @@ class Blend:
             self._scales.energy_per_charge,
         )
         return collect_in_order(chosen, situation)
+
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        scales = self._scales
+        return with_exchanges(
+            situation,
+            solution,
+            lambda agents: {
+                "way": scales.distance_per_m * way_m(situation, agents),
+                "lacking charge": -scales.energy_per_charge * sum(1.0 - agent.charge for agent in agents),
+            },
+        )
 
 
 class BestOfPool(Blend):

@@ -6,7 +6,7 @@ The planner cannot name truth: its input comes from beliefs about agents and nev
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import dist, isfinite
 
 from apad_bridge.planning.energy_model import EnergyModel
 
@@ -45,6 +45,9 @@ class Candidate:
     @property
     def place_m(self) -> tuple[float, float]:
         return (self.north_m, self.east_m)
+
+    def metres_from(self, place_m: tuple[float, float]) -> float:
+        return dist(place_m, self.place_m)
 
     @property
     def home_m(self) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.explanation import Option, with_exchanges
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
 
@@ -16,3 +17,8 @@ class Cautious:
         count = docks_to_fill(situation, batch)
         by_need = sorted(situation.candidates, key=lambda agent: (agent.charge, agent.agent_id))
         return collect_in_order(by_need[:count], situation)
+
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        return with_exchanges(
+            situation, solution, lambda agents: {"charge": sum(agent.charge for agent in agents)}
+        )

@@ -15,11 +15,12 @@ with the factors of the scenario's `mission.costs`. This is the charging through
 
 from __future__ import annotations
 
-from math import dist
+from collections.abc import Sequence
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.explanation import Option, way_m, with_exchanges
 from apad_bridge.planning.routes import cheapest_choice
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
@@ -45,11 +46,17 @@ class ChargeGroups:
         worths = [self._worth_per_s(situation, route, model) for route in routes]
         return collect_in_order(routes[worths.index(max(worths))], situation)
 
-    def _worth_per_s(self, situation: Situation, route: list[Candidate], model: EnergyModel) -> float:
-        place_m, there_m = situation.apad_m, 0.0
-        for agent in route:
-            there_m += dist(place_m, agent.place_m)
-            place_m = agent.place_m
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        model = situation.model
+        assert model is not None  # it made the plan
+        return with_exchanges(
+            situation,
+            solution,
+            lambda agents: {"worth a second": -self._worth_per_s(situation, agents, model)},
+        )
+
+    def _worth_per_s(self, situation: Situation, route: Sequence[Candidate], model: EnergyModel) -> float:
+        there_m = way_m(situation, route)
         there_s = there_m / model.speed_m_s + len(route) * model.dock_s
         charging_s = max(model.charging_s(agent.charge, model.full) for agent in route)
         back_s = there_m / model.speed_m_s + len(route) * model.undock_s

@@ -11,6 +11,7 @@ order is that of Cautious.
 from __future__ import annotations
 
 from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.explanation import Option, with_exchanges
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
 
@@ -26,3 +27,13 @@ class EarliestDeadline:
             situation.candidates, key=lambda agent: (agent.charge + agent.secondary, agent.agent_id)
         )
         return collect_in_order(by_deadline[:count], situation)
+
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        return with_exchanges(
+            situation,
+            solution,
+            lambda agents: {
+                "primary": sum(agent.charge for agent in agents),
+                "secondary": sum(agent.secondary for agent in agents),
+            },
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.explanation import Option, way_m, with_exchanges
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill, nearest
 
@@ -26,3 +27,6 @@ class Greedy:
             place_m = points_m.pop(agent_id)
             chosen.append(agents[agent_id])
         return collect_in_order(chosen, situation)
+
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        return with_exchanges(situation, solution, lambda agents: {"way_m": way_m(situation, agents)})

@@ -20,6 +20,7 @@ from math import dist
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.explanation import Option, best_of
 from apad_bridge.planning.projection import Outcome, Projection
 from apad_bridge.planning.routes import cheapest_choice
 from apad_bridge.planning.solution import Solution, StepKind
@@ -44,6 +45,8 @@ class Rollout:
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
+        self._weighed: tuple[Situation | None, dict[tuple[int, ...], Option]] = None, {}
+        """The newest situation and what was weighed in it, for `explain`."""
 
     def plan(self, situation: Situation, batch: int) -> Solution:
         model, count = situation.model, docks_to_fill(situation, batch)
@@ -52,18 +55,19 @@ class Rollout:
         if not count:
             return Solution(())
         horizon_s = HORIZON_DISCHARGES / model.drain_per_s
-        projection = Projection(situation, model, horizon_s, BASE_GAIN_M)
-        worths: dict[tuple[int, ...], float] = {}
-
-        def worth(plan: tuple[int, ...]) -> float:
-            if plan not in worths:
-                worths[plan] = self._worth(projection.of(plan), model, horizon_s)
-            return worths[plan]
-
         candidates = situation.candidates
+        projection = Projection(situation, model, horizon_s, BASE_GAIN_M)
+        weighed: dict[tuple[int, ...], Option] = {}
+
+        def cost(plan: tuple[int, ...]) -> float:
+            if plan not in weighed:
+                ids = tuple(candidates[index].agent_id for index in plan)
+                weighed[plan] = Option(ids, self.parts_of(projection.of(plan), model, horizon_s))
+            return weighed[plan].cost
+
         starts = {_by_gain(situation, gain_m, count) for gain_m in GAINS_M}
         starts |= {_shortest(situation, plan) for plan in starts}
-        best = max(sorted(starts), key=worth)
+        best = min(sorted(starts), key=cost)
         improved = True
         while improved and count < len(candidates):
             others = [index for index in range(len(candidates)) if index not in best]
@@ -72,16 +76,31 @@ class Rollout:
                 for place in range(count)
                 for other in others
             ]
-            better = max(exchanged, key=worth)
-            improved = worth(better) > worth(best) + 1e-9
+            better = min(exchanged, key=cost)
+            improved = cost(better) < cost(best) - 1e-9
             best = better if improved else best
+        self._weighed = situation, weighed
         return collect_in_order([candidates[index] for index in best], situation)
 
-    def _worth(self, outcome: Outcome, model: EnergyModel, horizon_s: float) -> float:
-        at_work = model.drain_per_s * sum(outcome.active_s)
-        idle = sum((horizon_s - active_s) ** 2 for active_s in outcome.active_s) / horizon_s
-        batteries = at_work + SALVAGE * sum(outcome.charges) - self.unfairness * model.drain_per_s * idle
-        return self._scales.energy_per_charge * batteries - self._scales.distance_per_m * outcome.metres
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        """The plans that were weighed; it makes the plan again unless `situation` is that of the last one."""
+        if self._weighed[0] is not situation:
+            self.plan(situation, len(solution.steps))
+        agents = tuple(step.agent_id for step in solution.steps)
+        by_agents = {option.agents: option for option in self._weighed[1].values()}
+        others = [option for option in by_agents.values() if option.agents != agents]
+        return [by_agents[agents], *best_of(others)]
+
+    def parts_of(self, outcome: Outcome, model: EnergyModel, horizon_s: float) -> dict[str, float]:
+        """The parts of a projected cost: what the plan is worth, negative, and what it costs."""
+        per_battery, drain = self._scales.energy_per_charge, model.drain_per_s
+        idle_s = sum((horizon_s - active_s) ** 2 for active_s in outcome.active_s) / horizon_s
+        return {
+            "spent at work": -per_battery * drain * sum(outcome.active_s),
+            "left at the end": -per_battery * SALVAGE * sum(outcome.charges),
+            "idle": per_battery * drain * self.unfairness * idle_s,
+            "way": self._scales.distance_per_m * outcome.metres,
+        }
 
 
 class FairRollout(Rollout):

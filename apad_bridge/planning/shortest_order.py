@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.explanation import Option
 from apad_bridge.planning.routes import cheapest_choice
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order
@@ -24,3 +25,6 @@ class ShortestOrder:
         return collect_in_order(
             cheapest_choice(situation.apad_m, agents, len(agents), per_m=1.0, per_charge=0.0), situation
         )
+
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        return Cautious().explain(situation, solution)

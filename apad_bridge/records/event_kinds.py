@@ -138,6 +138,7 @@ def _model(name: str, fields: Sequence[Field]) -> Any:
 INTEGER = Type(StrictInt, "integer")
 NUMBER = Type(Annotated[float, Constraint(strict=True, allow_inf_nan=False)], "number")
 TEXT = Type(StrictStr, "text")
+_NUMBERS = Type(GenericAlias(dict, (StrictStr, NUMBER.annotation)), "{name: number}")
 BOOLEAN = Type(StrictBool, "true or false")
 _DOCK = Type(Annotated[StrictInt, Constraint(ge=0, lt=MAX_DOCKS)], "integer")
 _BATTERY = _row(
@@ -296,10 +297,35 @@ KINDS: tuple[Kind, ...] = (
             ),
             Field(
                 "beliefs",
-                _list_of(_object("candidate", _ID, Field("charge", NUMBER, ""), _NORTH, _EAST)),
-                "the beliefs of the candidates",
-                "0 to 1, m",
+                _list_of(
+                    _object(
+                        "candidate",
+                        *(_ID, Field("charge", NUMBER, ""), _NORTH, _EAST),
+                        *(
+                            _optional(Field("secondary", NUMBER, "")),
+                            _optional(Field("unserved_s", NUMBER, "")),
+                        ),
+                    )
+                ),
+                "the beliefs of the candidates, and the time since each was released",
+                "0 to 1, m, s",
             ),
+            _optional(Field("from", _POINT, "the aPad's place, north and east", "m")),
+            _optional(
+                Field(
+                    "options",
+                    _list_of(
+                        _object(
+                            "option",
+                            Field("agents", _list_of(INTEGER), ""),
+                            *(Field("cost", NUMBER, ""), Field("parts", _NUMBERS, "")),
+                        )
+                    ),
+                    "what the strategy weighed, by its own costs, whose parts have names: the plan itself, its runner-up, "
+                    "others; none without reasons",
+                )
+            ),
+            _optional(Field("unexplained", TEXT, "the error of a strategy's own explanation")),
         ),
     ),
     Kind(

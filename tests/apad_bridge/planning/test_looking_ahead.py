@@ -104,11 +104,12 @@ def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> Non
     rollout = Rollout(CostScales(1.0, 100.0))
     horizon_s = 1 / MODEL.drain_per_s
     projection = Projection(situation, situation.model or MODEL, horizon_s, 60.0)
-    worths = {
-        plan: rollout._worth(projection.of(plan), MODEL, horizon_s) for plan in permutations(range(4), 2)
+    costs = {
+        plan: sum(rollout.parts_of(projection.of(plan), MODEL, horizon_s).values())
+        for plan in permutations(range(4), 2)
     }
     chosen = [step.agent_id - 1 for step in rollout.plan(situation, 2).steps]
-    assert worths[(chosen[0], chosen[1])] == pytest.approx(max(worths.values()), rel=0.01)
+    assert costs[(chosen[0], chosen[1])] == pytest.approx(min(costs.values()), rel=0.01)
 
 
 def test_charge_groups_do_not_let_the_nearly_full_wait_for_the_empty() -> None:

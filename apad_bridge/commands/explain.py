@@ -1,0 +1,125 @@
+"""`musselbed explain RUN`: why a plan was made: its candidates, what was believed of them, its costs and its runner-up."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "explain",
+        help="why the mission planned what it did at a time",
+        description="Prints the plan that was in force at a mission time: its candidates and what was believed of "
+        "them, the cost of each part, and what else the strategy weighed, the runner-up first. Reads the journal, "
+        "also of a run that is still flying.",
+        epilog="examples: musselbed explain runs/pool-12-20260504T101500Z --at 600; "
+        "musselbed explain runs/pool-12-20260504T101500Z --json. See docs/studies.md. "
+        f"exit codes: {EXITS}",
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "--at",
+        type=float,
+        metavar="T",
+        help="mission seconds (default: the end, which shows the newest plan)",
+    )
+    parser.add_argument("--json", action="store_true", help="print the journal's line of the plan")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    try:
+        lines = read_journal(RunDirectory.open(arguments.directory).journal).lines
+    except (RunDirectoryError, OSError) as error:
+        raise UserError(str(error)) from error
+    plans = [line for line in lines if line["kind"] == EventKind.PLAN]
+    if not plans:
+        raise UserError(f"{arguments.directory}: no plan was made yet")
+    made = [line for line in plans if arguments.at is None or line["t"] <= arguments.at * 1000]
+    if not made:
+        raise UserError(f"--at {arguments.at:g}: the first plan was made at {plans[0]['t'] / 1000:g} s")
+    if arguments.json:
+        print(json.dumps(made[-1]))
+    else:
+        _show(made[-1], Console())
+    return Exit.DONE
+
+
+def _show(plan: Line, console: Console) -> None:
+    chosen = [step["agent"] for step in plan["steps"]]
+    what = "to collect" if plan["what"] == "collect" else "to release"
+    console.print(
+        f"{plan['t'] / 1000:g} s: {plan['strategy']} planned {what} {_ids(chosen)}", highlight=False
+    )
+    costs = plan["costs"]
+    console.print(
+        f"{costs['distance_m']:.1f} m of way and {costs['demand']:.2f} batteries of demand; scaled by the scenario "
+        f"{costs['distance_cost']:.1f} and {costs['energy_cost']:.1f}",
+        highlight=False,
+    )
+    table = Table(title="The candidates, as they were believed", title_justify="left")
+    for name in (
+        "aMussel",
+        "place in the plan",
+        "charge",
+        "second battery",
+        "unserved s",
+        "north m",
+        "east m",
+    ):
+        table.add_column(name, justify="right")
+    for belief in plan["beliefs"]:
+        table.add_row(
+            str(belief["id"]),
+            str(chosen.index(belief["id"]) + 1) if belief["id"] in chosen else "",
+            f"{belief['charge']:.3f}",
+            f"{belief['secondary']:.3f}" if "secondary" in belief else "",
+            f"{belief['unserved_s']:.0f}" if "unserved_s" in belief else "",
+            f"{belief['north_m']:.2f}",
+            f"{belief['east_m']:.2f}",
+        )
+    console.print(table)
+    _show_options(plan, console)
+
+
+def _show_options(plan: Line, console: Console) -> None:
+    options = plan.get("options")
+    if not options:
+        why = plan.get("unexplained")
+        console.print(
+            "no reasons given" + (f": its explanation failed: {why}" if why else ""),
+            highlight=False,
+            markup=False,
+        )
+        return
+    names = list(options[0]["parts"])
+    table = Table(
+        title="The plans that were weighed, by the strategy's own cost: the least is the best",
+        title_justify="left",
+    )
+    table.add_column("")
+    table.add_column("aMussels")
+    for name in ("cost", *names):
+        table.add_column(name, justify="right")
+    for rank, option in enumerate(options):
+        parts = [f"{option['parts'].get(name, 0.0):.3f}" for name in names]
+        rank_name = ("the plan", "runner-up")[rank] if rank < 2 else ""
+        table.add_row(rank_name, _ids(option["agents"]), f"{option['cost']:.3f}", *parts)
+    console.print(table)
+    if len(options) > 1:
+        console.print(f"the runner-up costs {options[1]['cost'] - options[0]['cost']:+.3f}", highlight=False)
+
+
+def _ids(agent_ids: list[int]) -> str:
+    return ", ".join(map(str, agent_ids))

@@ -1,0 +1,102 @@
+"""`musselbed explain`, as a person types it: the plan in force at a time with its reasons, or one line with the fault."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.commands import explain
+from apad_bridge.mission.plans import plan_note
+from apad_bridge.planning import registry
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.costs import CostScales
+from apad_bridge.planning.explanation import Option
+from apad_bridge.planning.solution import Solution
+from apad_bridge.records.journal import Journal
+from apad_bridge.runs.exits import UserError
+
+AGENTS = tuple(Candidate(k, k, 2.0, 0.1 * k, 1.0, k, 2.0) for k in (1, 2, 3, 4, 5))
+SITUATION = Situation(0.0, 0.0, AGENTS, (0, 1))
+
+
+def command(*words: object) -> int:
+    parser = argparse.ArgumentParser()
+    explain.add_parser(parser.add_subparsers())
+    arguments = parser.parse_args(["explain", *map(str, words)])
+    code: int = arguments.run(arguments)
+    return code
+
+
+def run_with(directory: Path, *plans: tuple[int, object]) -> Path:
+    """A run's directory whose journal has plans of strategies at mission times in ms."""
+    journal = Journal(directory / "journal.jsonl")
+    for at_ms, strategy in plans:
+        solution = strategy.plan(SITUATION, 2)  # type: ignore[attr-defined]
+        note = plan_note("collect", "mine", solution, SITUATION, CostScales(), strategy)
+        journal.append(at_ms, note.kind, note.data)
+    journal.close()
+    return directory
+
+
+def test_it_prints_the_plan_in_force_with_its_runner_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_with(tmp_path, (60_000, registry.collection("cautious")), (120_000, registry.collection("greedy")))
+    assert command(tmp_path, "--at", 119, "--json") == 0
+    line = json.loads(capsys.readouterr().out)
+    assert line["t"] == 60_000
+    assert [option["agents"] for option in line["options"][:2]] == [[1, 2], [1, 3]]
+    assert line["options"][0]["cost"] == pytest.approx(0.3)
+    assert line["options"][1]["parts"] == {"charge": pytest.approx(0.4)}
+    assert command(tmp_path, "--at", 119) == 0
+    shown = capsys.readouterr().out
+    assert "60 s: mine planned to collect 1, 2" in shown and "runner-up" in shown and "+0.100" in shown
+
+
+class Silent:
+    """Gives no reasons."""
+
+    def plan(self, situation: Situation, batch: int) -> Solution:
+        return registry.collection("greedy").plan(situation, batch)
+
+
+class Broken(Silent):
+    def explain(self, situation: Situation, solution: Solution) -> list[Option]:
+        return [Option((1,), {"way": float("nan")})]
+
+
+@pytest.mark.parametrize(
+    ("strategy", "said"), [(Silent(), "no reasons given\n"), (Broken(), "its explanation failed")]
+)
+def test_a_strategy_without_reasons_says_so(
+    strategy: Silent, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_with(tmp_path, (1000, strategy))
+    assert command(tmp_path) == 0
+    assert said in capsys.readouterr().out
+
+
+def test_a_mistake_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"no journal\.jsonl"):
+        command(tmp_path)
+    run_with(tmp_path)
+    with pytest.raises(UserError, match="no plan was made yet"):
+        command(tmp_path)
+    run_with(tmp_path, (60_000, registry.collection("cautious")))
+    with pytest.raises(UserError, match="the first plan was made at 60 s"):
+        command(tmp_path, "--at", 59)
+
+
+@pytest.mark.parametrize("name", ["blend", "best-of-pool", "cautious", "edf", "greedy", "shortest-order"])
+def test_the_plan_comes_first_and_its_options_by_rising_cost(name: str) -> None:
+    strategy = registry.collection(name, CostScales(1.0, 50.0))
+    plan = strategy.plan(SITUATION, 2)
+    options = strategy.explain(SITUATION, plan)  # type: ignore[attr-defined]
+    assert list(options[0].agents) == [step.agent_id for step in plan.steps]
+    costs = [option.cost for option in options[1:]]
+    assert costs == sorted(costs) and len(options) == 5
+    if name != "greedy":
+        assert options[0].cost <= costs[0]
