@@ -47,5 +47,17 @@ def run(arguments: argparse.Namespace) -> int:
         bounds = bounds_of([scenario])
     except ScenarioError as error:
         raise UserError(str(error)) from error
-    print(json.dumps(asdict(bounds)) if arguments.json else f"{scenario.name}: {bounds.text}")
+    if arguments.json:
+        print(json.dumps(asdict(bounds)))
+        return Exit.DONE
+    print(f"{scenario.name}: {bounds.text}")
+    if bounds.cycles_per_apad_charge is not None:
+        print(
+            f"a full aPad fills the whole fleet from empty {bounds.cycles_per_apad_charge:.2f} times, without its travel"
+            + (
+                ""
+                if scenario.theta == 1
+                else f"; at theta {scenario.theta} that is {scenario.theta} times too often"
+            )
+        )
     return Exit.DONE

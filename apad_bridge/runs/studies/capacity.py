@@ -63,6 +63,8 @@ class Bounds:
     sustained_from_empty: float
     """The same if each charge goes from empty to full."""
     uptime_for_ever_percent: float
+    cycles_per_apad_charge: float | None
+    """How often one charge of the aPad's battery fills each battery of the fleet from empty; None if it costs nothing."""
 
     @property
     def text(self) -> str:
@@ -81,7 +83,7 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
     mission_s = scenario.duration_s if duration_s is None else duration_s
     minutes = mission_s * scenario.theta / 60
     if not amussels or not minutes:
-        return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None)
     active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
     each = [rates for fleet in fleets for rates in fleet]
     drain, charge = min(it.drain for it in each), max(it.charge for it in each)
@@ -96,7 +98,20 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         docks * (1 + charge / drain),
         docks * (1 + slow / drain),
         100 * active_minutes(without_start, 1.0, docks) / amussels,
+        _cycles_per_apad_charge(scenario, fmean(it.full_charge_min for it in each), amussels),
     )
+
+
+def _cycles_per_apad_charge(scenario: Scenario, full_min: float, amussels: int) -> float | None:
+    """The cycles of the fleet that a full battery of one aPad affords; with several aPads each has its part of the fleet.
+
+    A cycle fills each aMussel from empty once: its dock draws all that time, and the hotel load runs as long as the docks
+    take for their aMussels one after the other. Travel is left out.
+    """
+    apad, share = scenario.apad, amussels / (1 + len(scenario.apads))
+    hours = full_min / 60 / scenario.theta
+    needed_wh = share * hours * (apad.battery.charging_w_per_dock + apad.battery.hotel_w / apad.docks)
+    return apad.battery.capacity_wh / needed_wh if needed_wh else None
 
 
 def active_minutes(fleet: Sequence[Rates], minutes: float, docks: int) -> float:

@@ -32,7 +32,7 @@ from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Motion
-from apad_bridge.vehicle.simulated.power import Battery
+from apad_bridge.vehicle.simulated.power import Battery, Ledger
 
 _SECOND_MS = 1000
 _MS_PER_HOUR = 3_600_000
@@ -60,9 +60,9 @@ class CruisingAPad:
         self._most_w = most_w + config.battery.hotel_w + config.docks * config.battery.charging_w_per_dock
 
     @property
-    def used_wh(self) -> float:
-        """The energy drawn since the start."""
-        return self._battery.used_fraction * self._config.battery.capacity_wh
+    def ledger(self) -> Ledger:
+        """Where the energy drawn since the start went."""
+        return self._battery.ledger
 
     def advance_until(self, limit_ms: int, least_fraction: float) -> int:
         """Lets time pass to the first whole second that somebody must see, at most `limit_ms`; returns it.

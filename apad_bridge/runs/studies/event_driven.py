@@ -114,7 +114,7 @@ def fly_event_driven(scenario: Scenario) -> Figures:
         if supervisor.has_ended:
             break
         flight.now_ms = ticks.next_tick_ms(flight.now_ms, fleet.coordinator.next_due_ms)
-    return recorder.meter.figures(flight.now_ms, supervisor.mission.state, vehicle.used_wh)
+    return recorder.meter.figures(flight.now_ms, supervisor.mission.state, vehicle.ledger)
 
 
 class TruthfulReports(HoldLast):

@@ -11,6 +11,7 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import charge_models, takes_samples
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.simulated.power import Ledger
 from firmware_model.state_groups import AT_WORK
 
 _MS_PER_HOUR = 3_600_000
@@ -49,6 +50,10 @@ class Figures:
     services: int
     ended_by: str
     end_reason: EndReason | None
+    apad_travel_wh: float | None
+    """The parts of `apad_wh`: thrusters, what is on all the time, and the docks that hold an aMussel."""
+    apad_hotel_wh: float | None
+    apad_handed_wh: float | None
 
 
 COLUMNS = tuple(field.name for field in fields(Figures))[:13]
@@ -110,12 +115,12 @@ class FigureMeter:
         self.uptimes.take(truth)
         self._gaps.take(truth)
 
-    def figures(self, now_ms: int, state: MissionState, used_wh: float) -> Figures:
-        """The figures at mission time `now_ms`; `used_wh` is what the aPad drew since the start."""
+    def figures(self, now_ms: int, state: MissionState, ledger: Ledger) -> Figures:
+        """The figures at mission time `now_ms`; `ledger` is what the aPad drew since the start."""
         theta, capacity_wh = self._scenario.theta, self._scenario.apad.battery.capacity_wh
         figures = uptime_figures(self.uptimes, now_ms)
         submerged, paper = figures["uptime_submerged"], figures["uptime_paper"]
-        apad_wh = used_wh if theta == 1 else None
+        apad_wh = ledger.used_wh if theta == 1 else None
         work_ticks = sum(it.submerged for it in self.uptimes.at(now_ms))
         return Figures(
             figures["amussels_lost"],
@@ -137,4 +142,5 @@ class FigureMeter:
             state.services,
             str(state.ended_by),
             None if state.ended_by is None else state.ended_by.reason,
+            *((ledger.travel_wh, ledger.hotel_wh, ledger.handed_wh) if theta == 1 else (None, None, None)),
         )

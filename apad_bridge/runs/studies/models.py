@@ -56,5 +56,4 @@ def fly_each_tick(scenario: Scenario) -> Figures:
 
     flight, _ = open_flight(scenario, join=keep_vehicle, recorder_of=lambda it: _FigureRecorder(it, meter))
     flight.run()
-    used_wh = vehicles[0].apad.energy_used_fraction * scenario.apad.battery.capacity_wh
-    return meter.figures(flight.now_ms, flight.supervisor.mission.state, used_wh)
+    return meter.figures(flight.now_ms, flight.supervisor.mission.state, vehicles[0].apad.ledger)

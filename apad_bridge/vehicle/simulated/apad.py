@@ -27,7 +27,7 @@ from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Coast, Motion, Steer
-from apad_bridge.vehicle.simulated.power import Battery
+from apad_bridge.vehicle.simulated.power import Battery, Ledger
 from apad_bridge.vehicle.simulated.thrusters import Forces
 
 ARRIVAL_SAMPLES = 1000 // STEP_MS
@@ -219,6 +219,11 @@ class SimulatedAPad:
     def energy_used_fraction(self) -> float:
         """The energy drawn since the start, as a fraction of a FULL battery, in [0, 1]."""
         return self._battery.used_fraction
+
+    @property
+    def ledger(self) -> Ledger:
+        """Where the energy went since the start, as of the last instant or command."""
+        return self._battery.ledger
 
     @property
     def docked(self) -> Mapping[int, int]:

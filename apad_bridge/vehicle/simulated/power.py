@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from apad_bridge.scenario.schema import APadBattery
 
 _NJ_PER_WH = 3600 * 10**9
@@ -9,6 +11,22 @@ _NJ_PER_WH = 3600 * 10**9
 
 def microwatts(power_w: float) -> int:
     return round(power_w * 1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class Ledger:
+    """Where the energy drawn since the start went, in Wh."""
+
+    travel_wh: float
+    """Thrusters."""
+    hotel_wh: float
+    """What is on all the time."""
+    handed_wh: float
+    """Docks that hold an aMussel: what the aPad spends for them, of which their batteries take in a part."""
+
+    @property
+    def used_wh(self) -> float:
+        return self.travel_wh + self.hotel_wh + self.handed_wh
 
 
 class Battery:
@@ -22,17 +40,28 @@ class Battery:
         self._hotel_uw = microwatts(config.hotel_w)
         self._dock_uw = microwatts(config.charging_w_per_dock)
         self._power_uw = self._hotel_uw
+        self._docks_uw = 0
+        self._hotel_nj = self._handed_nj = self._drawn_nj = 0
         self._settled_ms = 0
 
     def settle(self, now_ms: int) -> None:
         """Subtract the energy drawn since the last call; an empty battery stays at zero."""
-        drawn_nj = self._power_uw * (now_ms - self._settled_ms)
-        self._energy_nj = max(0, self._energy_nj - drawn_nj)
+        span_ms = now_ms - self._settled_ms
+        needed_nj = self._power_uw * span_ms
+        drawn_nj = min(self._energy_nj, needed_nj)
+        self._energy_nj -= drawn_nj
+        self._drawn_nj += drawn_nj
+        hotel_nj, handed_nj = self._hotel_uw * span_ms, self._docks_uw * span_ms
+        if drawn_nj < needed_nj:  # the battery ran out in this span
+            hotel_nj, handed_nj = hotel_nj * drawn_nj // needed_nj, handed_nj * drawn_nj // needed_nj
+        self._hotel_nj += hotel_nj
+        self._handed_nj += handed_nj
         self._settled_ms = now_ms
 
     def set_load(self, thrusters_w: float, closed_docks: int) -> None:
         """Set the load from the settled time on, beside the hotel load."""
-        self._power_uw = self._hotel_uw + closed_docks * self._dock_uw + microwatts(thrusters_w)
+        self._docks_uw = closed_docks * self._dock_uw
+        self._power_uw = self._hotel_uw + self._docks_uw + microwatts(thrusters_w)
 
     def add(self, fraction: float) -> None:
         """Add a fraction of a full battery at the settled time (a negative one drains); the charge stays in [0, full]."""
@@ -54,6 +83,12 @@ class Battery:
     def used_fraction(self) -> float:
         """Energy drawn since the start, as a fraction of a FULL battery."""
         return (self._start_nj - self._energy_nj) / self._full_nj
+
+    @property
+    def ledger(self) -> Ledger:
+        """The energy drawn up to the settled time; what somebody charged or drained is not in it."""
+        travel_nj = self._drawn_nj - self._hotel_nj - self._handed_nj
+        return Ledger(*(nj / _NJ_PER_WH for nj in (travel_nj, self._hotel_nj, self._handed_nj)))
 
     @property
     def voltage_v(self) -> float:

@@ -112,3 +112,12 @@ def awake_all_the_time(scenario: Scenario) -> Scenario:
 
 def replace_duration(scenario: Scenario, duration_s: float) -> Scenario:
     return replace(scenario, duration_s=duration_s)
+
+
+def test_the_cycles_of_a_fleet_that_one_apad_affords_by_hand() -> None:
+    scenario = pool(theta=1)
+    battery, full_h = scenario.apad.battery, 485 / 60
+    # Twelve charges one after the other in four docks: three rounds of hotel load, twelve of a dock's.
+    needed_wh = full_h * (12 * battery.charging_w_per_dock + 3 * battery.hotel_w)
+    found = bounds_of([scenario]).cycles_per_apad_charge
+    assert found == pytest.approx(battery.capacity_wh / needed_wh, rel=1e-3)

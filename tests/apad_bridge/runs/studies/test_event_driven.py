@@ -161,8 +161,11 @@ def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
     now_ms += 60_000
     stepped.advance(now_ms)
     cruising.advance(now_ms)
-    used_wh = stepped.energy_used_fraction * config.battery.capacity_wh
-    assert cruising.used_wh == pytest.approx(used_wh, rel=1e-6)
+    ours, theirs = cruising.ledger, stepped.ledger
+    assert theirs.used_wh == pytest.approx(
+        stepped.energy_used_fraction * config.battery.capacity_wh, rel=1e-9
+    )
+    assert asdict(ours) == pytest.approx(asdict(theirs), rel=1e-6)
 
 
 def test_a_dock_lets_an_amussel_go_where_the_apad_is() -> None:

@@ -37,6 +37,28 @@ def test_a_closed_dock_draws_its_charging_power_to_the_millisecond(config):
     assert apad.energy_used_fraction == pytest.approx((25 * 200 + 10 * 100.001) / FULL_J, rel=1e-12)
 
 
+def test_the_ledger_has_a_row_for_docks_for_the_hotel_load_and_for_travel(config):
+    apad = SimulatedAPad(config)
+    apad.receive(CloseDock(1, 2, 9), 0)
+    apad.receive(GoTo(2, 50.0, 0.0, 0.5, 0.5), 0)
+    apad.advance(300_000)
+    ledger = apad.ledger
+    assert ledger.handed_wh == pytest.approx(10 * 300 / 3600, rel=1e-12)
+    assert ledger.hotel_wh == pytest.approx(25 * 300 / 3600, rel=1e-12)
+    assert ledger.travel_wh > 0
+    assert ledger.used_wh == pytest.approx(apad.energy_used_fraction * 230, rel=1e-12)
+
+
+def test_the_ledger_of_an_empty_battery_is_what_was_in_it(config):
+    battery = replace(config.battery, start_fraction=0.01)
+    apad = SimulatedAPad(replace(config, battery=battery))
+    apad.receive(CloseDock(1, 2, 9), 0)
+    apad.advance(3_600_000)
+    ledger = apad.ledger
+    assert ledger.used_wh == pytest.approx(2.3, rel=1e-9) and ledger.travel_wh == pytest.approx(0, abs=1e-9)
+    assert ledger.handed_wh / ledger.hotel_wh == pytest.approx(10 / 25, rel=1e-3)
+
+
 @pytest.mark.parametrize("goal_m", [(50.0, 0.0), (0.0, 50.0), (-30.0, 40.0)])
 def test_cruising_draws_the_thrust_that_drag_asks_for(config, goal_m):
     # at 0.5 m/s: 40 * 0.25 = 10 N along the bow, four thrusts of 10 / (2 sqrt 2) N, 6 W each N
