@@ -16,7 +16,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
-from apad_bridge.mission.events import RangeHeard, SupervisorAction
+from apad_bridge.mission.events import Ping, RangeHeard, SupervisorAction
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.state_groups import DOCKED, UP_AND_UNDOCKED
@@ -70,6 +70,8 @@ class RangingService:
         self._keel_m = keel_m
         self._depth_m = depth_m
         self._deviation_m = deviation_m
+        self._to_ping: set[int] = set()
+        """The aMussels that a person wants pinged."""
         self._changes: list[RangesChanged] = []
         """Changes since the last `full_state` or `updates`."""
         self._last_scheduler_state: dict[str, Any] = scheduler.full_state()
@@ -114,12 +116,20 @@ class RangingService:
 
     def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
         away = frozenset(it.agent_id for it in beliefs if _is_away(it))
+        cannot_hear, self._to_ping = self._to_ping & away, self._to_ping - away
+        unanswered = [Note("range", {"id": it, "range_m": None}) for it in sorted(cannot_hear)]
         near = [it for it in beliefs if it.agent_id not in away]
         whereabouts, charges = (
             [] if policy is None else ids_to_ping(policy, near, now_ms)
             for policy in (self._places, self._charges)
         )
-        return self._scheduler.advance(now_ms, away, whereabouts, charges)
+        actions = self._scheduler.advance(now_ms, away, [*sorted(self._to_ping), *whereabouts], charges)
+        self._to_ping -= {it.agent_id for it in actions if isinstance(it, Ping)}
+        return [*unanswered, *actions]
+
+    def ping(self, agent_id: int) -> None:
+        """Pings the aMussel for a person as soon as the aPad may; one that is afloat or in a dock hears no ping."""
+        self._to_ping.add(agent_id)
 
     def short_status_received(self, agent_id: int) -> None:
         """Called for each short status of an aMussel, requested or not."""
@@ -185,6 +195,10 @@ class NoRanging:
 
     def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
         return []
+
+    def ping(self, agent_id: int) -> None:
+        """Drops the request, and counts it."""
+        self.dropped["pings without a modem in the water"] += 1
 
     def short_status_received(self, agent_id: int) -> None:
         pass

@@ -21,7 +21,9 @@ from apad_bridge.records.journal import JournalTail, await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.supervisor.control import listens
+from apad_bridge.supervisor.roster import Fault
 
 _TICK_MS = 1000
 _MOST_SAMPLES = 2 * MAX_SAMPLES
@@ -40,6 +42,9 @@ class Feed:
         self._directory = RunDirectory.open(run_dir)
         try:
             scenario = load(self._directory.scenario)
+            options = RunOptions.load(run_dir)
+            self._has_water = scenario.water is not None and options.part is not Part.MISSION
+            self._takes_faults = not options.has_real_vehicle
             self._journal = JournalTail(self._directory.journal)
             begun = self._journal.read_new()
             self._view = RunView(scenario, begun, round(1000 * scenario.duration_s))
@@ -62,7 +67,9 @@ class Feed:
     def page_data(self) -> dict[str, Any]:
         """The page's data so far. `live` tells the page to follow, and from where."""
         state = self._state()
+        orders = {"ping": self._has_water, "faults": list(Fault) if self._takes_faults else []}
         live = {
+            "orders": orders,
             "counts": self._view.counts,
             "columns": COLUMNS,
             "most_samples": _MOST_SAMPLES,

@@ -38,7 +38,7 @@ _BEAT_S = 1.0
 """A page that hears nothing for three beats says so."""
 _WAITING = 40
 """A page that leaves so many messages unread is left; its browser connects again."""
-_ORDER = TypeAdapter(control.Request)
+_ORDER = TypeAdapter[control.AnyRequest](control.AnyRequest)
 _REFUSED = PlainTextResponse(
     "This console needs its token: open the address that `musselbed console` printed.\n", status_code=403
 )

@@ -16,6 +16,13 @@ class PermitSurfacing:
 
 
 @dataclass(frozen=True, slots=True)
+class PingAgent:
+    """A person wants the aMussel's range, once; the ping waits until the aPad may use its modem."""
+
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
 class TellClear:
     """Tell the aMussel, by Wi-Fi, that it is clear to sink."""
 
@@ -42,4 +49,4 @@ class Note:
     data: dict[str, Any]
 
 
-Order = Primitive | PermitSurfacing | TellClear | AllowMotion | SwitchMotorsOff | Note
+Order = Primitive | PermitSurfacing | PingAgent | TellClear | AllowMotion | SwitchMotorsOff | Note

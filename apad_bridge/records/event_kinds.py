@@ -384,10 +384,16 @@ KINDS: tuple[Kind, ...] = (
         (
             Field(
                 "order",
-                _one_of(("stop", "continue", "abort", "motors off", "go to", "hold")),
+                _one_of(
+                    (
+                        *("stop", "continue", "abort", "motors off", "go to", "hold"),
+                        *("ping", "permit to surface"),
+                    )
+                ),
                 "the order",
             ),
             Field("by", TEXT, "the person's name on that machine"),
+            _optional(_AGENT),
             _optional(Field("north_m", NUMBER, "the goal, north", "m")),
             _optional(Field("east_m", NUMBER, "the goal, east", "m")),
         ),

@@ -39,6 +39,7 @@ from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.program import ScriptSource, as_program
 from apad_bridge.scripting.rendezvous import REAL_TIME
+from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
@@ -81,7 +82,7 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
                 context = stack.enter_context(_flight_context(run, fleet))
                 calls = stack.enter_context(primitives_offered(run.config.scenario, run.options))
                 if calls is not None:
-                    context = _under_control(stack, context, run.path, calls)
+                    context = _under_control(stack, context, run, calls)
             summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
@@ -153,11 +154,12 @@ def _flight_context(run: _Run, fleet: Fleet | NoFleet) -> Iterator[FlightContext
         yield without_commands(context) if options.dry_run else context
 
 
-def _under_control(
-    stack: ExitStack, context: FlightContext, run_dir: Path, calls: CallQueue
-) -> FlightContext:
+def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: CallQueue) -> FlightContext:
     """Takes orders of commands, too, and counts those that it drops."""
-    dropped = stack.enter_context(control_offered(run_dir, calls, context.safety.gate))
+    has_water = run.config.scenario.water is not None and run.options.part is not Part.MISSION
+    amussels = AMusselOrders(run.config.ids, context.roster, has_water, run.options.has_real_vehicle)
+    gate = context.safety.gate
+    dropped = stack.enter_context(control_offered(run.path, calls, gate, amussels=amussels))
     return replace(context, dropped=lambda: context.dropped() + dropped)
 
 

@@ -26,6 +26,7 @@ from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.orders import AllowMotion, SwitchMotorsOff
 from apad_bridge.mission.values import Refused
+from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.guards.gate import Gate
@@ -74,14 +75,23 @@ class NobodyListens(Exception):
     """No supervisor of the run takes orders."""
 
 
-_REQUEST, _ANSWER = TypeAdapter(Request), TypeAdapter(Answer)
+AnyRequest = Request | AMusselRequest
+_REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
+_ANSWER = TypeAdapter(Answer)
 
 
-def carry_out(request: Request, calls: CallQueue, gate: Gate) -> Answer:
+def carry_out(
+    request: AnyRequest, calls: CallQueue, gate: Gate, amussels: AMusselOrders = NO_AMUSSELS
+) -> Answer:
     """Has the supervisor carry the request out at its next tick. It answers within `ANSWER_S`.
 
     The vehicle's `gate` judges a go-to or a hold before the mission loses the aPad to it.
     """
+    if isinstance(request, AMusselRequest):
+        try:
+            return Answer(True, amussels.carry_out(request, calls))
+        except Refused as refused:
+            return Answer(False, str(refused))
 
     def act(mission: FlightMission) -> str:
         if request.act is Act.REMARK:
@@ -132,7 +142,9 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
 
 
 @contextmanager
-def control_offered(run_dir: Path, calls: CallQueue, gate: Gate) -> Iterator[Counter[str]]:
+def control_offered(
+    run_dir: Path, calls: CallQueue, gate: Gate, *, amussels: AMusselOrders = NO_AMUSSELS
+) -> Iterator[Counter[str]]:
     """Listens in the run's directory while it is entered; yields the counts of dropped requests, by reason.
 
     For the process that holds the run's lock: a socket that is there already is a dead supervisor's.
@@ -140,7 +152,7 @@ def control_offered(run_dir: Path, calls: CallQueue, gate: Gate) -> Iterator[Cou
     with _short_path(run_dir) as path:
         with suppress(FileNotFoundError):
             os.unlink(path)
-        server = _Server(path, calls, gate)
+        server = _Server(path, calls, gate, amussels)
     thread = threading.Thread(target=server.serve_forever, name="control", daemon=True)
     thread.start()
     try:
@@ -160,7 +172,7 @@ def listens(run_dir: Path) -> bool:
         return False
 
 
-def ask(run_dir: Path, request: Request) -> Answer:
+def ask(run_dir: Path, request: AnyRequest) -> Answer:
     """The supervisor's answer. NobodyListens without a supervisor; PeerFailed if it does not answer in time."""
     try:
         # The supervisor itself answers within ANSWER_S, so silence for longer is not the mission's.
@@ -172,7 +184,7 @@ def ask(run_dir: Path, request: Request) -> Answer:
         raise PeerFailed(f"the supervisor of {run_dir} does not answer: {error}") from error
 
 
-def answer_of(run_dir: Path, request: Request) -> Answer:
+def answer_of(run_dir: Path, request: AnyRequest) -> Answer:
     """Like `ask`, with a refusal in place of an error."""
     try:
         return ask(run_dir, request)
@@ -212,9 +224,10 @@ class _Server(socketserver.ThreadingUnixStreamServer):
     daemon_threads = True
     block_on_close = False
 
-    def __init__(self, path: str, calls: CallQueue, gate: Gate) -> None:
+    def __init__(self, path: str, calls: CallQueue, gate: Gate, amussels: AMusselOrders) -> None:
         self.calls = calls
         self.gate = gate
+        self.amussels = amussels
         self.dropped: Counter[str] = Counter()
         super().__init__(path, _Handler)
 
@@ -238,5 +251,5 @@ class _Handler(socketserver.StreamRequestHandler):
                 self.server.dropped["orders that cannot be read"] += 1
                 answer = Answer(False, f"the request cannot be read: {error.errors()[0]['msg']}")
             else:
-                answer = carry_out(request, self.server.calls, self.server.gate)
+                answer = carry_out(request, self.server.calls, self.server.gate, self.server.amussels)
             self.wfile.write(_ANSWER.dump_json(answer) + b"\n")

@@ -24,7 +24,15 @@ from apad_bridge.mission.events import (
     SupervisorAction,
     WifiHeard,
 )
-from apad_bridge.mission.orders import AllowMotion, Note, Order, PermitSurfacing, SwitchMotorsOff, TellClear
+from apad_bridge.mission.orders import (
+    AllowMotion,
+    Note,
+    Order,
+    PermitSurfacing,
+    PingAgent,
+    SwitchMotorsOff,
+    TellClear,
+)
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
@@ -301,6 +309,8 @@ class Supervisor:
                     self.beliefs.learn(agent_id, Permitted(now_ms))
                     data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
                     actions.append(Send(Medium.SOUND, agent_id, data))
+                case PingAgent(agent_id):
+                    self._ranging.ping(agent_id)
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))

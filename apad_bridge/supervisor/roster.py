@@ -10,6 +10,7 @@ Nodes claim aMussels on the ROS graph. When a run is resumed, these claims take 
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -94,11 +95,60 @@ RosterRequest = PresenceRequest | FaultRequest
 class RosterRequests(Protocol):
     """The queue of requests, and the way back for the answers."""
 
+    def ask(self, request: RosterRequest) -> str | None:
+        """Waits for the answer, in any thread but the flight's: the reason for a refusal; None when it was done."""
+        ...
+
     def take(self) -> list[RosterRequest]: ...
 
     def answer(self, request: RosterRequest, refusal: str | None) -> None:
         """Answers a request with the reason for its refusal; None when it was done."""
         ...
+
+
+ANSWER_S = 10.0
+"""A tick comes once a mission second. After so long without one, a request is answered without it."""
+
+
+class _Asked:
+    def __init__(self, request: RosterRequest) -> None:
+        self.request = request
+        self.done = threading.Event()
+        self.refusal: str | None = None
+
+
+class AskedRequests:
+    """Requests of other threads, which wait for the answers: of services, and of a person's orders."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: list[_Asked] = []
+        self._taken: list[_Asked] = []
+
+    def ask(self, request: RosterRequest) -> str | None:
+        asked = _Asked(request)
+        with self._lock:
+            self._waiting.append(asked)
+        if asked.done.wait(ANSWER_S):
+            return asked.refusal
+        with self._lock:
+            if asked in self._waiting:
+                self._waiting.remove(asked)
+        return f"the flight made no tick for {ANSWER_S:g} s"
+
+    def take(self) -> list[RosterRequest]:
+        with self._lock:
+            self._taken, self._waiting = self._waiting, []
+        return [asked.request for asked in self._taken]
+
+    def answer(self, request: RosterRequest, refusal: str | None) -> bool:
+        """Answers a request; False for one that nobody here asked."""
+        for asked in self._taken:
+            if asked.request is request:
+                asked.refusal = refusal
+                asked.done.set()
+                return True
+        return False
 
 
 _STIMULI: dict[Fault, Stimulus] = {
@@ -233,6 +283,10 @@ class Roster:
             self._answers.append((request, None))
         return actions
 
+    def ask(self, request: RosterRequest) -> str | None:
+        """A request of another thread, which waits: the reason for a refusal; None when it was done."""
+        return self._requests.ask(request)
+
     def answer(self) -> None:
         """Answers the requests. Call it when the changes are on disk, so that an accepted request outlives a crash."""
         answers, self._answers = self._answers, []
@@ -242,6 +296,9 @@ class Roster:
 
 class NoRoster:
     """The roster of a flight that nobody asks for changes."""
+
+    def ask(self, request: RosterRequest) -> str | None:
+        return "no fleet is simulated in this run"
 
     def is_simulated(self, agent_id: int) -> bool:
         return True

@@ -155,6 +155,35 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
     assert [it for it in browser.get_log("browser") if it["level"] == "SEVERE"] == []  # type: ignore[no-untyped-call]
 
 
+def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, run_dir: Path) -> None:
+    with console_beside(run_dir) as url:
+        browser.get(url)
+        browser.find_element(By.CSS_SELECTOR, "#agents [data-agent='6']").click()
+        # The pool has no water to ping by; the aPad is simulated, so there are faults.
+        assert not browser.find_element(By.CSS_SELECTOR, "[data-act=ping]").is_displayed()
+
+        browser.execute_script("document.getElementById('fault').value = 'watchdog'")
+        cause = browser.find_element(By.CSS_SELECTOR, "[data-act='cause a fault']")
+        cause.click()
+        browser.find_element(By.CSS_SELECTOR, "#sure button[value=no]").click()
+        cause.click()
+        browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
+        wait_until(lambda: text(browser, "answer") == "cause a fault (aMussel 6): done")
+        assert [(line["id"], line["fault"]) for line in journalled(run_dir, "fault")] == [(6, "watchdog")]
+
+        browser.find_element(By.CSS_SELECTOR, "[data-act='hand over']").click()
+        browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
+        wait_until(lambda: text(browser, "answer") == "hand over (aMussel 6): done")
+        assert [(it["id"], it["is"], it["by"]) for it in journalled(run_dir, "presence")] == [
+            (6, "real", "console")
+        ]
+        # The roster refuses from a page what it refuses from a service.
+        cause.click()
+        browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
+        wait_until(lambda: "is real: faults are for simulated ones" in text(browser, "answer"))
+        assert len(journalled(run_dir, "fault")) == 1
+
+
 def journalled_first(run_dir: Path) -> float:
     """Mission seconds of the first event that the page lists: here, always the first plan."""
     return float(journalled(run_dir, "plan")[0]["t"]) / 1000

@@ -26,6 +26,8 @@ def event_text(line: Line) -> str | None:
             return f"the aPad is stuck: {reason}"
         case EventKind.OVERRIDE, {"taken": taken}:
             return "a person took the aPad over" if taken else "the aPad was given back"
+        case EventKind.OPERATOR, {"order": order, "by": by, "agent": agent}:
+            return f"{by} ordered: {order}, aMussel {agent}"
         case EventKind.OPERATOR, {"order": order, "by": by}:
             return f"{by} ordered: {order}"
         case EventKind.REMARK, {"text": text, "by": by}:

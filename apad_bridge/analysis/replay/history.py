@@ -91,6 +91,8 @@ class History:
         """The lines of all plans that were taken, with the reasons that they state."""
         self.packets: list[PacketView] = []
         """The acoustic packets among the lines that were taken."""
+        self._pinged: set[int] = set()
+        """The aMussels that a person pinged and that have not answered yet."""
         self.ended_by: str | None = None
         self.add(journal)
         self.now = RunState(docks=(None,) * dock_count)
@@ -124,8 +126,21 @@ class History:
             handler = self._handlers.get(line["kind"])
             if handler is not None:
                 handler(line)
-            if (text := event_text(line)) is not None:
+            text = self._ping_text(line) or event_text(line)
+            if text is not None:
                 self.events.append(Event(line["t"], line["kind"], text))
+
+    def _ping_text(self, line: Line) -> str | None:
+        """The answer to a person's ping; the aPad's own pings are routine."""
+        if line["kind"] == EventKind.OPERATOR and line["order"] == "ping":
+            self._pinged.add(line["agent"])
+        if line["kind"] != EventKind.RANGE or line["id"] not in self._pinged:
+            return None
+        self._pinged.remove(line["id"])
+        range_m = line["range_m"]
+        return f"aMussel {line['id']} " + (
+            "did not answer the ping" if range_m is None else f"is {range_m:.2f} m away"
+        )
 
     def _take_truth(self, line: Line) -> None:
         truth = truth_of(line)

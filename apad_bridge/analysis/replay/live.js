@@ -5,6 +5,10 @@ const SILENT_MS = 2500;
 const ASKED_FIRST = {
   continue: "The aPad will move again. Is the water around it clear?",
   abort: "End the mission? The aPad holds its position, and nothing plans any more.",
+  "permit to surface": "The aMussel will come up. Is the water above it clear?",
+  "hand over": "A real aMussel takes its place, and its simulation is heard no more. Is the real one in the water?",
+  "take back": "The simulated aMussel begins where the real one is believed to be, and the real one is heard no more.",
+  "cause a fault": "The aMussel's board will meet this fault.",
 };
 let counts, heardMs, stream;
 
@@ -67,16 +71,17 @@ function showLink(supervisor) {
   $("warning").textContent = words;
   $("warning").hidden = words === "";
   const takesOrders = supervisor && !silent && data.ended_by === null;
-  for (const button of $("orders").querySelectorAll("button:not(#follow)")) button.disabled = !takesOrders;
+  for (const button of document.querySelectorAll("#orders button:not(#follow), #one-orders button")) button.disabled = !takesOrders;
 }
 
-async function order(act, text = "") {
-  if (ASKED_FIRST[act] && !(await isSure(ASKED_FIRST[act]))) return;
+async function order(act, more = {}) {
+  const whose = more.agent === undefined ? "" : ` (aMussel ${more.agent})`;
+  if (ASKED_FIRST[act] && !(await isSure(ASKED_FIRST[act] + whose))) return;
   $("answer").textContent = "…";
   try {
-    const answer = await fetch("/orders", { method: "POST", body: JSON.stringify({ act, by: "console", text }) });
+    const answer = await fetch("/orders", { method: "POST", body: JSON.stringify({ act, by: "console", ...more }) });
     const { accepted, message } = await answer.json();
-    $("answer").textContent = `${act}: ${message || (accepted ? "done" : "refused")}`;
+    $("answer").textContent = `${act}${whose}: ${message || (accepted ? "done" : "refused")}`;
   } catch (error) {
     $("answer").textContent = `${act}: the console does not answer`;
   }
@@ -108,12 +113,20 @@ function follow() {
 if (data.live) {
   counts = data.live.counts;
   heardMs = performance.now();
-  $("orders").hidden = false;
+  $("orders").hidden = $("one-orders").hidden = false;
+  const { ping, faults } = data.live.orders;
+  $("fault").replaceChildren(...faults.map((it) => new Option(words(it), it)));
+  for (const button of $("one-orders").querySelectorAll("button")) {
+    const { act } = button.dataset;
+    button.hidden = (act === "ping" && !ping) || (act === "cause a fault" && !faults.length);
+    button.addEventListener("click", () => order(act, { agent: selected, ...(act === "cause a fault" ? { fault: $("fault").value } : {}) }));
+  }
+  $("fault").hidden = !faults.length;
   for (const act of ["stop", "continue", "abort"]) $(act).addEventListener("click", () => order(act));
   $("remark").addEventListener("submit", (event) => {
     event.preventDefault();
     const text = $("remark-text").value.trim();
-    if (text) order("remark", text).then(() => { $("remark-text").value = ""; });
+    if (text) order("remark", { text }).then(() => { $("remark-text").value = ""; });
   });
   $("follow").addEventListener("click", follow);
   setInterval(() => { if (performance.now() - heardMs > SILENT_MS) showLink(false); }, 500);

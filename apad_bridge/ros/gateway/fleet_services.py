@@ -7,9 +7,7 @@ A service answers at the next mission tick: that the change is done, or why not.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import rospy
@@ -18,6 +16,7 @@ from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
 from apad_bridge.supervisor.roster import (
+    AskedRequests,
     Fault,
     FaultRequest,
     PresenceRequest,
@@ -37,27 +36,16 @@ from musselbed_msgs.srv import (  # noqa: E402
     SpawnAmusselResponse,
 )
 
-ANSWER_S = 10.0
-"""A tick comes once a mission second. After so long without one, a call is answered without it."""
 _A_PERSON = "a service call"
 
 
-@dataclass(slots=True)
-class _Call:
-    request: RosterRequest
-    done: threading.Event = field(default_factory=threading.Event)
-    refusal: str | None = None
-
-
 class FleetServices:
-    """The roster's source of requests: `take` and `answer` are for the flight's thread, the rest for rospy's."""
+    """The roster's source of requests: `take` and `answer` are for the flight's thread, the rest for any other."""
 
     def __init__(self, presences: Presences, claims: ClaimBoard) -> None:
         self._presences = presences
         self._claims = claims
-        self._lock = threading.Lock()
-        self._waiting: list[_Call] = []
-        self._taken: list[_Call] = []
+        self._asked = AskedRequests()
         self._warned: set[RosterRequest] = set()
         self._services = [
             rospy.Service(ours("spawn"), SpawnAmussel, self._spawn),
@@ -67,17 +55,15 @@ class FleetServices:
             rospy.Service(ours("inject_fault"), InjectFault, self._inject),
         ]
 
+    def ask(self, request: RosterRequest) -> str | None:
+        return self._asked.ask(request)
+
     def take(self) -> list[RosterRequest]:
-        with self._lock:
-            self._taken, self._waiting = self._waiting, []
-        return [*self._claims.changes(self._presences.of), *(call.request for call in self._taken)]
+        return [*self._claims.changes(self._presences.of), *self._asked.take()]
 
     def answer(self, request: RosterRequest, refusal: str | None) -> None:
-        for call in self._taken:
-            if call.request is request:
-                call.refusal = refusal
-                call.done.set()
-                return
+        if self._asked.answer(request, refusal):
+            return
         # A claim is requested again at each tick until it is done: its refusal is logged once.
         if refusal is not None and request not in self._warned:
             self._warned.add(request)
@@ -88,21 +74,9 @@ class FleetServices:
             service.shutdown("the flight is over")
         self._claims.close()
 
-    def _call(self, request: RosterRequest) -> str | None:
-        """Waits for the answer: None, or the refusal."""
-        call = _Call(request)
-        with self._lock:
-            self._waiting.append(call)
-        if call.done.wait(ANSWER_S):
-            return call.refusal
-        with self._lock:
-            if call in self._waiting:
-                self._waiting.remove(call)
-        return f"the flight made no tick for {ANSWER_S:g} s"
-
     def _change(self, trigger: Trigger) -> Callable[[Any], Any]:
         def answer(request: Any) -> Any:
-            refusal = self._call(PresenceRequest(request.id, trigger, _A_PERSON))
+            refusal = self.ask(PresenceRequest(request.id, trigger, _A_PERSON))
             return AmusselByIdResponse(accepted=refusal is None, message=refusal or "")
 
         return answer
@@ -110,7 +84,7 @@ class FleetServices:
     def _spawn(self, request: Any) -> Any:
         charges = request.primary, request.secondary
         at = request.north_m, request.east_m
-        refusal = self._call(PresenceRequest(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
+        refusal = self.ask(PresenceRequest(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
         return SpawnAmusselResponse(accepted=refusal is None, message=refusal or "")
 
     def _inject(self, request: Any) -> Any:
@@ -119,5 +93,5 @@ class FleetServices:
             return InjectFaultResponse(
                 accepted=False, message=f"no fault {request.fault!r}: there are {known}"
             )
-        refusal = self._call(FaultRequest(request.id, Fault(request.fault)))
+        refusal = self.ask(FaultRequest(request.id, Fault(request.fault)))
         return InjectFaultResponse(accepted=refusal is None, message=refusal or "")

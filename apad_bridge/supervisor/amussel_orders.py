@@ -1,0 +1,97 @@
+"""A person's orders about one aMussel: ping it, permit it to surface, hand it over or take it back, cause a fault.
+
+A permission passes the gate as every order does, a ping waits for its turn in the water, and the roster decides the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
+
+from apad_bridge.mission.call_queue import CallQueue, FlightMission
+from apad_bridge.mission.orders import Order, PermitSurfacing, PingAgent
+from apad_bridge.mission.values import Refused
+from apad_bridge.supervisor.roster import (
+    Fault,
+    FaultRequest,
+    NoRoster,
+    PresenceRequest,
+    Roster,
+    RosterRequest,
+    Trigger,
+)
+
+
+class AMusselAct(StrEnum):
+    PING = "ping"
+    PERMIT = "permit to surface"
+    HAND_OVER = "hand over"
+    TAKE_BACK = "take back"
+    FAULT = "cause a fault"
+
+
+@dataclass(frozen=True, slots=True)
+class AMusselRequest:
+    act: AMusselAct
+    by: Annotated[str, Field(min_length=1, max_length=100)]
+    """The person's name."""
+    agent: int
+    fault: Fault | None = None
+    """Of an order to cause one."""
+
+
+@dataclass(frozen=True, slots=True)
+class AMusselOrders:
+    """What a person may order about the aMussels of one run."""
+
+    ids: Container[int] = ()
+    roster: Roster | NoRoster = field(default_factory=NoRoster)
+    has_water: bool = False
+    """False: nothing is pinged, because there is no water between the modems."""
+    real_hull: bool = False
+    """True: a real aPad moves by what its aMussels do, so nobody causes faults in them."""
+
+    def carry_out(self, request: AMusselRequest, calls: CallQueue) -> str:
+        """Gives the order; returns what a person has to know of it. Refused, with the reason."""
+        if request.agent not in self.ids:
+            raise Refused(f"there is no aMussel {request.agent} in this run")
+        match request.act:
+            case AMusselAct.PING if not self.has_water:
+                raise Refused("this scenario has no water: there is nothing to ping by")
+            case AMusselAct.PING:
+                self._order(request, PingAgent(request.agent), calls)
+                return "the range comes with the events"
+            case AMusselAct.PERMIT:
+                self._order(request, PermitSurfacing(request.agent), calls)
+                return "given to the guards: a refusal comes with the events"
+            case AMusselAct.HAND_OVER:
+                return self._ask(PresenceRequest(request.agent, Trigger.HAND_OVER, request.by))
+            case AMusselAct.TAKE_BACK:
+                return self._ask(PresenceRequest(request.agent, Trigger.TAKE_BACK, request.by))
+            case AMusselAct.FAULT:
+                if request.fault is None:
+                    raise Refused(f"name the fault: {', '.join(Fault)}")
+                if self.real_hull:
+                    raise Refused("a real aPad flies: faults are for runs with the simulated one")
+                return self._ask(FaultRequest(request.agent, request.fault))
+
+    def _order(self, request: AMusselRequest, order: Order, calls: CallQueue) -> None:
+        note = {"order": request.act.value, "by": request.by, "agent": request.agent}
+
+        def give(mission: FlightMission) -> None:
+            mission.note("operator", **note)
+            mission.order(order)
+
+        calls.call_mission(give)
+
+    def _ask(self, request: RosterRequest) -> str:
+        if (refusal := self.roster.ask(request)) is not None:
+            raise Refused(refusal)
+        return ""
+
+
+NO_AMUSSELS = AMusselOrders()

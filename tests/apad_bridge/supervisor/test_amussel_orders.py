@@ -1,0 +1,147 @@
+"""A person's orders about single aMussels, through the socket of a run's directory."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flying import Flying
+from scenario_files import SOUND_FILE
+
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.amussel_orders import AMusselAct, AMusselOrders, AMusselRequest
+from apad_bridge.supervisor.control import Answer, ask, control_offered
+from apad_bridge.supervisor.roster import AskedRequests, Fault, FaultRequest, Presences, Roster
+from firmware_model.states import State
+
+
+class Requests(AskedRequests):
+    """The queue of a run without services."""
+
+    def answer(self, request: Any, refusal: str | None) -> None:  # type: ignore[override]
+        assert super().answer(request, refusal)
+
+
+def flown(scenario: Scenario, **orders: Any) -> tuple[Flying, AMusselOrders]:
+    presences = Presences(scenario.fleet.ids, scenario.area.depth_m)
+    rosters: list[Roster] = []
+
+    def with_roster(context: Any) -> Any:
+        rosters.append(Roster(presences, Requests(), context.fleet.coordinator))
+        return replace(context, roster=rosters[0])
+
+    flying = Flying(scenario, with_roster)
+    flying.seconds(3)
+    return flying, AMusselOrders(scenario.fleet.ids, rosters[0], **orders)
+
+
+@pytest.fixture
+def flying(pool: Scenario, tmp_path: Path) -> Iterator[Flying]:
+    flying, orders = flown(pool)
+    with control_offered(tmp_path, flying.calls, flying.gate, amussels=orders):
+        yield flying
+
+
+def answered(flying: Flying, request: Callable[[], Any]) -> Any:
+    """The answer of another thread, which needs ticks; an error of it is raised."""
+    with ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(request)
+        flying.until(lambda: bool(wait([waiting], 0.05)[0]), limit_s=200)
+        return waiting.result()
+
+
+def asked(
+    flying: Flying, run_dir: Path, act: AMusselAct, agent: int = 3, fault: Fault | None = None
+) -> Answer:
+    answer = answered(flying, lambda: ask(run_dir, AMusselRequest(act, "Anna", agent, fault)))
+    assert isinstance(answer, Answer)
+    return answer
+
+
+def test_a_permission_reaches_the_amussel_and_is_noted(flying: Flying, tmp_path: Path) -> None:
+    assert asked(flying, tmp_path, AMusselAct.PERMIT, 9).accepted
+    flying.seconds(1)
+    (order,) = flying.events("operator")
+    assert (order["order"], order["agent"], order["by"]) == ("permit to surface", 9, "Anna")
+    flying.until(lambda: flying.flight.supervisor.beliefs.get(9).state is State.SURFACING, 30)
+
+
+def test_presence_and_faults_go_through_the_roster(flying: Flying, tmp_path: Path) -> None:
+    assert asked(flying, tmp_path, AMusselAct.HAND_OVER) == Answer(True, "")
+    assert [(it["id"], it["is"], it["by"]) for it in flying.events("presence")] == [(3, "real", "Anna")]
+    refused = asked(flying, tmp_path, AMusselAct.FAULT, 3, Fault.BROWN_OUT)
+    assert refused == Answer(False, "aMussel 3 is real: faults are for simulated ones")
+    assert asked(flying, tmp_path, AMusselAct.FAULT, 4, Fault.BROWN_OUT) == Answer(True, "")
+    assert [(it["id"], it["fault"]) for it in flying.events("fault")] == [(4, "brown_out")]
+    not_docked = asked(flying, tmp_path, AMusselAct.FAULT, 4, Fault.COIL_SLIP)
+    assert "in no dock" in not_docked.message and not not_docked.accepted
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        (AMusselRequest(AMusselAct.PERMIT, "Anna", 99), "there is no aMussel 99 in this run"),
+        (AMusselRequest(AMusselAct.PING, "Anna", 3), "there is nothing to ping by"),
+        (AMusselRequest(AMusselAct.FAULT, "Anna", 3), "name the fault: brown_out, watchdog, coil_slip"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    flying: Flying, tmp_path: Path, request_: AMusselRequest, why: str
+) -> None:
+    answer = answered(flying, lambda: ask(tmp_path, request_))
+    assert not answer.accepted and why in answer.message
+    assert flying.events("operator") == []
+
+
+def test_no_fault_is_caused_where_a_real_hull_flies(pool: Scenario, tmp_path: Path) -> None:
+    flying, orders = flown(pool, real_hull=True)
+    with control_offered(tmp_path, flying.calls, flying.gate, amussels=orders):
+        answer = asked(flying, tmp_path, AMusselAct.FAULT, 3, Fault.WATCHDOG)
+    assert answer == Answer(False, "a real aPad flies: faults are for runs with the simulated one")
+    assert flying.events("fault") == []
+
+
+def test_a_ping_brings_a_range() -> None:
+    scenario = load(SOUND_FILE)
+    flying, orders = flown(scenario, has_water=True)
+    # Nothing is pinged by itself here within half a minute.
+    flying.seconds(30)
+    before = len(flying.events("range"))
+    request = AMusselRequest(AMusselAct.PING, "Anna", 5)
+    answered(flying, lambda: orders.carry_out(request, flying.calls))
+    flying.until(lambda: any(it["id"] == 5 for it in flying.events("range")[before:]), 60)
+    (ranged,) = (it for it in flying.events("range")[before:] if it["id"] == 5)
+    assert 0 < ranged["range_m"] < 40
+
+
+def test_a_flight_that_does_not_tick_answers_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("apad_bridge.supervisor.roster.ANSWER_S", 0.05)
+    requests = AskedRequests()
+    assert requests.ask(FaultRequest(1, Fault.WATCHDOG)) == "the flight made no tick for 0.05 s"
+    assert requests.take() == []
+
+
+def test_each_caller_gets_its_own_answer() -> None:
+    requests, answers = AskedRequests(), {}
+
+    def caller(agent: int) -> None:
+        answers[agent] = requests.ask(FaultRequest(agent, Fault.WATCHDOG))
+
+    threads = [threading.Thread(target=caller, args=(n,)) for n in range(5)]
+    for thread in threads:
+        thread.start()
+    told = 0
+    while told < 5:
+        for request in requests.take():
+            assert requests.answer(request, f"no, {request.agent_id}")
+            told += 1
+    for thread in threads:
+        thread.join()
+    assert answers == {n: f"no, {n}" for n in range(5)}
+    assert not requests.answer(FaultRequest(9, Fault.WATCHDOG), None)
