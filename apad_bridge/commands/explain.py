@@ -10,10 +10,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 
 def add_parser(commands: Any) -> None:
@@ -23,9 +24,11 @@ def add_parser(commands: Any) -> None:
         description="Prints the plan that was in force at a mission time: its candidates and what was believed of "
         "them, the cost of each part, and what else the strategy weighed, the runner-up first. Reads the journal, "
         "also of a run that is still flying.",
-        epilog="examples: musselbed explain runs/pool-12-20260504T101500Z --at 600; "
-        "musselbed explain runs/pool-12-20260504T101500Z --json. See docs/studies.md. "
-        f"exit codes: {EXITS}",
+        epilog=ending(
+            "musselbed explain runs/pool-12-20260504T101500Z --at 600",
+            "musselbed explain runs/pool-12-20260504T101500Z --json",
+            note="See docs/studies.md.",
+        ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument(

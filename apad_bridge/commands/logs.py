@@ -12,23 +12,31 @@ from rich.table import Table
 
 from apad_bridge.analysis.bag_merge.figures import RunFigures
 from apad_bridge.analysis.bag_merge.merge import Merge, merge
+from apad_bridge.commands.help_text import ending
 from apad_bridge.records.bag_samples import BagUnreadable
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError
 
 _MOST_GAPS = 20
 
 
+_ENDING = ending(
+    "musselbed logs merge apad.bag station.bag",
+    "musselbed logs merge apad.bag station.bag --out whole.bag --json",
+)
+
+
 def add_parser(commands: Any) -> None:
-    parser = commands.add_parser("logs", help="bags of one mission that were recorded on two machines")
+    parser = commands.add_parser(
+        "logs", help="bags of one mission that were recorded on two machines", epilog=_ENDING
+    )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     merging = actions.add_parser(
         "merge",
         help="one bag of two, with what each lacks",
-        description="Finds the messages that two bags have in common, and from them the offset of their clocks "
-        "as a function of time, also where one of them was set meanwhile. Says what is missing where, writes one bag with "
-        "all of it by the clock of A, and counts the run's figures from either alone and from both.",
-        epilog="examples: musselbed logs merge apad.bag station.bag; "
-        f"musselbed logs merge apad.bag station.bag --out whole.bag --json. exit codes: {EXITS}",
+        description="Finds the messages that two bags have in common, and from them the offset of their clocks as a "
+        "function of time, also where one of them was set meanwhile. Lists what is missing where, and writes one bag "
+        "with all of it by the clock of A. Counts the run's figures from either bag alone and from both.",
+        epilog=_ENDING,
     )
     merging.add_argument("first", type=Path, metavar="A.bag", help="the bag whose clock counts")
     merging.add_argument("second", type=Path, metavar="B.bag", help="the other machine's bag")

@@ -22,6 +22,7 @@ from apad_bridge.ros.gateway.fleet_diagnostics import Limits
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource, open_gateway
+from apad_bridge.ros.gateway.heartbeat import Heartbeat
 from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
@@ -103,6 +104,7 @@ def open_flight_context(
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
+            heartbeat = Heartbeat()
             safety = safety_of(scenario, needs_person=options.has_real_vehicle)
             others = OtherAPads([it for it in options.apads if it != scenario.apad.name])
             stack.callback(others.close)
@@ -125,6 +127,7 @@ def open_flight_context(
             watchers=lambda supervisor: (
                 _bodies_watcher(safety.gate, supervisor, options, presences, others),
                 gateway.watcher(supervisor),
+                heartbeat.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
                 *watches,
                 *_allocation_watcher(allocation, vehicle),

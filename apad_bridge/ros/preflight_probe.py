@@ -33,7 +33,7 @@ from apad_bridge.doctor.preflight import (
 from apad_bridge.ros.doctor_apad_checks import named_like
 from apad_bridge.ros.types.any_message import AnyMessages
 from apad_bridge.ros.types.wire_probe import NotAnnounced, messages_within, next_messages
-from apad_bridge.ros_names.names import in_full
+from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, of_apad
 from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Generation, Scenario
@@ -58,12 +58,12 @@ def check_way(graph: Graph) -> Iterator[Finding]:
 def check_parameters(graph: Graph, apad: str) -> Finding:
     """The parameters by which other places or times would be meant."""
     found = []
-    for name in ("/use_sim_time", f"{apad}/LocalOriginLat", f"{apad}/LocalOriginLon"):
+    for name in (USE_SIM_TIME, *(f"{apad}/LocalOrigin{it}" for it in ("Lat", "Lon"))):
         code, _, value = call_for_reply(graph.uri, "getParam", name)
         found.append(f"{name} {value if code == 1 else 'not set'}")
-        if name == "/use_sim_time" and code == 1 and value:
+        if name == USE_SIM_TIME and code == 1 and value:
             mend = "rosparam set /use_sim_time false, and start the nodes again; for a simulated aPad: --time ros"
-            return fail(f"{apad} parameters", "/use_sim_time is true: no real vehicle follows a /clock", mend)
+            return fail(f"{apad} parameters", f"{name} is true: no real vehicle follows a {CLOCK}", mend)
     return ok(f"{apad} parameters", ", ".join(found))
 
 
@@ -79,7 +79,7 @@ def check_vehicle(
     guards = scenario.guards or GuardOptions()
 
     def topic(leaf: str) -> str:
-        return remapped(f"{apad}/{leaf}")
+        return remapped(of_apad(apad, leaf))
 
     samples = _positions(graph, topic("position"))
     yield check_position(apad, samples, WATCHED_S, guards.jump_m, 2 * scenario.apad.max_speed_m_s)

@@ -74,6 +74,12 @@ OURS = Section(
         ),
         _topic("musselbed/plan", "nav_msgs/Path", "supervisor", "each tick: the plan under way"),
         _topic(
+            "musselbed/heartbeat",
+            "std_msgs/Float32",
+            "supervisor",
+            "each tick with an aPad's position of 3 s or younger: its age in seconds",
+        ),
+        _topic(
             "musselbed/markers",
             "visualization_msgs/MarkerArray",
             "supervisor",
@@ -279,6 +285,7 @@ OF_APAD = Section(
         ),
         _topic("{apad}/kinect_out", "std_msgs/Float32", _B, "the camera's servo"),
         _topic("{apad}/manual", "std_msgs/Bool", "its pilot", "whether a person steers"),
+        _topic("{apad}/watchdog", "std_msgs/String", "launch_scripts/vehicle_watchdog", "2 Hz: its state"),
         _topic(
             "{apad}/docking_horizontal",
             "std_msgs/Float32",

@@ -1,6 +1,7 @@
-"""Simulates a mission that sends the aPad of generation B away and falls silent, beside the vehicle's watchdog.
+"""Simulates a mission that sends the aPad away and falls silent, beside the vehicle's watchdog.
 
-Use: fall_silent.py WATCHDOG, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes /clock.
+Use: fall_silent.py WATCHDOG a|b, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes
+/clock.
 Prints the watchdog's output, the aPad's status and its drift since, as JSON.
 """
 
@@ -16,15 +17,17 @@ import time
 from typing import Any
 
 import rospy
-from geometry_msgs.msg import Point
+from actionlib import SimpleActionClient
+from geometry_msgs.msg import Point, Pose
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Bool, Int32, String
+from std_msgs.msg import Bool, Float32, Int32, String
 
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import generated_folder, use_generated_messages
 
 use_generated_messages()
 
+from apad.msg import aPadAction, aPadGoal  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
 from misc_msgs.srv import Go2pointPrimitiveService  # noqa: E402
 
@@ -42,7 +45,9 @@ class Mission:
         self.status = -1
         self.place_m: tuple[float, float] | None = None
         self._clock = rospy.Publisher("/clock", Clock, queue_size=1, latch=True)
-        self._heart = rospy.Publisher("/musselbed/apad", String, queue_size=1)
+        self._heart = rospy.Publisher("/musselbed/heartbeat", Float32, queue_size=1)
+        self.watchdog_says = ""
+        rospy.Subscriber("/apad1/watchdog", String, self._take_word)
         rospy.Subscriber("/apad1/goto_status", Int32, self._take_status)
         rospy.Subscriber("/apad1/stateRef", NavSts, self._take_place)
         threading.Thread(target=self._run, daemon=True).start()
@@ -53,7 +58,10 @@ class Mission:
             self.now_ms += 100
             self._clock.publish(Clock(to_ros(self.now_ms)))
             if self.heart_beats:
-                self._heart.publish(String("tick"))
+                self._heart.publish(Float32(0.1))
+
+    def _take_word(self, message: Any) -> None:
+        self.watchdog_says = message.data
 
     def _take_status(self, message: Any) -> None:
         self.status = message.data
@@ -104,6 +112,26 @@ def rospy_environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": str(generated_folder()), "PYTHONUNBUFFERED": "1"}
 
 
+def by_primitive(mission: Mission) -> None:
+    rospy.wait_for_service("/apad1/commander/primitive/go2point", PATIENCE_S)
+    go = rospy.ServiceProxy("/apad1/commander/primitive/go2point", Go2pointPrimitiveService)
+    assert go(point=Point(10_000, 0, 0), speed=0.5, victory_radius=1.0).status
+
+
+def by_goal(mission: Mission) -> None:
+    """The states of a goal have the numbers of `goto_status` while it runs (1) and when another takes its place (2)."""
+    client = SimpleActionClient("/apad1/action_server", aPadAction)
+    assert client.wait_for_server(rospy.Duration(PATIENCE_S))
+    client.send_goal(
+        aPadGoal(id=0, pose=Pose(position=Point(10_000, 0, 0))),
+        active_cb=lambda: setattr(mission, "status", 1),
+        done_cb=lambda state, _: setattr(mission, "status", state),
+    )
+
+
+SEND_AWAY = {"a": by_goal, "b": by_primitive}
+
+
 def main() -> None:
     rospy.init_node("mission", disable_signals=True)
     pilot = rospy.Publisher("/apad1/manual", Bool, queue_size=1, latch=True)
@@ -113,12 +141,11 @@ def main() -> None:
     try:
         result["hears"] = watchdog.until("WATCHING")
         mission.wait_until(lambda: mission.place_m is not None, "no stateRef")
-        rospy.wait_for_service("/apad1/commander/primitive/go2point", PATIENCE_S)
-        go = rospy.ServiceProxy("/apad1/commander/primitive/go2point", Go2pointPrimitiveService)
-        assert go(point=Point(10_000, 0, 0), speed=0.5, victory_radius=1.0).status
+        SEND_AWAY[sys.argv[2]](mission)
         mission.wait_until(lambda: mission.status == 1, "no go-to under way")
         mission.heart_beats = False
         result["falls_silent"] = watchdog.until("HELD")
+        mission.wait_until(lambda: mission.watchdog_says == "HELD", "/apad1/watchdog does not say so")
         mission.wait_until(lambda: mission.status != 1, "the go-to goes on")
         result["status"] = mission.status
         held_m = mission.let_pass(STEADY_MS)
@@ -127,7 +154,8 @@ def main() -> None:
         mission.heart_beats = True
         result["hears_again"] = watchdog.until("WATCHING")
         pilot.publish(Bool(True))
-        mission.wait_until(lambda: pilot.get_num_connections() >= 2, "nobody hears the pilot")
+        ears = 1 + (sys.argv[2] == "b")  # the watchdog, and the vehicle of generation B
+        mission.wait_until(lambda: pilot.get_num_connections() >= ears, "nobody hears the pilot")
         mission.heart_beats = False
         result["piloted"] = watchdog.until("PILOTED")
         assert watchdog.process.poll() is None

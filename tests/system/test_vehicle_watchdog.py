@@ -1,4 +1,4 @@
-"""What holds an aPad of generation B when the bench falls silent: on the vehicle's side, with the machine's own Python."""
+"""What holds an aPad when the bench falls silent: on the vehicle's side, with the machine's own Python."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ WATCHDOG = ROOT / "launch_scripts" / "vehicle_watchdog"
 PREEMPTED = 2
 
 
+@pytest.mark.parametrize("generation", ["a", "b"])
 def test_an_apad_whose_mission_falls_silent_is_held_where_it_is_and_a_pilot_is_not_fought(
-    tmp_path: Path,
+    tmp_path: Path, generation: str
 ) -> None:
     data = loader.resolve(loader.load(POOL_FILE))
-    data["apad"] |= {"generation": "b", "drift_m_s": [0.05, -0.1]}
+    data["apad"] |= {"generation": generation, "drift_m_s": [0.05, -0.1]}
     scenario = tmp_path / "scenario.yaml"
     loader.write_resolved(scenario, loader.from_data(data, "silent"))
     with ExitStack() as stack:
@@ -33,7 +34,7 @@ def test_an_apad_whose_mission_falls_silent_is_held_where_it_is_and_a_pilot_is_n
         stack.callback(master.stop)
         stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, tmp_path / "apad.log"))
         done = subprocess.run(
-            [sys.executable, "-m", "tests.system.fall_silent", str(WATCHDOG)],
+            [sys.executable, "-m", "tests.system.fall_silent", str(WATCHDOG), generation],
             env=loopback_environment(tmp_path / "ros", master.uri),
             cwd=ROOT,
             capture_output=True,
@@ -52,7 +53,12 @@ def test_an_apad_whose_mission_falls_silent_is_held_where_it_is_and_a_pilot_is_n
 def test_it_says_how_it_is_used_and_imports_nothing_of_ours() -> None:
     text = WATCHDOG.read_text()
     assert not any(room in text for room in ("apad_bridge", "musselbed_msgs", "firmware_model"))
-    refused = subprocess.run(
-        ["/usr/bin/python3", str(WATCHDOG), "--silence-s", "0"], capture_output=True, text=True, timeout=60
-    )
-    assert refused.returncode == 2 and "--silence-s must be 1 or more" in refused.stderr
+    for words, told in (
+        (("--silence-s", "0"), "--silence-s must be 1 or more"),
+        (("--home", "1", "2"), "--home needs --fence, --home-percent"),
+        (("--home", "1", "2", "--home-percent", "30", "--fence", "0,0 1,1"), "three corners or more"),
+    ):
+        refused = subprocess.run(
+            ["/usr/bin/python3", str(WATCHDOG), *words], capture_output=True, text=True, timeout=60
+        )
+        assert refused.returncode == 2 and told in refused.stderr

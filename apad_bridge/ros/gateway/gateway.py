@@ -31,6 +31,7 @@ from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.system.handshakes import bound_handshakes
+from apad_bridge.ros.system.lost_links import bound_calls
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
@@ -89,6 +90,7 @@ def open_gateway(
     try:
         refuse_second_fleet(rospy.resolve_name(node_name), [] if is_resumed else ids, master_uri)
         bound_handshakes()
+        bound_calls()
         rospy.init_node(
             node_name,
             argv=list(remappings),

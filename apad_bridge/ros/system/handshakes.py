@@ -18,6 +18,8 @@ from typing import Any
 
 from rospy.impl.tcpros_base import init_tcpros_server
 
+from apad_bridge.ros.system.lost_links import end_when_unacknowledged
+
 HANDSHAKE_S = 2.0
 """A node sends its handshake with the connection: within milliseconds, or some hundreds over a bad Wi-Fi."""
 LARGEST_BYTES = 32_768
@@ -88,6 +90,7 @@ class Handshakes:
             return
         self._forget(descriptor)
         waiting.sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, 1)
+        end_when_unacknowledged(waiting.sock)
         self._handler(waiting.sock, waiting.address)
 
     def _forget(self, descriptor: int) -> _Waiting:

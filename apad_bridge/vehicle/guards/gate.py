@@ -173,6 +173,8 @@ class GuardedVehicle:
         self._looked_ms = -1
         self._way_back: GoTo | None = None
         """The way back inside the fence, while a real vehicle is on it; a person's word is awaited at its end."""
+        self._own_hold_id: int | None = None
+        """The guards' own hold that went out last, until it is taken or another command goes out."""
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """The link's facts, and the failures of refused commands. Once a tick the monitor looks, and reacts."""
@@ -182,6 +184,8 @@ class GuardedVehicle:
         for fact in facts:
             if isinstance(fact, Arrived | CommandFailed):
                 self._note_end(fact.command_id)
+                if fact.command_id == self._own_hold_id:
+                    self._note_own_hold(fact, now_ms)
             elif isinstance(fact, CommandedByOthers) and self._safety.needs_person:
                 self.gate.awaits_person = STEERED_BY_OTHERS
         if now_ms > self._looked_ms:
@@ -241,6 +245,8 @@ class GuardedVehicle:
 
     def _send(self, command: VehicleCommand, now_ms: int) -> None:
         if not isinstance(command, MoveArm):
+            is_own_hold = isinstance(command, Hold) and command.command_id < 0
+            self._own_hold_id = command.command_id if is_own_hold else None
             self._end_way_back(command.command_id)
             self._under_way = UnderWay(command, now_ms) if isinstance(command, GoTo) else None
             self.gate.watch.note_goal(goal_of(command))
@@ -259,6 +265,12 @@ class GuardedVehicle:
             self.gate.awaits_person = (
                 "a person must let the aPad go on: it had left the fence, and was sent back"
             )
+
+    def _note_own_hold(self, fact: Arrived | CommandFailed, now_ms: int) -> None:
+        """A stop that was lost on the way, as where a link comes back by and by, is given again until it is taken."""
+        self._own_hold_id = None
+        if isinstance(fact, CommandFailed) and self.gate.awaits_person not in ("", STEERED_BY_OTHERS):
+            self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
 
     def _take_id(self) -> int:
         self._own_id -= 1

@@ -228,6 +228,28 @@ def test_by_the_real_apad_s_limits_a_bad_position_ends_in_a_safe_state_within_3_
         assert bench.vehicle.gate.awaits_person
 
 
+def test_a_stop_that_was_lost_on_the_way_is_given_again_until_it_is_taken() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    bench.silent(6)
+    bench.wire.out = []
+    bench.at(5.0, 5.0)  # the link is back
+    for lost in range(3):
+        (hold,) = bench.wire.out
+        assert isinstance(hold, Hold)
+        bench.wire.out = []
+        bench.wire.facts.append(
+            CommandFailed(bench.now_ms, hold.command_id, "no action server took the goal")
+        )
+        bench.at(5.0, 5.0 + lost)
+    (hold,) = bench.wire.out
+    bench.wire.out = []
+    bench.wire.facts.append(Arrived(bench.now_ms, hold.command_id))
+    bench.at(5.0, 8.0)
+    assert bench.wire.out == []
+
+
 def test_a_real_vehicle_that_had_to_be_stopped_waits_for_a_person() -> None:
     bench = Guarded(is_real=True)
     bench.at(1.0, 5.0)

@@ -1,0 +1,53 @@
+"""Closes connections to other machines over a lost link, so that what was ordered before is not delivered after it.
+
+TCP keeps what is not acknowledged, and delivers it when a link is back: minutes later, a go-to would start a vehicle. Here
+a connection by which this node sends ends when nothing was acknowledged for `UNACKNOWLEDGED_S`, with all that it holds.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from typing import Any
+
+from rosgraph.network import is_local_address
+from rospy.impl.tcpros_base import TCPROSTransport
+
+UNACKNOWLEDGED_S = 3
+
+
+def end_when_unacknowledged(sock: socket.socket) -> None:
+    """For a connection to another machine: on this one no link is lost, and a stopped program may go on."""
+    try:
+        address = ipaddress.ip_address(sock.getpeername()[0])
+    except (OSError, ValueError):
+        return  # it has ended already
+    if address.is_loopback:
+        return
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 1000 * UNACKNOWLEDGED_S)
+    # One that is idle notices it, too: before the next order is written into it.
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, UNACKNOWLEDGED_S)
+
+
+_connect = TCPROSTransport.connect
+
+
+def _connect_within(
+    transport: Any, dest_addr: str, dest_port: int, endpoint_id: str, timeout: float | None = None
+) -> None:
+    """Bounds what a service's client does, which gives no time-out. A subscription gives one, and sends nothing."""
+    if timeout is not None or is_local_address(dest_addr):
+        _connect(transport, dest_addr, dest_port, endpoint_id, timeout)
+        return
+    # The kernel by itself would try for two minutes.
+    _connect(transport, dest_addr, dest_port, endpoint_id, UNACKNOWLEDGED_S)
+    transport.socket.settimeout(None)
+    end_when_unacknowledged(transport.socket)
+
+
+def bound_calls() -> None:
+    """For all services on other machines that this process calls from now on."""
+    TCPROSTransport.connect = _connect_within

@@ -1,0 +1,96 @@
+"""A link that is cut, between two machines that are network namespaces here; and that a connection on one machine stays."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.ros.system import lost_links
+from apad_bridge.ros.system.lost_links import UNACKNOWLEDGED_S, end_when_unacknowledged
+
+ROOT = Path(__file__).parents[4]
+CUT = Path(__file__).with_name("cut_a_link.py")
+
+
+class FarSocket:
+    """A socket whose peer is on another machine, and which keeps its options."""
+
+    def __init__(self, peer: str) -> None:
+        self.options: dict[tuple[int, int], int] = {}
+        self._peer = peer
+
+    def getpeername(self) -> tuple[str, int]:
+        return self._peer, 11311
+
+    def setsockopt(self, level: int, name: int, value: int) -> None:
+        self.options[level, name] = value
+
+
+@pytest.mark.parametrize(("peer", "ends"), [("10.0.200.1", True), ("127.0.0.1", False), ("::1", False)])
+def test_a_connection_to_another_machine_ends_after_3_s_without_an_acknowledgement(
+    peer: str, ends: bool
+) -> None:
+    sock = FarSocket(peer)
+    end_when_unacknowledged(sock)  # type: ignore[arg-type]
+    wanted = 1000 * UNACKNOWLEDGED_S if ends else None
+    assert sock.options.get((socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)) == wanted
+
+
+def test_a_connection_that_has_ended_is_left(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket() as never_connected:
+        end_when_unacknowledged(never_connected)
+
+
+def namespaces_work() -> bool:
+    if shutil.which("unshare") is None or shutil.which("nsenter") is None or shutil.which("ip") is None:
+        return False
+    tried = subprocess.run(
+        ["unshare", "-rn", "ip", "link", "add", "va", "type", "veth", "peer", "name", "vb"],
+        capture_output=True,
+        check=False,
+    )
+    return tried.returncode == 0
+
+
+@pytest.mark.skipif(not namespaces_work(), reason="this machine lets nobody make network namespaces")
+def test_what_was_sent_into_a_cut_link_never_arrives_though_the_link_comes_back() -> None:
+    """Beside it a connection without the bound: its order arrives when the link is back."""
+    done = subprocess.run(
+        ["unshare", "-rn", sys.executable, str(CUT)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=180,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["before"] == {"bounded": "before", "plain": "before"}
+    assert told["ended_by"] == "TimeoutError"
+    # Three seconds, and the kernel's timers, which double from 0.2 s.
+    assert UNACKNOWLEDGED_S - 0.5 < told["ended_after_s"] < 4 * UNACKNOWLEDGED_S
+    assert told["after"] == {"bounded": "", "plain": "late"}
+
+
+def test_rospy_s_clients_on_other_machines_are_bounded_and_those_here_are_as_they_were(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    called: list[tuple[str, float | None]] = []
+
+    class Transport:
+        socket = socket.socket()
+
+    monkeypatch.setattr(
+        lost_links, "_connect", lambda it, address, port, endpoint, timeout: called.append((address, timeout))
+    )
+    monkeypatch.setattr(lost_links, "is_local_address", lambda address: address == "127.0.0.1")
+    for address, timeout in (("127.0.0.1", None), ("10.0.200.1", None), ("10.0.200.1", 60.0)):
+        lost_links._connect_within(Transport(), address, 1, "/a", timeout)
+    Transport.socket.close()
+    assert called == [("127.0.0.1", None), ("10.0.200.1", UNACKNOWLEDGED_S), ("10.0.200.1", 60.0)]
