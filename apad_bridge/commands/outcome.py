@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from shlex import quote
 from typing import Any
 
 from rich.console import Console
@@ -36,11 +37,7 @@ def report(
         is_counted = summary["uptime_paper"] is not None
         bounds = bounds_of([load(directory.scenario)], summary["mission_s"]) if is_counted else None
         print_table(console, name, flown_by, summary, bounds)
-        console.print(
-            f"the run's files: {directory.path}   (see it: musselbed replay {directory.path})",
-            highlight=False,
-            soft_wrap=True,
-        )
+        _print_next(console, directory, summary)
     sys.stdout.flush()
     # With several aPads, each one's reason.
     reasons = [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
@@ -49,6 +46,22 @@ def report(
     if EndReason.SCRIPT_FAILED in reasons:
         print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
     return exit_of_all(reasons)
+
+
+def _print_next(console: Console, directory: RunDirectory, summary: dict[str, Any]) -> None:
+    """Prints the place of the files, and two commands to copy, which no terminal folds."""
+    # The records of several aPads lie in a directory for each.
+    of_one = directory.path / next(iter(summary.get("apads", {"": None})))
+    has_truth = summary["uptime_paper"] is not None
+    second = f"beliefs {quote(str(of_one))}" if has_truth else f"runs {quote(str(directory.path.parent))}"
+    lines = (
+        f"Files: {directory.path}",
+        "Next:",
+        f"  musselbed replay {quote(str(of_one))}",
+        f"  musselbed {second}",
+    )
+    for line in lines:
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:

@@ -74,7 +74,7 @@ def check_real_vehicle(options: RunOptions, scenario: Scenario) -> None:
     problems = problems_with_real_vehicle(scenario)
     if options.on_death is OnDeath.RESUME:
         problems.append(
-            "a real aPad moves again only on a person's word: leave --on-supervisor-death resume out, and call "
+            "a real aPad moves again only after a person confirms: leave --on-supervisor-death resume out, and call "
             "musselbed resume"
         )
     if problems:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
 from apad_bridge.runs.studies.capacity import Bounds
 
@@ -19,11 +21,13 @@ _PAPER = {
 }
 """The paper's rows by scenario and collection strategy: only the shipped pool is the paper's."""
 
+_MOST_CAUSES = 5
+
 
 def print_table(
     console: Console, name: str, collection: str, summary: dict[str, Any], bounds: Bounds | None = None
 ) -> None:
-    """Prints the row, the paper's row if there is one for comparison, the bounds of any strategy, and other figures."""
+    """Prints the row, the paper's row if it compares, the other figures, the bounds of any strategy, and the failures."""
     table = Table(title=f"{name}: a row of the paper's Table II")
     for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
         table.add_column(column, justify="left" if not column else "right")
@@ -40,45 +44,53 @@ def print_table(
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     if table.row_count > 0:
         console.print(table)
-        if bounds is not None:
-            console.print(bounds.text, highlight=False, soft_wrap=True)
-    console.print(
-        f"cost: {summary['planned_m']:.2f} m in straight legs, as the paper counts; {summary['cost_m']:.2f} m driven",
-        highlight=False,
-        soft_wrap=True,
+    _print(
+        console,
+        f"{summary['services']} served, {_count_text(summary['amussels_lost'])} lost, {_count_text(summary['emptied'])} "
+        f"emptied. End of the mission: {summary['ended_by']}.",
     )
+    _print(
+        console,
+        f"Way: {summary['planned_m']:.2f} m in straight legs, as the paper counts; {summary['cost_m']:.2f} m driven.",
+    )
+    _print(console, f"{_energy(summary)}.")
     if summary["samples_uploaded"] is not None:
-        console.print(
-            f"{_count_text(summary['samples_taken'])} samples taken, {summary['samples_uploaded']} uploaded, "
-            f"{_count_text(summary['samples_waiting'])} still aboard, {summary['samples_lost']} lost",
-            highlight=False,
-            soft_wrap=True,
+        _print(
+            console,
+            f"Samples: {_count_text(summary['samples_taken'])} taken, {summary['samples_uploaded']} uploaded, "
+            f"{_count_text(summary['samples_waiting'])} still aboard, {summary['samples_lost']} lost.",
         )
+    if table.row_count > 0 and bounds is not None:
+        _print(console, bounds.text)
     if (apart := summary["apart"]) is not None:
-        console.print(
+        _print(
+            console,
             f"Excluded ({apart['amussels']} aMussel{'' if apart['amussels'] == 1 else 's'}): "
             f"{apart['beside_real_s']:g} s shadowing a real one, {apart['retired_s']:g} s retired.",
-            highlight=False,
-            soft_wrap=True,
         )
-    if summary["causes"]:
-        causes = "; ".join(f"{count} x {cause}" for cause, count in summary["causes"].items())
-        console.print(
-            f"{summary['steps_given_up']} steps given up; failures: {causes}",
-            highlight=False,
-            soft_wrap=True,
-        )
+    _print_failures(console, summary)
+
+
+def _print_failures(console: Console, summary: dict[str, Any]) -> None:
+    """Prints the causes of failures, the most frequent first, and the aMussels that they cost."""
+    causes = sorted(summary["causes"].items(), key=lambda it: -it[1])
+    if causes:
+        _print(console, f"Failures ({summary['steps_given_up']} steps given up):")
+    for cause, count in causes[:_MOST_CAUSES]:
+        _print(console, f"{count} x {cause}", indent=2)
+    if len(causes) > _MOST_CAUSES:
+        _print(console, f"{len(causes) - _MOST_CAUSES} more causes: see summary.json", indent=2)
     if summary["left_alone"]:
         ids = ", ".join(map(str, summary["left_alone"]))
-        console.print(f"left alone after failed tries: aMussel {ids}", highlight=False, soft_wrap=True)
-    console.print(
-        f"lost {_count_text(summary['amussels_lost'])}, emptied {_count_text(summary['emptied'])}, "
-        f"{summary['services']} served, "
-        f"{_energy(summary)}; "
-        f"ended by {summary['ended_by']}",
-        highlight=False,
-        soft_wrap=True,
-    )
+        _print(console, f"Left alone after failed tries: aMussel {ids}")
+
+
+def _print(console: Console, text: str, indent: int = 0) -> None:
+    """Prints a line, folded between words to a terminal's width; a file or a pipe gets it as one line."""
+    if console.is_terminal:
+        console.print(Padding(Text(text), (0, 0, 0, indent), expand=False))
+    else:
+        console.print(" " * indent + text, highlight=False, soft_wrap=True)
 
 
 def _is_as_shipped(summary: dict[str, Any]) -> bool:
@@ -103,8 +115,8 @@ def _figures(summary: dict[str, Any]) -> list[str]:
 def _energy(summary: dict[str, Any]) -> str:
     fraction = summary["apad_energy_fraction"]
     if fraction is None:
-        return f"no figure of the aPad's energy ({summary['apad_energy_missing']})"
-    return f"aPad used {100 * fraction:.1f} % of its battery"
+        return f"No figure of the aPad's energy ({summary['apad_energy_missing']})"
+    return f"The aPad used {100 * fraction:.1f} % of its battery"
 
 
 def _count_text(count: int | None) -> str:

@@ -70,9 +70,10 @@ class Bounds:
     def text(self) -> str:
         samples = "" if self.samples is None else f", {self.samples:.0f} samples"
         return (
-            f"no strategy exceeds {self.uptime_percent:.1f} % uptime, {self.active:.2f} aMussels active{samples} here; for "
-            f"ever {self.uptime_for_ever_percent:.1f} %. {self.docks} docks sustain at most {self.sustained:.1f} aMussels "
-            f"for ever ({self.sustained_from_empty:.1f} if each charge begins at empty): there are {self.amussels}"
+            f"No strategy exceeds {self.uptime_percent:.1f} % uptime, {self.active:.2f} active aMussels{samples} here, or "
+            f"{self.uptime_for_ever_percent:.1f} % uptime in the long run. {self.docks} docks sustain at most "
+            f"{self.sustained:.1f} aMussels ({self.sustained_from_empty:.1f} if each charge begins at empty); "
+            f"the fleet has {self.amussels}."
         )
 
 

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from apad_bridge.commands.main import main
+from apad_bridge.commands.outcome import report
 from apad_bridge.commands.table import print_table
 from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, apad_energy
+from apad_bridge.runs.studies.capacity import bounds_of
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
 
 ROOT = Path(__file__).parents[3]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
@@ -131,8 +138,8 @@ def test_the_apads_energy_is_a_figure_at_theta_1_alone(
     assert (found["apad_energy_missing"] is None) is (figure is not None)
     print_table(Console(width=100), "pool-12", "cautious", SUMMARY | found)
     shown = capsys.readouterr().out
-    assert ("aPad used 25.0 % of its battery" in shown) is (figure is not None)
-    assert ("no figure of the aPad's energy" in shown) is (figure is None)
+    assert ("The aPad used 25.0 % of its battery" in shown) is (figure is not None)
+    assert ("No figure of the aPad's energy" in shown) is (figure is None)
 
 
 def test_an_apad_that_must_run_empty_is_warned_of_before_it_flies(
@@ -149,3 +156,68 @@ def test_an_apad_that_must_run_empty_is_warned_of_before_it_flies(
         assert len(lines) == warned and all("within 9.2 h" in line and "hotel_w" in line for line in lines)
         main(["doctor", str(path)])
         assert capsys.readouterr().out.count("WARN scenario: ") == warned
+
+
+TROUBLE = {
+    "apart": {"amussels": 1, "beside_real_s": 31.0, "retired_s": 1773.0},
+    "causes": {
+        f"go to point: cause {n} that is told in a long line, which a terminal folds": n for n in range(1, 8)
+    },
+    "steps_given_up": 4,
+    "left_alone": [3, 7],
+}
+
+
+def test_the_end_of_a_run_fits_80_columns_and_names_each_failure_with_its_count(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bounds = bounds_of([load(ROOT / POOL)])
+    print_table(
+        Console(width=80, force_terminal=True, color_system=None),
+        "pool-12",
+        "cautious",
+        SUMMARY | TROUBLE,
+        bounds,
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    shown = " ".join(" ".join(lines).split())
+    assert "Excluded (1 aMussel): 31 s shadowing a real one, 1773 s retired." in shown
+    assert "Failures (4 steps given up): 7 x go to point: cause 7" in shown
+    assert "3 x go to point: cause 3" in shown and "2 x go to point" not in shown
+    assert "2 more causes: see summary.json" in shown
+    assert "No strategy exceeds 91.4 % uptime" in shown
+
+
+@pytest.mark.parametrize(
+    ("change", "of_one", "second"),
+    [
+        ({}, "", ["beliefs", "{run}"]),
+        ({"uptime_paper": None}, "", ["runs", "{folder}"]),
+        (
+            {"apads": {"apad1": {**SUMMARY, "end_reason": "mission time"}}},
+            "/apad1",
+            ["beliefs", "{run}/apad1"],
+        ),
+    ],
+)
+def test_a_run_ends_with_its_files_and_two_commands_that_parse(
+    change: dict[str, object],
+    of_one: str,
+    second: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    scenario = load(ROOT / POOL)
+    run = RunDirectory.create(
+        "pool", datetime.now(UTC), tmp_path / "a run of a long name that no terminal folds" / "r"
+    )
+    run.write_inputs(scenario, starts_of(scenario))
+    summary = {**SUMMARY, "end_reason": "mission time", **change}
+    assert report("pool-12", "cautious", run, summary, as_json=False) == 0
+    files, title, *commands = capsys.readouterr().out.splitlines()[-4:]
+    assert files == f"Files: {run.path}" and title == "Next:"
+    assert [shlex.split(command) for command in commands] == [
+        ["musselbed", "replay", f"{run.path}{of_one}"],
+        ["musselbed", *(word.format(run=run.path, folder=run.path.parent) for word in second)],
+    ]

@@ -137,3 +137,17 @@ def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
     )
     data |= {"cause": "fence ahead", "reaction": "hold", "calls_pilot": False}
     assert failure_line(61_000, "guard", data) == "01:01  the aPad holds where it is: it is old"
+
+
+def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_late(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    first = Status(0, "commanded", "none", 0, 0, (), 0, 0.0, 1.0, 0.0)
+    with FlightProgress("pool", 600_000) as progress:
+        progress.show_status(first)
+        progress.show_status(replace(first, now_ms=300_000, active=8, agents=12, behind_s=1.3))
+    lines = [" ".join(line.split()) for line in capsys.readouterr().err.splitlines()]
+    assert lines == [
+        "00:00 / 10:00 commanded: waiting for first reports, none docked, 0 served, 0 m, aPad 100 %",
+        "05:00 / 10:00 commanded: 8/12 active, none docked, 0 served, 0 m, aPad 100 %, 1.3 s behind real time",
+    ]
