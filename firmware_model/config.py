@@ -174,7 +174,7 @@ class BoardConfig:
     slot: int = 0
     """The index of this board's acoustic timeslot in every frame."""
     pin_chatter_ms: int = 2000
-    """If the charger's pin bounces for so long, the level that it had for the greater part of the time decides."""
+    """If the charger's pin bounces this long, the level that it held most of the time counts."""
     pin_check_ms: int = 60_000
     """The board samples the pin's level at whole multiples of this and at every wake, which finds a missed edge."""
     drift_ppb: int = 0
