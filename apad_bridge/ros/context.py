@@ -133,6 +133,7 @@ def open_flight_context(
                 *_allocation_watcher(allocation, vehicle),
             ),
             announce=gateway.event,
+            show_forecast=gateway.show_forecast,
             relay=relayed.relay,
             held=held,
             capabilities=capabilities,

@@ -61,6 +61,12 @@ OURS = Section(
             "musselbed/mission", "musselbed_msgs/MissionEvent", "supervisor", "each event, as in the journal"
         ),
         _topic(
+            "musselbed/forecast",
+            "musselbed_msgs/Forecast",
+            "supervisor",
+            "each tick: the next pick-up, the batch, the mission's end and the aPad's battery then",
+        ),
+        _topic(
             "musselbed/sound",
             "underwater_msgs/MediumTransmission",
             "supervisor",

@@ -37,6 +37,7 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import Announce, FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.forecast import Forecaster
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.errors import PeerFailed
@@ -206,8 +207,12 @@ def prepare(
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
     supervisor = _supervisor(config, context, recorder, spec)
 
+    forecaster = Forecaster(config.scenario.mission, round(config.scenario.duration_s * 1000))
+
     def show_tick(now_ms: int) -> None:
-        progress.show_status(Status.of(supervisor, now_ms, context.pace.behind_s))
+        forecast = supervisor.forecast(forecaster, now_ms)
+        context.show_forecast(now_ms, forecast)
+        progress.show_status(Status.of(supervisor, now_ms, context.pace.behind_s, forecast))
         if spec.until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 

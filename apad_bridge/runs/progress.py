@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 from agents.hosting.started import outlive_starter
 from apad_bridge.runs.parent_protocol import say, write
 from apad_bridge.runs.status import Status
+from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.vehicle.docking import PRE_EMPTED
 
 _LINE_EVERY_MS = 300_000
@@ -168,6 +169,7 @@ class FlightProgress:
         )
         if status.apad_fraction is not None:
             doing += f", aPad {100 * status.apad_fraction:.0f} %"
+        doing += _forecast_text(status.forecast)
         if status.behind_s > 1:
             doing += f", {status.behind_s:.1f} s behind real time"
         if self._task is not None:
@@ -178,6 +180,18 @@ class FlightProgress:
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
+
+
+def _forecast_text(forecast: Forecast | None) -> str:
+    """What is foretold, as far as anything is."""
+    if forecast is None:
+        return ""
+    times = (("next pick-up", forecast.next_pickup_s), ("batch full", forecast.batch_full_s))
+    parts = [f"{name} in {_clock(round(1000 * it))}" for name, it in times if it is not None]
+    if forecast.mission_end_s is not None and forecast.apad_fraction_at_end is not None:
+        end, left = _clock(round(1000 * forecast.mission_end_s)), 100 * forecast.apad_fraction_at_end
+        parts.append(f"end in {end} at {left:.0f} %")
+    return f"; {', '.join(parts)}" if parts else ""
 
 
 def _docked_text(docked: Sequence[int]) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.forecast import Forecast
 from firmware_model.state_groups import DOCKED
 
 
@@ -25,9 +26,11 @@ class Status:
     cost_m: float
     apad_fraction: float | None
     behind_s: float
+    forecast: Forecast | None = None
+    """None for several aPads, whose forecasts have no sum."""
 
     @classmethod
-    def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float) -> Status:
+    def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float, forecast: Forecast) -> Status:
         allocation = supervisor.allocation
         beliefs = [it for it in supervisor.beliefs.all() if it.agent_id not in allocation.served_elsewhere]
         state = supervisor.mission.state
@@ -42,6 +45,7 @@ class Status:
             state.cost_m,
             None if supervisor.battery is None else supervisor.battery.fraction,
             behind_s,
+            forecast,
         )
 
     @classmethod

@@ -12,6 +12,7 @@ from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
+from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.supervisor.packet_relay import PacketRelay, no_relay
 from apad_bridge.supervisor.roster import NoRoster, Roster
 from apad_bridge.vehicle.capabilities import Capabilities
@@ -51,6 +52,8 @@ class FlightContext:
     """The vehicle's; None: those of the simulated aPad with the scenario's docks."""
     dropped: Callable[[], Counter[str]] = Counter
     """The counts of messages that the context dropped, by reason."""
+    show_forecast: Callable[[int, Forecast], None] = lambda now_ms, forecast: None
+    """Receives the forecast of each tick."""
     take_events: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
     """Returns the context's new events (kind, data): a master that is gone, a vehicle that is silent."""
     serial_lines: SerialLines = field(default_factory=SerialLines)

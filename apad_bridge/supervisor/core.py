@@ -35,6 +35,7 @@ from apad_bridge.mission.orders import (
 )
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
+from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -182,6 +183,17 @@ class Supervisor:
             *self._ranging.schedule_sends(actions, now_ms),
             *self._ranging.advance(self.beliefs.all(), now_ms),
         ]
+
+    def forecast(self, forecaster: Forecaster, now_ms: int) -> Forecast:
+        """What is foretold of this flight, as of the tick `now_ms`."""
+        pose, elsewhere = self.pose, self.allocation.served_elsewhere
+        return forecaster.look(
+            now_ms,
+            self.mission.state,
+            [it for it in self.beliefs.all() if it.agent_id not in elsewhere],
+            None if pose is None else (pose.north_m, pose.east_m),
+            None if self.battery is None else self.battery.fraction,
+        )
 
     def schedule_sends(self, send: Send, now_ms: int) -> Send | None:
         """Another supervisor's packet to an aMussel, with the time at which the modem may send it.

@@ -21,6 +21,7 @@ from apad_bridge.ros.gateway.fleet_diagnostics import Limits
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -88,6 +89,7 @@ def main() -> None:
     while not select.select([sys.stdin], [], [], 0.1)[0]:
         for watch in watches:
             watch(now_ms)
+        gateway.show_forecast(now_ms, Forecast(200.0, None, 1860.0, 0.62))
         now_ms += 1000
     gateway.close()
 

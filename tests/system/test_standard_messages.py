@@ -90,6 +90,13 @@ def test_how_sure_beliefs_are(environment: dict[str, str]) -> None:
     assert str(values["primary 95"]) == "0.480 to 0.520" and values["learned from"] == "packet silence"
 
 
+def test_a_forecast_says_what_it_cannot_foretell(environment: dict[str, str]) -> None:
+    paths = {"PYTHONPATH": str(generated_folder()), "ROS_PACKAGE_PATH": str(generated_folder())}
+    told = one(environment | paths, "/musselbed/forecast")
+    assert (told["next_pickup_s"], told["batch_full_s"]) == (200.0, "nan")
+    assert (told["mission_end_s"], told["apad_fraction_at_end"]) == (1860.0, 0.62)
+
+
 def test_frames_have_z_up(environment: dict[str, str]) -> None:
     transforms = {it["child_frame_id"]: it for it in one(environment, "/tf")["transforms"]}
     assert transforms.keys() == {"amussel1/base_link", "amussel3/base_link", "apad1/base_link"}

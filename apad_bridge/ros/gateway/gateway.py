@@ -15,7 +15,9 @@ connection.
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import math
 import resource
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -38,6 +40,7 @@ from apad_bridge.ros_names.names import of_amussel, ours
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.forecast import Forecast
 
 use_generated_messages()
 
@@ -52,6 +55,7 @@ from misc_msgs.srv import (  # noqa: E402
     SendEnergyResponse,
 )
 from musselbed_msgs.msg import AgentBelief, APadStatus, FleetBeliefs, MissionEvent  # noqa: E402
+from musselbed_msgs.msg import Forecast as ForecastMessage  # noqa: E402
 from underwater_msgs.msg import MediumTransmission  # noqa: E402
 
 _FLEET_QUEUE = 10
@@ -135,6 +139,7 @@ class Gateway:
         self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
         self._apad = _publisher(ours("apad"), APadStatus, _FLEET_QUEUE)
         self._events = _publisher(ours("mission"), MissionEvent, _EVENT_QUEUE)
+        self._forecast = _publisher(ours("forecast"), ForecastMessage, _FLEET_QUEUE)
         self._sound = _publisher(ours("sound"), MediumTransmission, _EVENT_QUEUE)
         self._services = [
             rospy.Service(of_amussel(agent_id, name), kind, self._service(agent_id, answer))
@@ -174,6 +179,17 @@ class Gateway:
         message = MissionEvent(mission_time_ms=at_ms, kind=kind, data=json.dumps(data))
         message.header.stamp = stamp(at_ms)
         self._events.publish(message)
+
+    def show_forecast(self, now_ms: int, forecast: Forecast) -> None:
+        """Publishes the forecast of a tick on /musselbed/forecast; NaN for what cannot be foretold."""
+        if self._forecast.get_num_connections() == 0:
+            return
+        values = {
+            name: math.nan if value is None else value for name, value in dataclasses.asdict(forecast).items()
+        }
+        message = ForecastMessage(mission_time_ms=now_ms, **values)
+        message.header.stamp = stamp(now_ms)
+        self._forecast.publish(message)
 
     def close(self) -> None:
         """Leaves the graph. The process cannot open another gateway."""

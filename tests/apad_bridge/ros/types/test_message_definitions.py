@@ -55,6 +55,7 @@ OWN_MESSAGES = [
     "FleetBeliefs",
     "FleetClaim",
     "FleetTruth",
+    "Forecast",
     "MissionEvent",
     "Packet",
 ]

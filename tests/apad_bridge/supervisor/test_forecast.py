@@ -1,0 +1,153 @@
+"""What is foretold of a flight, against what then happened."""
+
+from __future__ import annotations
+
+import math
+from statistics import median
+
+import pytest
+from flying import Flying
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.runs.parent_protocol import from_line, to_line
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.forecast import Forecast, Forecaster
+from firmware_model.states import State
+
+
+@pytest.fixture(scope="module")
+def foretold(pool: Scenario) -> tuple[Flying, list[tuple[float, Phase, Forecast]]]:
+    """A whole flight, with the forecast of each tick."""
+    flying = Flying(pool)
+    forecaster = Forecaster(pool.mission, round(1000 * pool.duration_s))
+    told = []
+    while flying.now_ms < 0 or flying.phase is not Phase.ENDED:
+        flying.now_ms += 1000
+        flying.flight.tick(flying.now_ms)
+        forecast = flying.flight.supervisor.forecast(forecaster, flying.now_ms)
+        told.append((flying.now_ms / 1000, flying.phase, forecast))
+    return flying, told
+
+
+def happened(flying: Flying, kind: str, key: str, value: object) -> list[float]:
+    """Mission seconds of these events."""
+    return [
+        at_ms / 1000 for at_ms, name, data in flying.records.events if name == kind and data[key] == value
+    ]
+
+
+def misses(told: list[tuple[float, float | None]], times_s: list[float]) -> list[float]:
+    """How far each forecast lay from the next of the times, in seconds."""
+    found = []
+    for now_s, foretold_s in told:
+        following = [it - now_s for it in times_s if it > now_s]
+        if following and foretold_s is not None:
+            found.append(foretold_s - following[0])
+    return found
+
+
+def test_the_next_pick_up_is_foretold(foretold: tuple[Flying, list[tuple[float, Phase, Forecast]]]) -> None:
+    flying, told = foretold
+    docked_s = happened(flying, "dock", "closed", True)
+    assert len(docked_s) > 8
+    on_the_way = [(t, it.next_pickup_s) for t, phase, it in told if phase in (Phase.GO_COLLECT, Phase.DOCK)]
+    found = misses(on_the_way, docked_s)
+    assert len(found) > 300 and max(map(abs, found)) < 5.0
+    # Also minutes before, while a batch still charges.
+    charging = [(t, it.next_pickup_s) for t, phase, it in told if phase is Phase.CHARGE]
+    found = misses(charging, docked_s)
+    assert len(found) > 500 and median(map(abs, found)) < 30.0
+
+
+def test_the_full_batch_is_foretold(foretold: tuple[Flying, list[tuple[float, Phase, Forecast]]]) -> None:
+    flying, told = foretold
+    full_s = happened(flying, "plan", "what", "redeploy")
+    charging = [(t, it.batch_full_s) for t, phase, it in told if phase is Phase.CHARGE]
+    found = misses(charging, full_s)
+    assert len(found) > 500
+    assert median(map(abs, found)) < 30.0 and max(map(abs, found)) < 120.0
+
+
+def test_the_end_and_the_battery_then_are_foretold(
+    pool: Scenario, foretold: tuple[Flying, list[tuple[float, Phase, Forecast]]]
+) -> None:
+    flying, told = foretold
+    battery = flying.flight.supervisor.battery
+    assert battery is not None
+    half = [(t, it) for t, _, it in told if pool.duration_s / 2 < t < pool.duration_s]
+    for now_s, forecast in half:
+        assert forecast.mission_end_s == pytest.approx(pool.duration_s - now_s)
+        assert forecast.apad_fraction_at_end == pytest.approx(battery.fraction, abs=0.02)
+    assert told[-1][2] == Forecast()
+
+
+def test_an_empty_battery_ends_the_mission_first(pool: Scenario) -> None:
+    forecaster = Forecaster(pool.mission, 10_000_000)
+    for now_s in range(601):
+        found = forecaster.look(1000 * now_s, MissionState(), [], (0.0, 0.0), 1.0 - now_s / 1000)
+    spare = 0.4 - pool.mission.end_at_apad_fraction
+    assert found.mission_end_s == pytest.approx(1000 * spare, rel=1e-6)
+    assert found.apad_fraction_at_end == pytest.approx(pool.mission.end_at_apad_fraction)
+    assert found.next_pickup_s is None  # nobody was heard
+
+
+@given(
+    charges=st.lists(st.floats(0.0, 1.0), min_size=0, max_size=8),
+    rate=st.floats(-0.01, 0.01),
+    phase=st.sampled_from([it for it in Phase if it is not Phase.ENDED]),
+    planned=st.integers(0, 4),
+    has_place=st.booleans(),
+    fraction=st.one_of(st.none(), st.floats(0.0, 1.0)),
+    left_s=st.integers(0, 3000),
+)
+def test_nothing_is_foretold_for_the_past_or_after_the_end(
+    pool: Scenario,
+    charges: list[float],
+    rate: float,
+    phase: Phase,
+    planned: int,
+    has_place: bool,
+    fraction: float | None,
+    left_s: int,
+) -> None:
+    forecaster = Forecaster(pool.mission, 1000 * (90 + left_s))
+    kind = StepKind.DEPLOY if phase in (Phase.GO_DEPLOY, Phase.UNDOCK) else StepKind.COLLECT
+    plan = Solution(tuple(Step(kind, n + 1, n) for n in range(planned)))
+    docked = tuple((n, n + 1) for n in range(planned)) if kind is StepKind.DEPLOY else ()
+    state = MissionState(phase=phase, since_ms=60_000, plan=plan, docked=docked)
+    for now_s in range(0, 91, 5):
+        beliefs = [
+            Belief(
+                n + 1, 1000 * now_s, State.ACTIVE, min(1.0, max(0.0, it + rate * now_s)), 1.0, 5.0 * n, 3.0
+            )
+            for n, it in enumerate(charges)
+        ]
+        place = (1.0, 2.0) if has_place else None
+        found = forecaster.look(1000 * now_s, state, beliefs, place, fraction)
+    end_s = found.mission_end_s
+    assert end_s is not None and 0 <= end_s <= left_s
+    for time_s in (found.next_pickup_s, found.batch_full_s):
+        assert time_s is None or 0 <= time_s <= end_s
+    assert found.apad_fraction_at_end is None or 0 <= found.apad_fraction_at_end <= 1
+    assert all(it is None or math.isfinite(it) for it in (found.next_pickup_s, found.batch_full_s))
+
+
+def test_the_forecast_crosses_to_the_parent_and_stands_beside_the_progress(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    forecast = Forecast(200.0, 725.0, 1860.0, 0.62)
+    status = Status(540_000, "dock", "dock", 12, 9, (7,), 3, 41.0, 0.9, 0.0, forecast)
+    assert from_line(to_line(status)) == status
+    with FlightProgress("pool", 2_400_000) as progress:
+        progress.show_status(status)
+    shown = capsys.readouterr().err
+    assert "next pick-up in 03:20, batch full in 12:05, end in 31:00 at 62 %" in shown
+    with FlightProgress("pool", 2_400_000) as progress:
+        progress.show_status(Status(540_000, "dock", "dock", 12, 9, (7,), 3, 41.0, 0.9, 0.0, Forecast()))
+    assert "pick-up" not in capsys.readouterr().err
