@@ -22,6 +22,8 @@ GROUP = "224.0.75.69"
 ANNOUNCE_PORTS = range(30100, 30105)
 _LONGEST_DATAGRAM = 65_535
 _MOST_DISCOVERED = 8
+_MOST_AT_ONCE = 200
+"""Datagrams that are read before the run is shown again, whoever floods the port."""
 _CONSOLE = re.compile(r"(?:(?P<id>0[xX][0-9a-fA-F]+|\d+)@)?(?P<host>[^@:\s]+):(?P<port>\d+)")
 _SERVICE = re.compile(r"imc\+udp://(?P<host>\d+\.\d+\.\d+\.\d+):(?P<port>\d+)")
 
@@ -119,7 +121,7 @@ class Wire:
         for key, _ in self._selector.select(timeout_s):
             link, by_multicast = key.fileobj, key.data
             assert isinstance(link, socket.socket)
-            while True:
+            for _ in range(_MOST_AT_ONCE):
                 try:
                     data, sender = link.recvfrom(_LONGEST_DATAGRAM)
                 except BlockingIOError:

@@ -81,27 +81,29 @@ def with_flags(messages: list[RecordedMessage]) -> list[RecordedMessage]:
     return sorted([*messages, *flags], key=lambda it: it.stamp_ns)
 
 
+def apart(true_s: float) -> float:
+    """A clock that is 2 s ahead of the other, until it is set in the middle."""
+    return true_s + (2.0 if true_s < STEP_AT_S else -3.5)
+
+
+@pytest.mark.parametrize("first_steps", [False, True])
 def test_two_bags_2_s_apart_with_a_step_and_5_percent_missing_become_one_whole_bag(
-    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], first_steps: bool
 ) -> None:
+    clocks = (apart, float) if first_steps else (float, apart)
+    sign = -1 if first_steps else 1
     draw = random.Random(1)
     messages = with_flags(list(recorded_messages(run_dir / "run.bag")))
     lost_first, lost_second = ({it for it in range(len(messages)) if draw.random() < 0.05} for _ in range(2))
     first, second, out = (tmp_path / name for name in ("apad.bag", "station.bag", "whole.bag"))
     late = lambda: draw.expovariate(1 / 0.01)  # noqa: E731
-    record(first, messages, lambda it: it not in lost_first, lambda true_s: true_s, late)
-    record(
-        second,
-        messages,
-        lambda it: it not in lost_second,
-        lambda true_s: true_s + (2.0 if true_s < STEP_AT_S else -3.5),
-        late,
-    )
+    record(first, messages, lambda it: it not in lost_first, clocks[0], late)
+    record(second, messages, lambda it: it not in lost_second, clocks[1], late)
     assert main.main(["logs", "merge", str(first), str(second), "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
 
-    assert [it["offset_s"] for it in told["clock"]] == pytest.approx([2.0, -3.5], abs=0.02)
-    assert told["steps_s"] == pytest.approx([-5.5], abs=0.03)
+    assert [it["offset_s"] for it in told["clock"]] == pytest.approx([sign * 2.0, sign * -3.5], abs=0.02)
+    assert told["steps_s"] == pytest.approx([sign * -5.5], abs=0.03)
 
     # Everything that either machine recorded, once.
     whole = Counter(
@@ -128,7 +130,7 @@ def test_two_bags_2_s_apart_with_a_step_and_5_percent_missing_become_one_whole_b
         at_s = {(it.topic, bytes(data)): stamp / 1e9 - EPOCH_S for it, stamp, data in reader.messages()}
     for it in messages:
         if (key := (it.connection.topic, it.data)) != flag and merged[key] == 1:
-            assert at_s[key] == pytest.approx(it.stamp_ns / 1e9, abs=0.2)
+            assert at_s[key] == pytest.approx(clocks[0](it.stamp_ns / 1e9), abs=0.2)
 
     # The run's figures, from both and from either alone.
     summary = json.loads((run_dir / "summary.json").read_text())

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from imc_codec import Codec, header_of, name_of
 
 from apad_bridge.commands import main
@@ -182,3 +183,45 @@ def test_a_mistake_is_one_line(
 def test_what_is_no_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["imc", str(tmp_path)]) == 2
     assert "no run: there is no scenario.yaml in it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["--neptus", "0x4001@127.0.0.1:6001"], "need --imc"),
+        (["--imc-port", "6002"], "need --imc"),
+        (["--imc-multicast"], "need --imc"),
+    ],
+)
+def test_a_run_without_a_gateway_takes_none_of_its_options(
+    arguments: list[str], why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"
+    out = tmp_path / "run"
+    assert main.main(["run", str(scenario), "--time", "asap", "--out", str(out), *arguments]) == 2
+    assert why in capsys.readouterr().err and not out.exists()
+
+
+def test_a_gateway_beside_a_run_shows_one_apad_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = Path(__file__).parents[3]
+    data = yaml.safe_load((root / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data["fleet"]["start"] = {"charge": [0.5, 0.75]}
+    data["apads"] = [{"name": "apad2", "start_m": [5, 5]}]
+    (tmp_path / "two.yaml").write_text(yaml.safe_dump(data))
+    out = tmp_path / "run"
+    asked = ["run", str(tmp_path / "two.yaml"), "--time", "asap", "--imc", "--out", str(out)]
+    assert main.main(asked) == 2
+    assert "--imc shows one aPad" in capsys.readouterr().err and not out.exists()
+
+
+def test_a_run_in_virtual_time_has_its_log(tmp_path: Path, flown: Path, codec: Codec) -> None:
+    """The gateway starts before the flight, and ends with it."""
+    out = tmp_path / "run"
+    asked = ["run", str(flown.parent / "imc.yaml"), "--time", "asap", "--imc", "--imc-port", "0"]
+    assert main.main([*asked, "--neptus", "127.0.0.1:9", "--out", str(out), "--json"]) == 0
+    (log,) = out.glob("imc/*/*/Data.lsf")
+    said = codec.read_log(log.read_bytes())
+    assert {name_of(it) for it in said} >= {"LoggingControl", "Announce", "EstimatedState", "FuelLevel"}
+    assert (out / "imc.log").read_text() == ""
