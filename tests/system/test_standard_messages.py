@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
+from apad_bridge.commands import main
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import load, with_overrides
@@ -144,6 +146,34 @@ def test_rosbag_records_what_is_shown(environment: dict[str, str], tmp_path: Pat
     recorded = yaml.safe_load(told.stdout)["topics"]
     assert {it["topic"]: it["type"] for it in recorded} == topics
     assert all(it["messages"] == 3 for it in recorded)
+
+
+def test_what_two_rosbags_recorded_becomes_one_bag(
+    environment: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bags = [tmp_path / "apad.bag", tmp_path / "station.bag"]
+    record = ["/usr/bin/rosbag", "record", "--limit", "100", "/diagnostics", "/musselbed/plan", "-O"]
+    recorders = [
+        subprocess.Popen([*record, str(bag)], env=environment, stdout=subprocess.DEVNULL) for bag in bags
+    ]
+    assert [it.wait(PATIENCE_S) for it in recorders] == [0, 0]
+    out = tmp_path / "whole.bag"
+    assert main.main(["logs", "merge", *map(str, bags), "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    (clock,) = told["clock"]
+    assert abs(clock["offset_s"]) < 0.5  # one machine, one clock
+    messages = told["messages"]
+    assert messages["both"] > 0
+    assert messages["merged"] == messages["first"] + messages["second"] - messages["both"]
+    info = subprocess.run(
+        ["/usr/bin/rosbag", "info", "--yaml", str(out)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    assert yaml.safe_load(info.stdout)["messages"] == messages["merged"]
 
 
 def published(environment: dict[str, str]) -> dict[str, str]:
