@@ -8,6 +8,7 @@ from pathlib import Path
 from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
+from apad_bridge.scenario.chart import chart_of
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
 from apad_bridge.scenario.faults import Fault
@@ -136,6 +137,12 @@ def _check_area(scenario: Scenario) -> Iterator[Contradiction]:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         key = "fence" if isinstance(area.fence, str) else "keep_out"
         yield f"area.{key}", f"{area.fence if key == 'fence' else area.keep_out}: {reason}"
+    if area.chart is not None:
+        try:
+            chart_of(Path(area.chart), area.origin)
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            yield "area.chart", f"{area.chart}: {reason}"
     if fence is not None:
         yield from _check_fence(scenario, fence, guards)
     rating_m = guards.amussel_depth_m

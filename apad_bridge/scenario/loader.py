@@ -37,6 +37,7 @@ _FILE_KEYS = (
     ("apad", "interface"),
     ("area", "fence"),
     ("area", "keep_out"),
+    ("area", "chart"),
 )
 # A value, or the name of a file that holds it. pydantic adds the union's member that it tried to the path of an error; the
 # author of the file does not know the unions.

@@ -61,6 +61,8 @@ class Area:
     None, for a simulated aPad alone: there is no fence."""
     keep_out: tuple[tuple[Place, ...], ...] | str = ()
     """Zones inside the fence that no way may touch: a list of polygons, or a GeoJSON file."""
+    chart: str | None = None
+    """A GeoJSON file with the shore and depth contours, which maps show and nothing else reads."""
     home_m: Place | None = None
     """(north, east) of the place to which the aPad's battery must always suffice; None: `apad.start_m`."""
 

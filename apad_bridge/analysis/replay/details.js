@@ -31,12 +31,12 @@ function showWhy() {
 
 const isOf = ([, , sender, , , , heard], id) => id === null || sender === id || heard.some(([listener]) => listener === id);
 
-// The packets of the last moments, of the selected aMussel where there is one, with their ages from 0 to 1.
+// The newest packets of the last moments, of the selected aMussel where there is one, with their ages from 0 to 1.
 function packetsAround() {
   const lasting = Math.max(PACKET_MS, playing ? 500 * playing.speed : 0);
   const found = [];
   for (const run of runs) {
-    for (let i = firstAfter(run.packets, nowMs) - 1; i >= 0 && run.packets[i][0] > nowMs - lasting; i--) {
+    for (let i = firstAfter(run.packets, nowMs) - 1; i >= 0 && run.packets[i][0] > nowMs - lasting && found.length < MOST_PACKETS; i--) {
       if (isOf(run.packets[i], selected)) found.push({ packet: run.packets[i], age: (nowMs - run.packets[i][0]) / lasting });
     }
   }

@@ -34,10 +34,11 @@ function drawPlace(ctx, data, at) {
   path(data.polygon, true);
   ctx.fillStyle = PAINT.water;
   ctx.fill();
-  ctx.lineWidth = 1.5;
+  ctx.lineWidth = data.chart.length ? 0.5 : 1.5;
   ctx.strokeStyle = PAINT.shore;
   ctx.stroke();
-  for (const { depth, points } of data.chart || []) {
+  ctx.textAlign = "left";
+  for (const { depth, points } of data.chart) {
     path(points, false);
     ctx.lineWidth = depth === null ? 2.5 : 1;
     ctx.strokeStyle = depth === null ? PAINT.shore : PAINT.contour;
@@ -54,7 +55,7 @@ function drawPlace(ctx, data, at) {
   ctx.setLineDash([]);
   ctx.globalAlpha = 0.25;
   ctx.fillStyle = PAINT.fence;
-  for (const zone of data.keep_out || []) { path(zone, true); ctx.fill(); }
+  for (const zone of data.keep_out) { path(zone, true); ctx.fill(); }
   ctx.globalAlpha = 1;
 }
 
@@ -119,7 +120,7 @@ function boundsOf(runs) {
   const of = [Infinity, -Infinity, Infinity, -Infinity];
   const take = (n, e) => { of[0] = Math.min(of[0], n); of[1] = Math.max(of[1], n); of[2] = Math.min(of[2], e); of[3] = Math.max(of[3], e); };
   for (const run of runs) {
-    for (const [n, e] of [...run.polygon, ...(run.fence || []), ...Object.values(run.homes)]) take(n, e);
+    for (const [n, e] of [...run.polygon, ...(run.fence || []), ...[].concat(...run.chart.map((it) => it.points)), ...Object.values(run.homes)]) take(n, e);
     for (const [, n, e] of run.trace) take(n, e);
   }
   bounds = { key, of };

@@ -7,6 +7,8 @@ const $ = (id) => document.getElementById(id);
 const MOST_EVENTS = 1000;
 const MOST_PACKETS = 40;
 const SPEEDS = [1, 5, 20, 60, 300, 1200, 7200, 43200];
+const WHOLE_MS = 400;
+let wholeMs = 0, statuses = "";
 let endMs = 0, nowMs = 0, playing = null, pointed = null, selected = null;
 const marked = () => (pointed === null ? selected : pointed);
 
@@ -74,12 +76,19 @@ function show(ms) {
   $("mission-clock").textContent = clock(nowMs);
   $("agent-clock").textContent = clock(nowMs * data.theta);
   document.body.dataset.timeMs = Math.round(nowMs);
-  showWords(view);
-  showAgents(view);
-  showEventNow();
-  showWhy();
+  // While it plays, only the map, the clocks and the charts' lines of the time are drawn anew at each frame.
+  const isWhole = !playing || performance.now() - wholeMs > WHOLE_MS;
+  if (isWhole) {
+    wholeMs = performance.now();
+    statuses = view.agents.map((it) => it.status).join("");
+    showWords(view);
+    showAgents(view);
+    showEventNow();
+    showWhy();
+    showPackets();
+    drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[agent.uptime.length - 1], colour: STATUS_COLOURS[view.agents[n].status] })), marked());
+  }
   const packets = packetsAround();
-  showPackets(packets);
   drawMap($("map"), [...others, data], views, marked(), packets);
   drawPlots(view);
   showSelected(view);
@@ -141,10 +150,8 @@ function drawPlots(view) {
     const estimates = chosen && chosen.believed ? [{ values: chosen.believed, colour: INK, width: 1.2, dash: [4, 3] }] : [];
     return [...bands.filter((it) => it.low), ...lines, ...estimates];
   };
-  const statuses = view.agents.map((it) => it.status).join("");
   const of = (name) => [name, data.apad_name].join();
   drawLines($("charge"), [of("charge"), one, statuses], times, nowMs, charges, { min: 0, max: 1, format: asPercent, threshold: data.pool_threshold });
-  drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[last], colour: colourOf(n) })), one);
   drawLines($("active"), of("active"), times, nowMs, () => (data.has_truth ? [{ values: data.active, colour: colour("above"), width: 1.8, step: true }] : []), { min: 0, max: Math.max(1, data.agents.length), format: (value) => value });
   drawLines($("cost"), of("cost"), times, nowMs, () => [{ values: data.cost, colour: ACCENT, width: 1.8, step: true }], { min: 0, max: Math.max(1, data.cost[last]), format: (value) => value });
   drawLines($("apad"), of("apad"), times, nowMs, () => [{ values: data.apad.map((it) => it && it[3]), colour: PAINT.way, width: 1.8 }], { min: 0, max: 1, format: asPercent });
@@ -272,7 +279,7 @@ function play(on) {
 function frame() {
   if (!playing) return;
   show(playing.from + (performance.now() - playing.since) * playing.speed);
-  if (nowMs >= endMs) play(false); else requestAnimationFrame(frame);
+  if (nowMs >= endMs) { play(false); show(nowMs); } else requestAnimationFrame(frame);
 }
 
 function goToAddress() {

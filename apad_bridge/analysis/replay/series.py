@@ -5,16 +5,20 @@ Charges come from the anchors in closed form, not from samples.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 from typing import Any
 
 from apad_bridge.analysis.replay.history import History, PlanView
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line
+from apad_bridge.scenario.chart import chart_of
+from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.firmware_config import charge_models
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Area, Scenario
 from firmware_model.power.charge import fraction
 from firmware_model.states import State
 
@@ -161,6 +165,7 @@ class RunView:
             "redeployment": scenario.mission.redeployment,
             "pool_threshold": scenario.mission.pool_threshold,
             "polygon": [list(corner) for corner in scenario.area.polygon_m],
+            **_place_data(scenario.area),
             "dock_bearings": [round(it, 4) for it in places.bearings_rad],
             "docks_turn": places.turn_with_hull,
             "homes": {agent["id"]: [agent["north_m"], agent["east_m"]] for agent in self._starts},
@@ -311,6 +316,20 @@ def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
         "strategy": plan.strategy,
         "steps": [list(step) for step in plan.steps],
         "done": len(plan.steps) - plan.left,
+    }
+
+
+def _place_data(area: Area) -> dict[str, Any]:
+    """The chart, the fence and its keep-out zones, in local metres."""
+
+    def rounded(points: Iterable[tuple[float, float]]) -> list[list[float]]:
+        return [[round(north, 2), round(east, 2)] for north, east in points]
+
+    fence, chart = fence_of(area), () if area.chart is None else chart_of(Path(area.chart), area.origin)
+    return {
+        "chart": [{"depth": line.depth_m, "points": rounded(line.points)} for line in chart],
+        "fence": None if fence is None else rounded(fence.corners),
+        "keep_out": [] if fence is None else [rounded(zone) for zone in fence.keep_out],
     }
 
 

@@ -46,6 +46,12 @@ def places(report: RunReport) -> Any:
     axes = figure.subplots()
     norths, easts = zip(*[*data["polygon"], data["polygon"][0]], strict=True)
     axes.fill(easts, norths, facecolor="#d9ecf7", edgecolor="#7fb2d3", linewidth=1.2)
+    for line in data["chart"]:
+        norths, easts = zip(*line["points"], strict=True)
+        axes.plot(easts, norths, color="#7fb2d3", linewidth=2 if line["depth"] is None else 0.7)
+    for zone in [data["fence"], *data["keep_out"]] if data["fence"] else []:
+        norths, easts = zip(*[*zone, zone[0]], strict=True)
+        axes.plot(easts, norths, "--", color="#b0303a", linewidth=1)
     if data["trace"]:
         _, norths, easts = zip(*data["trace"], strict=True)
         axes.plot(easts, norths, color=_MODEL, alpha=0.35, linewidth=0.8)
