@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from apad_bridge.scenario.local_frame import LocalFrame, OriginLike
+from apad_bridge.scenario.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.polygon import Point
 from apad_bridge.scenario.text_file import read_text
 
@@ -27,13 +28,18 @@ class ChartLine(NamedTuple):
     """(north, east) in local metres, two or more."""
 
 
-def chart_of(path: Path, origin: OriginLike) -> tuple[ChartLine, ...]:
-    """The lines of a chart file. OSError, or ValueError for a file that is no such GeoJSON."""
+def chart_of(name: str, origin: OriginLike) -> tuple[ChartLine, ...]:
+    """The lines of a chart: one of the paper's areas by its name, or a file.
+
+    OSError, or ValueError for a file that is no such GeoJSON.
+    """
+    if name in PAPER_CHARTS:
+        return tuple(ChartLine(*it) for it in PAPER_CHARTS[name])
     frame = LocalFrame.about(origin)
     try:
         return tuple(
             ChartLine(depth_m, tuple(frame.to_local(float(it[1]), float(it[0])) for it in positions))
-            for depth_m, positions in _lines_of(json.loads(read_text(path)), None)
+            for depth_m, positions in _lines_of(json.loads(read_text(Path(name))), None)
         )
     except (KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
         raise ValueError(f"is no GeoJSON of lines: {type(error).__name__} {error}") from error

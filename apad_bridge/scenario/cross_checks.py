@@ -139,7 +139,7 @@ def _check_area(scenario: Scenario) -> Iterator[Contradiction]:
         yield f"area.{key}", f"{area.fence if key == 'fence' else area.keep_out}: {reason}"
     if area.chart is not None:
         try:
-            chart_of(Path(area.chart), area.origin)
+            chart_of(area.chart, area.origin)
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             yield "area.chart", f"{area.chart}: {reason}"

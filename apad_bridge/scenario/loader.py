@@ -20,6 +20,7 @@ from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.explained import abbreviated, explain
 from apad_bridge.scenario.id_ranges import in_ranges
+from apad_bridge.scenario.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.schema import MAX_DOCKS, PAPER_DOCKS, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
@@ -167,7 +168,7 @@ def _file_entries(data: Any) -> list[tuple[dict[str, Any], str]]:
         place = data
         for block in blocks:
             place = place.get(block) if isinstance(place, dict) else None
-        if isinstance(place, dict) and isinstance(place.get(key), str):
+        if isinstance(place, dict) and isinstance(place.get(key), str) and place[key] not in PAPER_CHARTS:
             entries.append((place, key))
     return entries
 

@@ -62,7 +62,7 @@ class Area:
     keep_out: tuple[tuple[Place, ...], ...] | str = ()
     """Zones inside the fence that no way may touch: a list of polygons, or a GeoJSON file."""
     chart: str | None = None
-    """A GeoJSON file with the shore and depth contours, which maps show and nothing else reads."""
+    """The shore and depth contours, which maps show and nothing else reads: a GeoJSON file, or a name of PAPER_CHARTS."""
     home_m: Place | None = None
     """(north, east) of the place to which the aPad's battery must always suffice; None: `apad.start_m`."""
 

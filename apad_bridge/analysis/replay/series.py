@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
-from pathlib import Path
 from typing import Any
 
 from apad_bridge.analysis.replay.history import History, PlanView
@@ -325,7 +324,7 @@ def _place_data(area: Area) -> dict[str, Any]:
     def rounded(points: Iterable[tuple[float, float]]) -> list[list[float]]:
         return [[round(north, 2), round(east, 2)] for north, east in points]
 
-    fence, chart = fence_of(area), () if area.chart is None else chart_of(Path(area.chart), area.origin)
+    fence, chart = fence_of(area), () if area.chart is None else chart_of(area.chart, area.origin)
     return {
         "chart": [{"depth": line.depth_m, "points": rounded(line.points)} for line in chart],
         "fence": None if fence is None else rounded(fence.corners),

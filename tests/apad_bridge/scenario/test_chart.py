@@ -15,7 +15,7 @@ from apad_bridge.analysis.replay.series import page_data
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.scenario.chart import chart_of
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.local_frame import LocalFrame
 
 ORIGIN = load(POOL_FILE).area.origin
@@ -49,7 +49,7 @@ def test_a_line_lies_where_the_map_of_its_author_has_it(tmp_path_factory, points
     of = {} if depth is None else {"depth_m": depth}
     line = [degrees(*it) for it in points]
     written(path, feature("LineString", line, **of), feature("MultiPolygon", [[line, line]], **of))
-    found = chart_of(path, ORIGIN)
+    found = chart_of(str(path), ORIGIN)
     assert [it.depth_m for it in found] == [depth] * 3
     for drawn in found:
         for place, wanted in zip(drawn.points, points, strict=True):
@@ -95,3 +95,13 @@ def test_the_page_has_the_chart_and_the_fence(tmp_path):
     data = page_data(scenario, JournalContents([run], 0), None)
     assert data["chart"] == [{"depth": 2, "points": [[0.0, 0.0], [3.0, 4.0]]}]
     assert data["fence"] == [[-5, -5], [33, -5], [33, 26], [-5, 26]] and data["keep_out"] == []
+
+
+@pytest.mark.parametrize(("name", "depths"), [("paper-pool", {None}), ("paper-bay", {None, 2, 4})])
+def test_the_paper_s_areas_need_no_file(tmp_path, name, depths):
+    """A copy of the scenario elsewhere has them too, and a run's own scenario.yaml names them alike."""
+    scenario = load(scenario_with(tmp_path, name))
+    assert scenario.area.chart == name
+    assert {line.depth_m for line in chart_of(name, scenario.area.origin)} == depths
+    write_resolved(tmp_path / "resolved.yaml", scenario)
+    assert load(tmp_path / "resolved.yaml") == scenario
