@@ -25,6 +25,7 @@ from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import CommandSource, ManualMission
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.sources import BeliefSource
@@ -110,7 +111,13 @@ def misses(scenario: Scenario) -> Misses:
 
 
 def simulated_apad(scenario: Scenario) -> SimulatedAPad:
-    return SimulatedAPad(scenario.apad, misses(scenario))
+    return SimulatedAPad(scenario.apad, misses(scenario), scenario.area.home_m)
+
+
+def home_stays(scenario: Scenario) -> HomeStays:
+    """Builds the rule by which the aPad goes home."""
+    apad, home_m = scenario.apad, scenario.area.home_m
+    return HomeStays(apad.start_m if home_m is None else home_m, apad.home, apad.unavailable)
 
 
 def initial_learned_state(config: FlightConfig, has_modem: bool = True) -> LearnedState:
@@ -214,4 +221,5 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
         registry.redeployment(scenario.mission.redeployment),
         state,
         energy_model(scenario),
+        home_stays(scenario),
     )

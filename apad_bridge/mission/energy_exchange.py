@@ -7,7 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
@@ -23,6 +23,7 @@ from apad_bridge.mission.docking_routine import (
     Progress,
 )
 from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.plans import plan_note, plan_or_reason
@@ -73,10 +74,14 @@ class EnergyExchange(OrderBook):
         redeployment: RedeploymentStrategy,
         state: MissionState | None = None,
         model: EnergyModel | None = None,
+        home: HomeStays = NO_HOME,
     ) -> None:
-        """`model` is for strategies that look ahead."""
+        """`model` is for strategies that look ahead; `home` says when the aPad goes home."""
         super().__init__(state or MissionState())
         self._model = model
+        self._home = home
+        self._home_failed_ms: int | None = None
+        """The time at which a way home failed; it is not tried again for the silence timeout."""
         self._config = config
         self._beliefs = beliefs
         self._collection = collection
@@ -121,6 +126,9 @@ class EnergyExchange(OrderBook):
                     self._dock_again(outcome.reason, now_ms)
                 elif self.state.plan.steps:
                     self._give_up(outcome.reason, now_ms)
+                elif self.state.phase is Phase.GO_HOME:
+                    self._home_failed_ms = now_ms
+                    self._next_step(now_ms)
             elif self._behaviour.success is not None:
                 self._behaviour.success(self, now_ms)
         if (reason := self._breakdown.take()) is not None:
@@ -199,7 +207,10 @@ class EnergyExchange(OrderBook):
             # Docked by hand, or before a crash: charge the docked aMussels first.
             self._start_charging(now_ms)
             return
-        self._collect_if_due({}, now_ms)
+        if self._is_called_home(now_ms):
+            self._go_home(now_ms)
+        else:
+            self._collect_if_due({}, now_ms)
 
     def _collect_if_due(self, docked: Docked, now_ms: int) -> None:
         pool = self._pool.candidates(now_ms, self._left_alone)
@@ -284,12 +295,22 @@ class EnergyExchange(OrderBook):
         if not docked:
             self._idle(now_ms)
             return
-        released = self._dispatch.to_release(beliefs, lambda: self._waiting(now_ms))
-        if not released:
-            self._collect_if_due(beliefs, now_ms)
+        if self._is_called_home(now_ms):
+            if self._home.releases_first:
+                self._release(tuple(docked), beliefs, now_ms)
+            else:
+                self._go_home(now_ms)
             return
-        known = [beliefs[it] or placeholder_belief(it, self._here) for it in released]
-        situation = self._situation(known, docked, now_ms)
+        released = self._dispatch.to_release(beliefs, lambda: self._waiting(now_ms))
+        if released:
+            self._release(released, beliefs, now_ms)
+        else:
+            self._collect_if_due(beliefs, now_ms)
+
+    def _release(self, agent_ids: Collection[int], beliefs: Docked, now_ms: int) -> None:
+        """Has the docked aMussels brought back, in the order of the redeployment strategy."""
+        known = [beliefs[it] or placeholder_belief(it, self._here) for it in agent_ids]
+        situation = self._situation(known, self._to_release, now_ms)
         name = self._config.redeployment
         solution = plan_or_reason(
             name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY
@@ -301,6 +322,25 @@ class EnergyExchange(OrderBook):
         self._orders.append(note)
         self.set(plan=solution)
         self._next_step(now_ms)
+
+    def _is_called_home(self, now_ms: int) -> bool:
+        failed_ms, patience_ms = self._home_failed_ms, self._config.silence_timeout_s * 1000
+        if failed_ms is not None and now_ms - failed_ms <= patience_ms:
+            return False
+        return self._home.must_go(now_ms, self.apad_battery)
+
+    def _go_home(self, now_ms: int) -> None:
+        self._go_to(*self._home.place_m)
+        self._enter(Phase.GO_HOME, now_ms, plan=Solution(()))
+
+    def _stay_at_home(self, now_ms: int) -> None:
+        self._home_failed_ms = None
+        self._hold(now_ms)
+        self._enter(Phase.AT_HOME, now_ms)
+
+    def _consider_leaving_home(self, now_ms: int) -> None:
+        if self._home.may_leave(now_ms, self.apad_battery):
+            self._next_step(now_ms)
 
     def _go_deploy(self, now_ms: int) -> None:
         north_m, east_m = self._homes().get(self._step.agent_id, self._here)
@@ -489,6 +529,8 @@ _BEHAVIOURS = {
     Phase.CHARGE: _PhaseBehaviour(_M._hold_and_charge, tick=_M._consider_deploying),
     Phase.GO_DEPLOY: _PhaseBehaviour(_M._resume_deploying, success=_M._undock),
     Phase.UNDOCK: _PhaseBehaviour(_M._resume_undocking, success=_M._finish_service),
+    Phase.GO_HOME: _PhaseBehaviour(_M._go_home, success=_M._stay_at_home),
+    Phase.AT_HOME: _PhaseBehaviour(_M._go_home, tick=_M._consider_leaving_home),
     Phase.STANDS_DOWN: _PhaseBehaviour(_nothing),
     Phase.ENDED: _PhaseBehaviour(_nothing),
     Phase.COMMANDED: _PhaseBehaviour(_nothing),

@@ -39,7 +39,12 @@ class OrderBook:
         self.state = state
         self.pose: tuple[float, float] | None = None
         """The aPad's place (north, east) in metres; None until it was heard."""
+        self.apad_battery: float | None = None
+        """The part of a full battery that the aPad has; None until it was heard."""
         self._orders: list[Order] = []
+
+    def battery_heard(self, fraction: float) -> None:
+        self.apad_battery = fraction
 
     def moved(self, north_m: float, east_m: float) -> None:
         """Takes the aPad's position, and counts the way while a leg is under way."""

@@ -60,6 +60,9 @@ class Takeover:
         self._pose = (north_m, east_m)
         self._flying.moved(north_m, east_m)
 
+    def battery_heard(self, fraction: float) -> None:
+        self._flying.battery_heard(fraction)
+
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         return self._flying.receive(outcome, now_ms)
 

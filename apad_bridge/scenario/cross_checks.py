@@ -71,7 +71,28 @@ def warnings(scenario: Scenario) -> list[Contradiction]:
         starts[it.name] = (
             battery.start_fraction if it.battery_start_fraction is None else it.battery_start_fraction
         )
-    found = []
+    found: list[Contradiction] = []
+    home = scenario.apad.home
+    if home is not None:
+        charging_docks = scenario.apad.docks if home.docked is schema.DockedAtHome.CHARGE else 0
+        own_w = battery.hotel_w + charging_docks * battery.charging_w_per_dock
+        if home.charging_w <= own_w:
+            found.append(
+                (
+                    f"once at home the aPad may stay there: the charger's {home.charging_w:g} W feed its own {own_w:g} W "
+                    "(hotel_w, and its docks) and not its battery",
+                    "raise apad.home.charging_w",
+                )
+            )
+        if home.go_at <= mission.end_at_apad_fraction:
+            found.append(
+                (
+                    "the mission ends before the aPad goes home: mission.end_at_apad_fraction is no lower than "
+                    "apad.home.go_at",
+                    "raise apad.home.go_at",
+                )
+            )
+        return found
     for name, start in starts.items():
         left_wh = max(0.0, start - mission.end_at_apad_fraction) * battery.capacity_wh
         if left_wh < battery.hotel_w * scenario.duration_s / _S_PER_HOUR:

@@ -353,6 +353,41 @@ LIMITS = {
 }
 
 
+class DockedAtHome(StrEnum):
+    """The docked aMussels of an aPad that goes home: they come along and go on charging, or leave their docks first."""
+
+    CHARGE = "charge"
+    RELEASED = "released"
+
+
+@frozen
+class Home:
+    """The mission takes the aPad home, to `area.home_m` or else `apad.start_m`, where its battery is charged."""
+
+    charging_w: Positive
+    """The charger's power, of which the aPad's own loads take their part."""
+    go_at: Fraction
+    """With this part of its battery or less, it goes home before it takes up another plan."""
+    leave_at: Fraction = 1.0
+    docked: DockedAtHome = DockedAtHome.CHARGE
+
+    def __post_init__(self) -> None:
+        if self.leave_at <= self.go_at:
+            raise ValueError("leave_at must be above go_at, or it would go home again at once")
+
+
+@frozen
+class Unavailable:
+    """A span of mission time in which the aPad takes up no plan and goes home."""
+
+    from_s: NotNegativeSeconds
+    until_s: PositiveSeconds
+
+    def __post_init__(self) -> None:
+        if self.until_s <= self.from_s:
+            raise ValueError("until_s must be after from_s")
+
+
 @frozen
 class APad:
     """The simulated aPad. A real aPad needs its name, and its generation if it offers both."""
@@ -380,6 +415,9 @@ class APad:
     dock_miss_probability: Fraction = 0.05
     """Probability that a docking misses; the scenario's seed decides which dockings do. Assumed."""
     battery: APadBattery
+    home: Home | None = None
+    """None: the aPad is not charged, and goes home only when it is unavailable."""
+    unavailable: tuple[Unavailable, ...] = ()
 
     def __post_init__(self) -> None:
         limits = LIMITS[self.generation]

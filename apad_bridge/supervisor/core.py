@@ -226,6 +226,7 @@ class Supervisor:
                 self.mission.moved(fact.north_m, fact.east_m)
             case BatteryReported():
                 self.battery = fact
+                self.mission.battery_heard(fact.fraction)
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)

@@ -80,7 +80,7 @@ class Server(LegacyServer[GenerationAVehicle]):
         return cls(
             apad.name,
             lambda start_ms: GenerationAVehicle(
-                SimulatedAPad(apad),
+                SimulatedAPad(apad, home_m=scenario.area.home_m),
                 mission.speed_m_s,
                 mission.victory_radius_m,
                 start_ms,

@@ -73,8 +73,11 @@ class Server(LegacyServer[GenerationBVehicle]):
 
     @classmethod
     def of_scenario(cls, scenario: Scenario) -> Self:
-        apad = scenario.apad
-        return cls(apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault))
+        apad, home_m = scenario.apad, scenario.area.home_m
+        return cls(
+            apad.name,
+            lambda start_ms: GenerationBVehicle(SimulatedAPad(apad, home_m=home_m), start_ms, apad.fault),
+        )
 
     def _offer_services(self, apad: str) -> None:
         """Offers each by the definition in the user's workspace, if that has the fields that are read."""

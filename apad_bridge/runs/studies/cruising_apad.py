@@ -28,6 +28,7 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.apad import BATTERY_EMPTY, ArrivalWatch
+from apad_bridge.vehicle.simulated.charger import Charger
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.vehicle.simulated.misses import Misses
@@ -43,10 +44,11 @@ _STEADY_M_S = 1e-9
 class CruisingAPad:
     """A `VehicleLink` whose commands come at whole seconds, at the time up to which it was advanced last."""
 
-    def __init__(self, config: APad, misses: Misses) -> None:
+    def __init__(self, config: APad, misses: Misses, home_m: tuple[float, float] | None = None) -> None:
         self._config = config
         self._motion = Motion(config)
         self._battery = Battery(config.battery)
+        self._charger = Charger(config, home_m)
         self._docks = Docks(config.docks)
         self._places = of_simulated_apad(config.docks).docks
         self._misses = misses
@@ -206,7 +208,9 @@ class CruisingAPad:
         self._set_load()
 
     def _set_load(self) -> None:
-        self._battery.set_load(self._motion.power_w, len(self._docks.docked))
+        self._battery.set_load(
+            self._motion.power_w, len(self._docks.docked), self._charger.power_w(self._motion)
+        )
 
     def _pose_report(self, at_ms: int) -> PoseReported:
         pose = self._motion.pose

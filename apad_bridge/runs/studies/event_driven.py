@@ -99,7 +99,7 @@ def fly_event_driven(scenario: Scenario) -> Figures:
     initial_states = parts.initial_states(scenario, starts)
     host = InProcessHost(parts.fleet_config(config), initial_states)
     fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
-    vehicle = CruisingAPad(scenario.apad, parts.misses(scenario))
+    vehicle = CruisingAPad(scenario.apad, parts.misses(scenario), scenario.area.home_m)
     beliefs = TruthfulReports(scenario)
     learned = LearnedState(
         beliefs, parts.initial_learned_state(config).ranging, Allocation(beliefs, config.ids)
@@ -273,6 +273,10 @@ class Ticks:
         self._recorder = recorder
         self._low_charge = _highest_charge_at_most(scenario.mission.pool_threshold)
         self._collects = not isinstance(registry.collection(scenario.mission.collection), NoCollection)
+        self._home = parts.home_stays(scenario)
+        goes_home_at = 0.0 if scenario.apad.home is None else scenario.apad.home.go_at
+        self._least_battery = max(scenario.mission.end_at_apad_fraction, goes_home_at)
+        """The part of the aPad's battery at which the mission acts."""
         self._is_asynchronous = scenario.mission.dispatch is Dispatch.ASYNCHRONOUS
         self._releases_at = [_highest_charge_at_most(scenario.mission.full_threshold) + 1]
         """The charges in grains at which a docked aMussel may leave, the highest last."""
@@ -284,7 +288,9 @@ class Ticks:
         soonest_ms = now_ms + TICK_MS
         limit_ms = min(self._end_ms, self._limit_ms(now_ms, agents_due_ms))
         limit_ms = max(soonest_ms, -(-limit_ms // TICK_MS) * TICK_MS)
-        return self._vehicle.advance_until(limit_ms, self._config.end_at_apad_fraction)
+        home_ms = self._home.next_call_ms(now_ms)
+        limit_ms = limit_ms if home_ms is None else max(soonest_ms, min(limit_ms, home_ms))
+        return self._vehicle.advance_until(limit_ms, self._least_battery)
 
     def _limit_ms(self, now_ms: int, agents_due_ms: int | None) -> int:
         """The time by which there must be a tick, if the vehicle reports nothing before."""
@@ -296,7 +302,9 @@ class Ticks:
             it.state in UP_AND_UNDOCKED and it.agent_id not in planned and it.agent_id not in held
             for it in beliefs
         )
-        if not is_settled or self._just_gave_up(now_ms):
+        battery = self._supervisor.battery
+        is_called_home = self._home.must_go(now_ms, None if battery is None else battery.fraction)
+        if not is_settled or is_called_home or self._just_gave_up(now_ms):
             return now_ms
         port_due_ms = _NEVER_MS if port.next_due_ms is None else port.next_due_ms
         due_ms = _NEVER_MS if agents_due_ms is None else agents_due_ms

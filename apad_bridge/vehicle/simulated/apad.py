@@ -23,6 +23,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
+from apad_bridge.vehicle.simulated.charger import Charger
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
 from apad_bridge.vehicle.simulated.misses import Misses
@@ -67,12 +68,16 @@ class SimulatedAPad:
     With an empty battery the thrusters and the mechanisms stop: the running go-to or hold fails, closed docks
     stay closed, drag brings the vehicle to rest, every further command fails, and the aPad goes on reporting.
 
-    `misses` decides which dockings fail; without it, no docking fails.
+    `misses` decides which dockings fail; without it, no docking fails. `home_m` is where it is charged if the
+    configuration has a `home`; None for its start.
     """
 
-    def __init__(self, config: APad, misses: Misses | None = None) -> None:
+    def __init__(
+        self, config: APad, misses: Misses | None = None, home_m: tuple[float, float] | None = None
+    ) -> None:
         self._motion = Motion(config)
         self._battery = Battery(config.battery)
+        self._charger = Charger(config, home_m)
         self.capabilities = of_simulated_apad(config.docks)
         self._docks = Docks(config.docks)
         self._misses = misses
@@ -189,7 +194,9 @@ class SimulatedAPad:
         self._set_load()
 
     def _set_load(self) -> None:
-        self._battery.set_load(self._motion.power_w, len(self._docks.docked))
+        self._battery.set_load(
+            self._motion.power_w, len(self._docks.docked), self._charger.power_w(self._motion)
+        )
 
     @property
     def pose(self) -> Pose:

@@ -40,7 +40,7 @@ class Battery:
         self._hotel_uw = microwatts(config.hotel_w)
         self._dock_uw = microwatts(config.charging_w_per_dock)
         self._power_uw = self._hotel_uw
-        self._docks_uw = 0
+        self._docks_uw = self._charger_uw = 0
         self._hotel_nj = self._handed_nj = self._drawn_nj = 0
         self._settled_ms = 0
 
@@ -48,8 +48,9 @@ class Battery:
         """Subtract the energy drawn since the last call; an empty battery stays at zero."""
         span_ms = now_ms - self._settled_ms
         needed_nj = self._power_uw * span_ms
-        drawn_nj = min(self._energy_nj, needed_nj)
-        self._energy_nj -= drawn_nj
+        there_nj = self._energy_nj + self._charger_uw * span_ms
+        drawn_nj = min(there_nj, needed_nj)
+        self._energy_nj = min(self._full_nj, there_nj - drawn_nj)
         self._drawn_nj += drawn_nj
         hotel_nj, handed_nj = self._hotel_uw * span_ms, self._docks_uw * span_ms
         if drawn_nj < needed_nj:  # the battery ran out in this span
@@ -58,8 +59,9 @@ class Battery:
         self._handed_nj += handed_nj
         self._settled_ms = now_ms
 
-    def set_load(self, thrusters_w: float, closed_docks: int) -> None:
-        """Set the load from the settled time on, beside the hotel load."""
+    def set_load(self, thrusters_w: float, closed_docks: int, charger_w: float = 0.0) -> None:
+        """Set the load from the settled time on, beside the hotel load, and the power of a charger ashore."""
+        self._charger_uw = microwatts(charger_w)
         self._docks_uw = closed_docks * self._dock_uw
         self._power_uw = self._hotel_uw + self._docks_uw + microwatts(thrusters_w)
 

@@ -10,12 +10,13 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
+from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Dispatch
+from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Unavailable
 from apad_bridge.scenario.schema import Mission as MissionConfig
 from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.primitives import (
@@ -56,6 +57,7 @@ class Bench:
         state: MissionState | None = None,
         place: tuple[float, float] = (0.0, 0.0),
         config: MissionConfig = MISSION,
+        home: HomeStays = NO_HOME,
     ) -> None:
         self.told = Told()
         self.now_ms = 0
@@ -66,6 +68,7 @@ class Bench:
             registry.collection(collection),
             registry.redeployment("greedy-redeploy"),
             state,
+            home=home,
         )
         self.mission.moved(*place)
         for agent_id in range(1, agents + 1):
@@ -757,3 +760,79 @@ def test_an_asynchronous_aPad_gives_up_one_whose_charge_does_not_rise_and_releas
             break
     assert [note["what"] for note in bench.notes("given_up")] == ["charge"]
     assert [step.kind for step in bench.mission.state.plan.steps] == [StepKind.DEPLOY]
+
+
+HOME_M = (5.0, 30.0)
+CHARGED_AT_HOME = Home(charging_w=200.0, go_at=0.2, leave_at=0.9)
+
+
+def go_to_ordered(bench: Bench) -> GoToPoint:
+    (found,) = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    return found
+
+
+def come_home(bench: Bench) -> None:
+    """Drives the go-to home that was just ordered, and leaves the hold there as the primitive under way."""
+    goal = go_to_ordered(bench)
+    assert (goal.north_m, goal.east_m) == HOME_M and bench.mission.state.phase is Phase.GO_HOME
+    bench.orders = [goal]
+    bench.succeed()
+    assert isinstance(bench.primitive(), HoldPosition) and bench.mission.state.phase is Phase.AT_HOME
+
+
+def test_it_goes_home_to_be_charged_before_it_takes_up_a_plan_and_goes_on_when_it_is() -> None:
+    bench = Bench(home=HomeStays(HOME_M, CHARGED_AT_HOME, ()))
+    bench.mission.battery_heard(0.2)
+    bench.tick()
+    come_home(bench)
+    bench.mission.battery_heard(0.89)
+    bench.tick()
+    assert bench.mission.state.phase is Phase.AT_HOME and bench.mission.state.services == 0
+    bench.mission.battery_heard(0.9)
+    bench.tick()
+    bench.tick()
+    assert [step.agent_id for step in bench.mission.state.plan.steps] == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("docked", DockedAtHome)
+def test_docked_ones_come_along_or_leave_first(docked: DockedAtHome) -> None:
+    home = HomeStays(HOME_M, replace(CHARGED_AT_HOME, docked=docked), (Unavailable(from_s=20, until_s=500),))
+    bench = Bench(agents=2, config=ASYNCHRONOUS, home=home)
+    bench.told.say(2, 0, State.ACTIVE, 0.9)
+    bench.mission.battery_heard(1.0)
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.collect(1)
+    bench.tick(seconds=20)
+    if docked is DockedAtHome.RELEASED:
+        assert [step.kind for step in bench.mission.state.plan.steps] == [StepKind.DEPLOY]
+        bench.succeed()
+        assert isinstance(bench.succeed(), UndockMussel)
+        bench.told.say(1, bench.now_ms, State.SINKING, 0.6)
+        bench.tick()
+    come_home(bench)
+    assert (bench.mission.docks[0] == 1) is (docked is DockedAtHome.CHARGE)
+    bench.tick(seconds=400)
+    assert bench.mission.state.phase is Phase.AT_HOME
+    bench.tick(seconds=100)
+    assert bench.mission.state.phase is (Phase.CHARGE if docked is DockedAtHome.CHARGE else Phase.IDLE)
+
+
+def test_a_way_home_that_fails_is_tried_again_later_and_not_at_every_tick() -> None:
+    bench = Bench(home=HomeStays(HOME_M, CHARGED_AT_HOME, ()), agents=1)
+    bench.told.say(1, 0, State.ACTIVE, 0.9)
+    bench.mission.battery_heard(0.1)
+    bench.tick()
+    bench.orders = [go_to_ordered(bench)]
+    bench.fail("refused")
+    bench.tick()
+    assert bench.mission.state.phase is Phase.IDLE
+    bench.tick(seconds=round(MISSION.silence_timeout_s))
+    assert bench.mission.state.phase is Phase.GO_HOME
+
+
+def test_a_resumed_mission_goes_on_with_its_way_home() -> None:
+    bench = Bench(state=MissionState(phase=Phase.AT_HOME), home=HomeStays(HOME_M, CHARGED_AT_HOME, ()))
+    bench.mission.battery_heard(0.5)
+    bench.tick()
+    come_home(bench)

@@ -30,6 +30,7 @@ board: {surfacing_timeout_s: 600, motor_run_charge: 0.01}
 mission: {pool_threshold: 0.9, batch: 2, dispatch: asynchronous, charge_to: 0.95}
 area: {fence: [[-50, -50], [80, -50], [80, 80], [-50, 80]], keep_out: [[[60, 60], [70, 60], [70, 70]]], home_m: [14, 10]}
 guards: {leg_m: 500, leg_s: 600, speed_limit_m_s: 5, battery_reserve: 0.1, amussel_depth_m: 50}
+apad: {home: {charging_w: 200, go_at: 0.2, leave_at: 0.9}, unavailable: [{from_s: 5, until_s: 8}]}
 apads: [{name: apad2, start_m: [5, 5], battery_start_fraction: 0.9}]
 """
 SOUND = """
@@ -76,7 +77,7 @@ def base(name: str) -> Scenario:
     data = yaml.safe_load((SCENARIO_FILES / f"{name}.yaml").read_text())
     for text in (FLIGHT, BASES[name]):
         for key, value in yaml.safe_load(text).items():
-            data[key] = {**data[key], **value} if key in ("area", "board", "mission") else value
+            data[key] = {**data[key], **value} if key in ("apad", "area", "board", "mission") else value
     data["mission"]["docking"]["servo"] = SERVO
     if name == "whole":
         data["board"]["whole"] |= yaml.safe_load(METERED)

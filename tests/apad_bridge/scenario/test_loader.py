@@ -6,16 +6,17 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
-from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
+from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.fence import fence_of
-from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import RandomStart
 from apad_bridge.scenario.starts import starts_of
@@ -296,8 +297,8 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
         (
             "redeployment: greedy-redeploy",
             "redeployment: home",
-            "mission.redeployment: unknown strategy 'home'; known: best-of-pool, blend, cautious, edf, exact, greedy, "
-            "greedy-redeploy, njnp, none, shortest-order",
+            "mission.redeployment: unknown strategy 'home'; known: best-of-pool, blend, cautious, charge-groups, edf, "
+            "exact, greedy, greedy-redeploy, njnp, none, rollout, rollout-fair, shortest-order, triage",
         ),
         ("theta: 30", "theta: 30\ntheta: 31", "line 7, column 1: the key 'theta' is given twice"),
         (
@@ -536,3 +537,19 @@ def test_overrides_are_checked_as_the_file_is() -> None:
     )
     with pytest.raises(ScenarioError, match=r"command line: mission\.collection: unknown strategy 'gready'"):
         with_overrides(pool, strategy="gready")
+
+
+def test_a_home_that_does_not_help_is_warned_of() -> None:
+    pool = load(POOL_FILE)
+
+    def told(**home: Any) -> list[str]:
+        data = resolve(pool)
+        data["duration_s"] = 360_000
+        data["mission"]["end_at_apad_fraction"] = 0.1
+        data["apad"]["home"] = {"charging_w": 200, "go_at": 0.3, **home}
+        return [mend for _, mend in warnings(from_data(data, "x"))]
+
+    assert told() == []  # without a home its battery would not last
+    assert told(charging_w=60) == ["raise apad.home.charging_w"]
+    assert told(charging_w=60, docked="released") == []
+    assert told(go_at=0.1) == ["raise apad.home.go_at"]

@@ -75,6 +75,19 @@ CASES: dict[str, dict[str, Any]] = {
         "mission__costs": {"distance_per_m": 1.0, "energy_per_charge": 100.0},
         "duration_s": 900.0,
     },
+    "it goes home to be charged": {
+        "seed": 14,
+        "duration_s": 2400.0,
+        "apad__battery": {**resolve(POOL)["apad"]["battery"], "capacity_wh": 25.0},
+        "apad__home": {"charging_w": 300.0, "go_at": 0.6},
+    },
+    "it is unavailable for a while, and lets all go before": {
+        "seed": 15,
+        "duration_s": 1500.0,
+        "mission__dispatch": "asynchronous",
+        "apad__home": {"charging_w": 200.0, "go_at": 0.1, "docked": "released"},
+        "apad__unavailable": [{"from_s": 500, "until_s": 900}],
+    },
     "real time": {"seed": 6, "theta": 1, "duration_s": 1200.0, "fleet__start": {"charge": [0.7, 0.8]}},
     "nearly empty": {"seed": 8, "theta": 60, "duration_s": 900.0, "fleet__start": {"charge": [0.0, 0.2]}},
     "unlike aMussels": {

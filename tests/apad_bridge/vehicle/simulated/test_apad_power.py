@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from apad_bridge.scenario.schema import Home
 from apad_bridge.vehicle.commands import (
     BatteryReported,
     CloseDock,
@@ -57,6 +58,24 @@ def test_the_ledger_of_an_empty_battery_is_what_was_in_it(config):
     ledger = apad.ledger
     assert ledger.used_wh == pytest.approx(2.3, rel=1e-9) and ledger.travel_wh == pytest.approx(0, abs=1e-9)
     assert ledger.handed_wh / ledger.hotel_wh == pytest.approx(10 / 25, rel=1e-3)
+
+
+def test_the_charger_at_home_feeds_an_apad_that_rests_there_and_no_other(config):
+    home = Home(charging_w=125.0, go_at=0.2)
+    half = replace(config, battery=replace(config.battery, start_fraction=0.5), home=home)
+    at_home, elsewhere = SimulatedAPad(half), SimulatedAPad(half, home_m=(30.0, 0.0))
+    for apad in (at_home, elsewhere):
+        apad.advance(360_000)
+    assert at_home.battery_fraction == pytest.approx(0.5 + (125 - 25) * 360 / FULL_J, rel=1e-12)
+    assert elsewhere.battery_fraction == pytest.approx(0.5 - 25 * 360 / FULL_J, rel=1e-12)
+    assert at_home.ledger.used_wh == pytest.approx(25 * 0.1)
+    elsewhere.receive(GoTo(1, 30.0, 0.0, 0.5, 0.5), 360_000)
+    elsewhere.advance(500_000)
+    before = elsewhere.battery_fraction
+    elsewhere.advance(860_000)
+    assert elsewhere.battery_fraction == pytest.approx(before + (125 - 25) * 360 / FULL_J, rel=1e-9)
+    at_home.advance(36_000_000)
+    assert at_home.battery_fraction == 1.0
 
 
 @pytest.mark.parametrize("goal_m", [(50.0, 0.0), (0.0, 50.0), (-30.0, 40.0)])
