@@ -156,7 +156,7 @@ def test_what_two_rosbags_recorded_becomes_one_bag(
     recorders = [
         subprocess.Popen([*record, str(bag)], env=environment, stdout=subprocess.DEVNULL) for bag in bags
     ]
-    assert [it.wait(PATIENCE_S) for it in recorders] == [0, 0]
+    assert [it.wait(3 * PATIENCE_S) for it in recorders] == [0, 0]
     out = tmp_path / "whole.bag"
     assert main.main(["logs", "merge", *map(str, bags), "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
