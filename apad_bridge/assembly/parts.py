@@ -24,6 +24,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import CommandSource, ManualMission
@@ -32,6 +33,7 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -222,4 +224,17 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
         state,
         energy_model(scenario),
         home_stays(scenario),
+        _end_by(scenario),
     )
+
+
+def _end_by(scenario: Scenario) -> EndBy | None:
+    mission, docking = scenario.mission, scenario.mission.docking
+    if mission.end_by is None:
+        return None
+    if isinstance(mission.end_by, str):
+        raise ScenarioError(
+            [f"mission.end_by: {mission.end_by} is a local time, which this flight has not: say seconds"]
+        )
+    home_m = scenario.apad.start_m if scenario.area.home_m is None else scenario.area.home_m
+    return EndBy(mission.end_by, home_m, mission.speed_m_s, docking.timeout_s, docking.timeout_s)

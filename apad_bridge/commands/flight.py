@@ -26,6 +26,8 @@ from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.summary import Flown, combined_summary
+from apad_bridge.scenario.end_by import with_end_by_in_seconds
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
@@ -87,6 +89,7 @@ def fly(
     With `check` the records are checked at the end, and a broken law decides the exit code.
     """
     live.refuse_several(scenario)
+    scenario = _with_end_by_in_seconds(scenario, options)
     with peers_may_fail():
         preflight = check_run(options, scenario, starts)
     all_members = members(scenario, starts)
@@ -127,6 +130,13 @@ def _checked(whole: RunDirectory, code: int) -> int:
     broken = broken_laws(whole.path)
     print_laws(broken, sys.stderr)
     return exit_of_laws(broken) or code
+
+
+def _with_end_by_in_seconds(scenario: Scenario, options: RunOptions) -> Scenario:
+    try:
+        return with_end_by_in_seconds(scenario, datetime.now(), options.speed)
+    except ScenarioError as error:
+        raise UserError(str(error)) from error
 
 
 def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:

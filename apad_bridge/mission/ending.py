@@ -11,6 +11,7 @@ class EndReason(StrEnum):
 
     MISSION_TIME = "mission time"
     APAD_BATTERY = "the aPad's battery"
+    END_BY = "the time to be home"
     OPERATOR = "the operator"
     """Ctrl-C, or a process that was told to end."""
     CALL = "a call"

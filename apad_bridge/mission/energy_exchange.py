@@ -7,6 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from apad_bridge.mission.docking_routine import (
     OutOfReach,
     Progress,
 )
+from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
@@ -46,6 +48,7 @@ from apad_bridge.vehicle.primitives import (
 
 STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
+SENT_HOME_AGAIN_MS = 10_000
 LEGS_PER_STEP = 3
 """A step is given up when its aMussel floats out of reach after so many go-tos."""
 DOCKINGS_PER_STEP = 3
@@ -75,13 +78,18 @@ class EnergyExchange(OrderBook):
         state: MissionState | None = None,
         model: EnergyModel | None = None,
         home: HomeStays = NO_HOME,
+        end_by: EndBy | None = None,
     ) -> None:
-        """`model` is for strategies that look ahead; `home` says when the aPad goes home."""
+        """`model` is for strategies that look ahead; `home` says when the aPad goes home, `end_by` when for good."""
         super().__init__(state or MissionState())
         self._model = model
         self._home = home
         self._home_failed_ms: int | None = None
         """The time at which a way home failed; it is not tried again for the silence timeout."""
+        self._end_by = end_by
+        self._returns = False
+        """The time to be home is near: what is docked is brought back as it is, and the aPad goes home."""
+        self._sent_home_ms = 0
         self._config = config
         self._beliefs = beliefs
         self._collection = collection
@@ -145,6 +153,7 @@ class EnergyExchange(OrderBook):
                 return self.take_orders()
             self._must_begin = False
             self._behaviour.begin(self, now_ms)
+        self._look_at_the_time(now_ms)
         if self._behaviour.tick is not None:
             self._behaviour.tick(self, now_ms)
         self._remind_to_sink(now_ms)
@@ -202,12 +211,41 @@ class EnergyExchange(OrderBook):
             self.docking_routine.released(self._step.agent_id)
             self._finish_service(now_ms)
 
+    def _look_at_the_time(self, now_ms: int) -> None:
+        """Drops what is not on the way home, once, when no time is left for it. A mechanism that moves is not stopped."""
+        end_by, phase = self._end_by, self.state.phase
+        if end_by is None or self._returns or phase is Phase.STANDS_DOWN:
+            return
+        fetched = self._beliefs.get(self._step.agent_id) if phase in _COLLECTING else None
+        fetched_m = None if fetched is None else (fetched.north_m, fetched.east_m)
+        homes = self._homes()
+        releases_m = [homes.get(it, self._here) for it in self._to_release]
+        if not end_by.must_return(now_ms, self._here, releases_m, fetched_m) or phase is Phase.DOCK:
+            return
+        self._returns = True
+        if phase in _COLLECTING:
+            self.docking_routine.pre_empt()
+        if phase in (*_COLLECTING, Phase.IDLE):
+            self.set(plan=Solution(()))
+            self._next_step(now_ms)
+
+    def _go_home_to_end(self, now_ms: int) -> None:
+        """Orders the way home until the aPad is there, again each so often: a go-to may have failed."""
+        assert self._end_by is not None
+        if math.dist(self._here, self._end_by.home_m) <= 2 * self._config.victory_radius_m:
+            self._orders += self.end(MissionEnd(EndReason.END_BY), now_ms)
+        elif self.state.leg is None and now_ms - self._sent_home_ms >= SENT_HOME_AGAIN_MS:
+            self._sent_home_ms = now_ms
+            self._go_to(*self._end_by.home_m)
+
     def _consider_collecting(self, now_ms: int) -> None:
         if self._to_release:
             # Docked by hand, or before a crash: charge the docked aMussels first.
             self._start_charging(now_ms)
             return
-        if self._is_called_home(now_ms):
+        if self._returns:
+            self._go_home_to_end(now_ms)
+        elif self._is_called_home(now_ms):
             self._go_home(now_ms)
         else:
             self._collect_if_due({}, now_ms)
@@ -295,6 +333,9 @@ class EnergyExchange(OrderBook):
         if not docked:
             self._idle(now_ms)
             return
+        if self._returns:
+            self._release(tuple(docked), beliefs, now_ms)
+            return
         if self._is_called_home(now_ms):
             if self._home.releases_first:
                 self._release(tuple(docked), beliefs, now_ms)
@@ -324,6 +365,8 @@ class EnergyExchange(OrderBook):
         self._next_step(now_ms)
 
     def _is_called_home(self, now_ms: int) -> bool:
+        if self._returns:
+            return False
         failed_ms, patience_ms = self._home_failed_ms, self._config.silence_timeout_s * 1000
         if failed_ms is not None and now_ms - failed_ms <= patience_ms:
             return False
@@ -339,7 +382,7 @@ class EnergyExchange(OrderBook):
         self._enter(Phase.AT_HOME, now_ms)
 
     def _consider_leaving_home(self, now_ms: int) -> None:
-        if self._home.may_leave(now_ms, self.apad_battery):
+        if self._returns or self._home.may_leave(now_ms, self.apad_battery):
             self._next_step(now_ms)
 
     def _go_deploy(self, now_ms: int) -> None:
@@ -517,6 +560,7 @@ def _nothing(mission: EnergyExchange, now_ms: int) -> None:
     pass
 
 
+_COLLECTING = (Phase.GO_COLLECT, Phase.AWAIT_SURFACING)
 _Act = Callable[[EnergyExchange, int], None]
 _M = EnergyExchange
 _BEHAVIOURS = {

@@ -31,6 +31,7 @@ def exit_of(reason: EndReason) -> Exit:
         case (
             EndReason.MISSION_TIME
             | EndReason.APAD_BATTERY
+            | EndReason.END_BY
             | EndReason.CALL
             | EndReason.FIRST_PLAN
             | EndReason.SCRIPT_ENDED

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import re
+from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le
-from pydantic import AfterValidator, ConfigDict, StringConstraints
+from pydantic import AfterValidator, ConfigDict, PlainValidator, StringConstraints
 from pydantic.dataclasses import dataclass
 
 from agents.water.bounds import GREATEST, LEAST
@@ -22,6 +23,14 @@ def _whole_milliseconds(seconds: float) -> float:
     if abs(seconds * 1000 - round(seconds * 1000)) > 1e-6:
         raise ValueError("must be a whole number of milliseconds")
     return seconds
+
+
+def _end_time(end: Any) -> float | str:
+    if isinstance(end, str) and re.fullmatch(r"([01]?[0-9]|2[0-3]):[0-5][0-9]", end, re.ASCII):
+        return end
+    if isinstance(end, bool) or not isinstance(end, int | float) or not 0.001 <= end <= 1e9:
+        raise ValueError("must be a local time as 16:30, or 0.001 to 1e9 seconds")
+    return _whole_milliseconds(float(end))
 
 
 def _ten_decimals(rate: float) -> float:
@@ -52,6 +61,8 @@ RatePerMinute = Annotated[float, Gt(0), Le(1000), AfterValidator(_ten_decimals)]
 """Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""
 ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]
 """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
+EndTime = Annotated[float | str, PlainValidator(_end_time)]
+"""Seconds, or a local time as 16:30."""
 FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 RosName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 RosNamespace = Annotated[

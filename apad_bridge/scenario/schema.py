@@ -22,6 +22,7 @@ from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.fence import check_corners
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.quantities import (
+    EndTime,
     FileName,
     Fraction,
     NotNegative,
@@ -302,6 +303,8 @@ class Mission:
     costs: Costs = Costs()
     end_at_apad_fraction: Fraction = 0.0
     """The mission ends when the aPad's battery falls to this."""
+    end_by: EndTime | None = None
+    """The mission is home by then: a local time as 16:30, or seconds of mission time."""
     permission_repeat_s: PositiveSeconds
     """The mission repeats an unanswered permission to surface after this time."""
     surfacing_attempts: Count

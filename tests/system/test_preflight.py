@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system
@@ -52,6 +53,18 @@ def apad(tmp_path: Path, scenario: Path, generation: str) -> Iterator[dict[str, 
         vehicle.terminate()
         vehicle.communicate(timeout=60)
         master.stop()
+
+
+@contextmanager
+def watchdog(environment: dict[str, str]) -> Iterator[None]:
+    """The vehicle's watchdog, by the machine's own Python."""
+    command = ["/usr/bin/python3", str(ROOT / "launch_scripts" / "vehicle_watchdog")]
+    process = subprocess.Popen(command, env=environment | {"PYTHONPATH": str(generated_folder())})
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait(60)
 
 
 def musselbed(environment: dict[str, str], cwd: Path, *words: object) -> subprocess.CompletedProcess[str]:
@@ -111,6 +124,10 @@ def test_an_apad_is_checked_and_its_stop_proven_and_a_run_starts_on_green_alone(
             assert refused.returncode == 2, refused.stderr
             assert "does not start on red" in refused.stderr and "--despite watchdog" in refused.stderr
             assert not (tmp_path / "run").exists()
+            with watchdog(environment):
+                again = musselbed(environment, tmp_path, "preflight", scenario, "--json")
+            assert findings(again)["/apad1 watchdog"]["found"] == "it runs, and says WAITING"
+            assert again.returncode == 0 and findings(again)["/apad1 stop"] == stop
         run = subprocess.Popen(
             [*COMMAND, *map(str, fly), *(("--despite", "watchdog") if generation == "b" else ())],
             cwd=tmp_path,

@@ -81,6 +81,7 @@ def model_gap(scenario: Scenario) -> str | None:
         "mission.docking.camera_ids and visual_ids, which the vehicle docks": bool(
             docking.camera_ids or docking.visual_ids
         ),
+        "mission.end_by: the way home begins at any tick": scenario.mission.end_by is not None,
         "mission.docking.profile: only `virtual`": docking.profile.value != "virtual",
     }
     return next((gap for gap, is_there in gaps.items() if is_there), None)

@@ -1,0 +1,48 @@
+"""A mission that has to be home by a time: the time that bringing back its aMussels and the way home still take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+Point = tuple[float, float]
+SLOWER = 0.8
+"""The share of its ordered speed that an aPad makes good: it starts, brakes, and meets currents."""
+MARGIN_S = 60.0
+"""For what was not foreseen."""
+
+
+@dataclass(frozen=True, slots=True)
+class EndBy:
+    """`deadline_s` is of mission time, `undock_s` the longest that an undocking and `dock_s` that a docking takes."""
+
+    deadline_s: float
+    home_m: Point
+    speed_m_s: float
+    dock_s: float
+    undock_s: float
+
+    def must_return(
+        self, now_ms: int, here_m: Point, releases_m: Iterable[Point], fetched_m: Point | None = None
+    ) -> bool:
+        """True when no time is left but for bringing the docked aMussels to `releases_m`, and the way home.
+
+        `fetched_m` is the place of the aMussel that the aPad is fetching, to which it is brought back too.
+        """
+        needed_s, from_m, rest = MARGIN_S, here_m, list(releases_m)
+        if fetched_m is not None:
+            needed_s += self._way_s(from_m, fetched_m) + self.dock_s
+            from_m = fetched_m
+            rest.append(fetched_m)
+        # The order of the strategy may be better, and is not worse by much than the nearest first.
+        while rest:
+            nearest_m = min(rest, key=lambda it: math.dist(from_m, it))
+            rest.remove(nearest_m)
+            needed_s += self._way_s(from_m, nearest_m) + self.undock_s
+            from_m = nearest_m
+        needed_s += self._way_s(from_m, self.home_m)
+        return now_ms / 1000 + needed_s >= self.deadline_s
+
+    def _way_s(self, from_m: Point, to_m: Point) -> float:
+        return math.dist(from_m, to_m) / (SLOWER * self.speed_m_s)
