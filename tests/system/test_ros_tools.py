@@ -60,7 +60,7 @@ def in_a_shell(root: Path, script: str, environment: dict[str, str]) -> subproce
     """Run `script` in a bash with every check on, after `source setup.bash`."""
     sourced = f"set -eu; source '{root}/launch_scripts/setup.bash'; {script}"
     command = ["bash", "-c", sourced]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, cwd="/")
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, cwd="/")
 
 
 def test_rostopic_echoes_our_message_from_another_process(
