@@ -61,7 +61,7 @@ def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
     lines = done.stdout.splitlines()
     assert all(line.startswith(("OK ", "WARN ")) and ": " in line for line in lines)
     (master_line,) = [line for line in lines if line.split()[1] == "master:"]
-    assert master_line.startswith("WARN") and "brings its own" in master_line
+    assert master_line.startswith("WARN") and "starts its own" in master_line
     assert not any("call back" in line for line in lines)
 
 

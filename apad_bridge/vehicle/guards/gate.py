@@ -263,7 +263,7 @@ class GuardedVehicle:
         if self._way_back is not None and self._way_back.command_id != command_id:
             self._way_back = None
             self.gate.awaits_person = (
-                "a person must let the aPad go on: it had left the fence, and was sent back"
+                "a person must confirm that the aPad may continue: it had left the fence, and was sent back"
             )
 
     def _note_own_hold(self, fact: Arrived | CommandFailed, now_ms: int) -> None:

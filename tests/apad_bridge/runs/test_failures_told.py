@@ -19,6 +19,7 @@ from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.vehicle.commands import VehicleFact
 
 
@@ -105,10 +106,10 @@ def test_a_mission_whose_aPad_was_never_heard_says_what_it_waits_for(pool: Scena
     flight.supervisor.receive = hears_no_vehicle  # type: ignore[method-assign]
     flight.tick(0)
     flight.tick(1000)
-    assert Status.of(flight.supervisor, 1000, 0.0).phase == "waits for the aPad's position"
+    assert Status.of(flight.supervisor, 1000, 0.0, Forecast()).phase == "waits for the aPad's position"
     flight.supervisor.receive = receive  # type: ignore[method-assign]
     flight.tick(2000)
-    assert Status.of(flight.supervisor, 2000, 0.0).phase == "go to aMussel"
+    assert Status.of(flight.supervisor, 2000, 0.0, Forecast()).phase == "go to aMussel"
 
 
 def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ def test_the_command(pool_run, tmp_path, capsys):
     assert answer["path"] == str(tmp_path / "a") and answer["rows"]["/musselbed/apad"] == 601
     assert default_path(pool_run, Format.CSV) == pool_run.path / "export-csv"
     assert main(["export", str(tmp_path / "none"), "--to", "csv"]) == 2
-    assert "no run: there is no journal.jsonl" in capsys.readouterr().err
+    assert "no run: it has no journal.jsonl" in capsys.readouterr().err
     assert main(["export", str(pool_run.path), "--to", "mat", "--out", str(tmp_path / "no" / "a.mat")]) == 2
     assert "No such file or directory" in capsys.readouterr().err
     with pytest.raises(SystemExit):

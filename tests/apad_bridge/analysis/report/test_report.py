@@ -82,4 +82,4 @@ def test_the_page_and_the_pdf_have_all_parts(pool_run, whole_run, tmp_path, caps
     assert pdf.startswith(b"%PDF") and pdf.count(b"/Type /Page ") == 10
     assert (tmp_path / "out" / "run" / "truth.parquet").is_file() and paths["data"]
     assert main(["report", str(tmp_path), "--data", "none"]) == 2
-    assert "no run: there is no journal.jsonl" in capsys.readouterr().err
+    assert "no run: it has no journal.jsonl" in capsys.readouterr().err

@@ -204,7 +204,7 @@ def test_whatever_ends_the_way_back_a_person_is_awaited(ends: str) -> None:
     else:
         bench.silent(6)
     bench.at(-0.9, 5.0)
-    assert "a person must let the aPad go on" in bench.vehicle.gate.awaits_person
+    assert "may continue" in bench.vehicle.gate.awaits_person
 
 
 @pytest.mark.parametrize("generation", [Generation.A, Generation.B])
