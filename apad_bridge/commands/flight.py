@@ -105,6 +105,8 @@ def fly(
         preflight.save(whole.preflight)
     if scenario.apads and not as_json:
         print(_allocation_text(all_members), flush=True)
+    if options.time is not TimeSource.ASAP and not options.dry_run and not as_json:
+        print(f"run: {whole.path}   (pause it: musselbed stop {whole.path})", flush=True)
     title = scenario.name if script is None else script.file.name
     with peers_may_fail():
         with ExitStack() as stack:

@@ -112,7 +112,10 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         "--theta", type=int, metavar="N", help="run the aMussels' time N times as fast as the aPad's"
     )
     parser.add_argument(
-        "--agents", type=int, metavar="N", help="number of aMussels, instead of the scenario's"
+        "--agents",
+        type=int,
+        metavar="N",
+        help="number of aMussels, instead of the scenario's; a file of starts needs a row for each",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed, instead of the scenario's")
     parser.add_argument(

@@ -106,8 +106,8 @@ def _row(directory: RunDirectory) -> Row:
 
 def _table(rows: list[Row]) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
-    for name in ("run", "ended by"):
-        table.add_column(name, overflow="fold")
+    table.add_column("run", no_wrap=True, overflow="ignore")  # people copy it
+    table.add_column("ended by", overflow="fold")
     for name in ("agents", "minutes", "uptime %", "m", "services", "lost"):
         table.add_column(name, justify="right")
     for row in rows:

@@ -57,6 +57,15 @@ def known_names() -> list[str]:
     return sorted({*_BUILT_IN, *_SCALED, *(entry.name for entry in _entries())})
 
 
+def _known_of(kind: StepKind) -> list[str]:
+    """Returns the strategies that can be of this kind: a package's may be of either, for none is loaded."""
+    other = {
+        name for name, strategy in _BUILT_IN.items() if getattr(strategy, "plans", None) not in (None, kind)
+    }
+    scaled = set() if kind is StepKind.COLLECT else set(_SCALED)
+    return [name for name in known_names() if name not in other | scaled]
+
+
 def collection(name: str, scales: Scales | None = None) -> CollectionStrategy:
     """Creates a collection strategy by name. Raises ValueError if there is none, or it cannot be used.
 
@@ -76,7 +85,7 @@ def _create(name: str, kind: StepKind, scales: Scales) -> object:
         _package(entry) for entry in entries
     ]
     if not sources:
-        raise ValueError(f"unknown strategy {name!r}; known: {', '.join(known_names())}")
+        raise ValueError(f"unknown strategy {name!r}; known: {', '.join(_known_of(kind))}")
     if len(sources) > 1:
         raise ValueError(f"strategy {name!r} is in each of {', '.join(sources)}: rename or remove one")
     strategy: object = _built_in(name, scales) or _load(entries[0])

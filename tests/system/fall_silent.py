@@ -17,7 +17,7 @@ import time
 from typing import Any
 
 import rospy
-from actionlib import SimpleActionClient
+from actionlib import GoalStatus, SimpleActionClient
 from geometry_msgs.msg import Point, Pose
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Float32, Int32, String
@@ -47,6 +47,8 @@ class Mission:
         self._clock = rospy.Publisher("/clock", Clock, queue_size=1, latch=True)
         self._heart = rospy.Publisher("/musselbed/heartbeat", Float32, queue_size=1)
         self.watchdog_says = ""
+        self.client: Any = None
+        """Kept as long as its goal is watched."""
         rospy.Subscriber("/apad1/watchdog", String, self._take_word)
         rospy.Subscriber("/apad1/goto_status", Int32, self._take_status)
         rospy.Subscriber("/apad1/stateRef", NavSts, self._take_place)
@@ -119,14 +121,19 @@ def by_primitive(mission: Mission) -> None:
 
 
 def by_goal(mission: Mission) -> None:
-    """The states of a goal have the numbers of `goto_status` while it runs (1) and when another takes its place (2)."""
+    """The states of a goal have the numbers of `goto_status` while it runs (1) and when another takes its place (2).
+
+    It is asked whether it runs: actionlib loses the callback of a server that answers before `send_goal` has returned.
+    """
     client = SimpleActionClient("/apad1/action_server", aPadAction)
     assert client.wait_for_server(rospy.Duration(PATIENCE_S))
     client.send_goal(
         aPadGoal(id=0, pose=Pose(position=Point(10_000, 0, 0))),
-        active_cb=lambda: setattr(mission, "status", 1),
         done_cb=lambda state, _: setattr(mission, "status", state),
     )
+    mission.wait_until(lambda: client.get_state() == GoalStatus.ACTIVE, "the goal does not run")
+    mission.status = GoalStatus.ACTIVE
+    mission.client = client
 
 
 SEND_AWAY = {"a": by_goal, "b": by_primitive}

@@ -325,13 +325,16 @@ def test_high_contrast_is_7_to_1_or_more(page: Path, tmp_path: Path) -> None:
     assert found and float(found[1]) >= 7
 
 
-def test_several_apads_have_one_page(page: Path, tmp_path: Path) -> None:
+def test_several_apads_have_one_page(
+    page: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    run = tmp_path_factory.mktemp("several")
     for name in ("apad1", "apad2"):
-        shutil.copytree(page.parent, tmp_path / "run" / name)
-    journal = tmp_path / "run" / "apad2" / "journal.jsonl"
+        shutil.copytree(page.parent, run / name)
+    journal = run / "apad2" / "journal.jsonl"
     journal.write_text(journal.read_text().replace('"strategy":"cautious"', '"strategy":"greedy"'))
-    several = build_replay(tmp_path / "run")
-    assert several == tmp_path / "run" / "replay.html"
+    several = build_replay(run)
+    assert several == run / "replay.html"
     for at, chosen, plan in (
         ("#t=100", "apad1", "collect (cautious): 2 3"),
         ("#t=100&aPad=apad2", "apad2", "collect (greedy): 2 3"),

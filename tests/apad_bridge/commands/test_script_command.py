@@ -59,7 +59,7 @@ def test_what_a_script_prints_and_raises_is_shown_as_it_is(
     assert main(["script", str(script), *HERE, "--out", str(tmp_path / "run")]) == Exit.PEER_FAILED
     out, error = capsys.readouterr()
     assert "to [lat, lon] [/home]\n" in error
-    assert "ended by failure of the script: brackets.py, line 3: ValueError: not [north]" in out
+    assert "End of the mission: failure of the script: brackets.py, line 3: ValueError: not [north]" in out
     assert "Table II" not in out, "a table without rows"
 
 
