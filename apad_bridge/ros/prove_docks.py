@@ -18,7 +18,7 @@ from std_msgs.msg import Float32MultiArray
 
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.generation_a.messages import PERCH, RELEASE
+from apad_bridge.vehicle.generation_a.messages import ENDS, PERCH, RELEASE
 
 use_generated_messages()
 
@@ -60,7 +60,13 @@ def by_perches(apad: str, docks: int) -> str:
 
 def _order(server: Any, kind: int, name: str) -> None:
     server.send_goal(aPadGoal(id=kind, object=name))
-    if not server.wait_for_result(rospy.Duration(_GOAL_S)):
+    # It is asked again and again: actionlib loses the end of a goal that comes before `send_goal` has returned.
+    pause = threading.Event()
+    for _ in range(int(_GOAL_S / 0.1)):
+        if server.get_state() in ENDS:
+            break
+        pause.wait(0.1)
+    else:
         what = "perch" if kind == PERCH else "release (the published server dies of it: start it again)"
         raise CannotMove(f"no end of a {what} within {_GOAL_S:g} s")
     threading.Event().wait(STANDS_OPEN_S)
