@@ -297,8 +297,7 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
         (
             "redeployment: greedy-redeploy",
             "redeployment: home",
-            "mission.redeployment: unknown strategy 'home'; known: best-of-pool, blend, cautious, charge-groups, edf, "
-            "exact, greedy, greedy-redeploy, njnp, none, rollout, rollout-fair, shortest-order, triage",
+            "mission.redeployment: unknown strategy 'home'; known: greedy-redeploy",
         ),
         ("theta: 30", "theta: 30\ntheta: 31", "line 7, column 1: the key 'theta' is given twice"),
         (
