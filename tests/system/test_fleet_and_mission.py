@@ -27,7 +27,9 @@ pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
-PATIENCE_S = 90.0
+PATIENCE_S = 240.0
+SPEED = 4
+"""Patience with the aPad's answers is mission time, and a busy machine needs more of it than at a higher speed."""
 
 
 @pytest.fixture
@@ -46,12 +48,12 @@ def scenario(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def graph(scenario: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
-    """Somebody's master with an aPad on it and a /clock twelve times as fast as the wall's; gives the environment."""
+    """Somebody's master with an aPad on it and a /clock `SPEED` times as fast as the wall's; gives the environment."""
     master = start_master(tmp_path / "ros", 20)
     environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
     node = start_apad_node(scenario, master.uri, tmp_path / "apad.log")
     clock = subprocess.Popen(
-        [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", "12"], env=environment
+        [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(SPEED)], env=environment
     )
     yield environment
     clock.terminate()
@@ -76,7 +78,7 @@ def start(
 def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str], tmp_path: Path) -> None:
     fleet_run, mission_run = tmp_path / "fleet-run", tmp_path / "mission-run"
     # On a busy machine one process lags behind the other, and a docking takes more than one try.
-    scenario.write_text(scenario.read_text().replace("duration_s: 130", "duration_s: 400"))
+    scenario.write_text(scenario.read_text().replace("duration_s: 130", "duration_s: 240"))
     fleet = start("fleet", scenario, fleet_run, graph)
     mission = start("mission", scenario, mission_run, graph)
     said, mistakes = mission.communicate(timeout=PATIENCE_S)
@@ -102,7 +104,7 @@ def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(
     scenario: Path, graph: dict[str, str], tmp_path: Path
 ) -> None:
     data = yaml.safe_load(scenario.read_text())
-    data["duration_s"] = 300  # the master's time goes on while nobody supervises: 12 s a second
+    data["duration_s"] = 240  # the master's time goes on while nobody supervises
     scenario.write_text(yaml.safe_dump(data))
     out = tmp_path / "run"
     run = start("run", scenario, out, graph, "--apad", "ros")
