@@ -120,6 +120,16 @@ def to_wire(stimulus: Stimulus) -> list[Any]:
     return [code, *(getattr(stimulus, name) for name, _ in _FIELDS[code])]
 
 
+def to_json(stimulus: Stimulus) -> list[int | str]:
+    """Its form in a journal: `to_wire` with bytes in hexadecimal."""
+    return [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
+
+
+def from_json(fields: list[int | str]) -> Stimulus:
+    """The inverse of `to_json`; ValueError for anything else."""
+    return from_wire([bytes.fromhex(field) if isinstance(field, str) else field for field in fields])
+
+
 def from_wire(wire: Any) -> Stimulus:
     """The inverse of `to_wire`; ValueError for anything else."""
     if not isinstance(wire, list) or not wire or type(wire[0]) is not int or not 0 <= wire[0] < len(_KINDS):

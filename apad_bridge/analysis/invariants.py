@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.mussel.outputs import Truth
-from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, from_wire
+from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, from_json
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.line_file import Line, read_lines
@@ -161,8 +161,7 @@ class Invariants:
                 )
 
     def _take_stimulus(self, line: Line) -> None:
-        wire = [bytes.fromhex(it) if isinstance(it, str) else it for it in line["wire"]]
-        match from_wire(wire):
+        match from_json(line["wire"]):
             case ContactClosed():
                 self._contact[line["id"]] = True
             case ContactOpened():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
-from agents.mussel.stimuli import Placed, from_wire, to_wire
+from agents.mussel.stimuli import Placed, from_json, to_wire
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.mission.state import MissionState
@@ -90,7 +90,7 @@ def repeat_placements(
     placed = {line["id"]: line for line in journal.lines if _is_placing(line)}
     for agent_id, line in placed.items():
         if line["agent_ms"] >= granted_ms.get(agent_id, line["agent_ms"] + 1):
-            agent_ms = coordinator.receive(agent_id, from_wire(line["wire"]), now_ms)
+            agent_ms = coordinator.receive(agent_id, from_json(line["wire"]), now_ms)
             at_ms = max(now_ms, journal.last_ms)
             recorder.event(at_ms, EventKind.STIMULUS, id=agent_id, agent_ms=agent_ms, wire=line["wire"])
 

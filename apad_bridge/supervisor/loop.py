@@ -20,7 +20,7 @@ from agents.mussel.stimuli import (
     DockMoved,
     SoundArrived,
     Stimulus,
-    to_wire,
+    to_json,
 )
 from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
@@ -355,5 +355,4 @@ class Flight:
             self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
 
     def _note_stimulus(self, now_ms: int, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
-        wire = [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
-        self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=wire)
+        self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=to_json(stimulus))

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from agents.fleet import FleetConfig
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.physical import Physical
-from agents.mussel.stimuli import WasReset, from_wire
+from agents.mussel.stimuli import WasReset, from_json
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.parts import fleet_config, initial_states
 from apad_bridge.records.event_kinds import EventKind
@@ -96,7 +95,7 @@ def _run_again(
     for line in lines:
         at_ms = line.get("agent_ms", 0)
         if line["kind"] == EventKind.STIMULUS:
-            agent.receive(from_wire([_unpacked(it) for it in line["wire"]]), at_ms)
+            agent.receive(from_json(line["wire"]), at_ms)
         elif line["kind"] == EventKind.DIED:
             agent.receive(WasReset(ResetCause[line["cause"]]), at_ms)
             if line["gave_up"] is not None:
@@ -105,10 +104,6 @@ def _run_again(
     if not recorded or recorded[-1].at_ms <= until_ms:
         agent.advance(until_ms)
     return agent.energy(until_ms, recorded)
-
-
-def _unpacked(part: Any) -> Any:
-    return bytes.fromhex(part) if isinstance(part, str) else part
 
 
 class _Metered(Agent):
