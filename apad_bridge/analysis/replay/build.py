@@ -6,13 +6,14 @@ import json
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from apad_bridge.analysis.replay.series import page_data
-from apad_bridge.records.journal import read_journal
+from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_atomically
+from apad_bridge.scenario.schema import Scenario
 
 _SCRIPTS = ("plots.js", "map.js", "details.js", "page.js", "live.js")
 
@@ -26,18 +27,30 @@ def build_replay(run_dir: Path) -> Path:
     apads = sorted(it.parent for it in run_dir.glob("*/journal.jsonl"))
     if apads and not (run_dir / "journal.jsonl").is_file():
         page = RunDirectory(run_dir).replay
-        write_atomically(page, render([{**_data_of(it), "apad_name": it.name} for it in apads]))
+        write_atomically(
+            page, render([{**read_run(RunDirectory(it)).data, "apad_name": it.name} for it in apads])
+        )
         return page
-    page = RunDirectory.open(run_dir).replay
-    write_atomically(page, render([_data_of(run_dir)]))
-    return page
-
-
-def _data_of(run_dir: Path) -> dict[str, Any]:
     directory = RunDirectory.open(run_dir)
+    write_atomically(directory.replay, render([read_run(directory).data]))
+    return directory.replay
+
+
+class ShownRun(NamedTuple):
+    """A run's records, and the page's data made of them."""
+
+    scenario: Scenario
+    journal: JournalContents
+    summary: dict[str, Any] | None
+    data: dict[str, Any]
+
+
+def read_run(directory: RunDirectory) -> ShownRun:
+    """RunDirectoryError, one line, when the directory holds no run that can be shown."""
     try:
-        scenario = load(directory.scenario)
-        return page_data(scenario, read_journal(directory.journal), _summary(directory))
+        scenario, journal = load(directory.scenario), read_journal(directory.journal)
+        summary = _summary(directory)
+        return ShownRun(scenario, journal, summary, page_data(scenario, journal, summary))
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     except RunDirectoryError:

@@ -1,8 +1,7 @@
-"""What a report says of a run: its figures and series, its energy, its beliefs' scores, its faults and what followed."""
+"""Collects a report's contents from a run: figures and series, energy, beliefs' scores, faults and what followed."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,14 +9,12 @@ from typing import Any, NamedTuple
 from apad_bridge.analysis.belief_scores.comparisons import best_record, comparisons_in
 from apad_bridge.analysis.belief_scores.scores import Scores, scores_of
 from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
+from apad_bridge.analysis.replay.build import read_run
 from apad_bridge.analysis.replay.event_texts import event_text
-from apad_bridge.analysis.replay.series import page_data
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import Line, read_journal
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.records.journal import Line
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.firmware_config import charge_models
-from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from firmware_model.power.charge import ChargeModel
 
@@ -80,19 +77,7 @@ class RunReport:
 
 def contents_of(directory: RunDirectory) -> RunReport:
     """RunDirectoryError, one line, when the directory holds no run that can be shown."""
-    try:
-        scenario = load(directory.scenario)
-        journal = read_journal(directory.journal)
-        summary: dict[str, Any] | None = None
-        if directory.summary.is_file():
-            summary = json.loads(directory.summary.read_text(encoding="utf-8"))
-        data = page_data(scenario, journal, summary)
-    except ScenarioError as error:
-        raise RunDirectoryError(error.lines[0]) from error
-    except RunDirectoryError:
-        raise
-    except (KeyError, TypeError, ValueError) as error:
-        raise RunDirectoryError(f"{directory.journal}: cannot be shown: {error}") from error
+    scenario, journal, summary, data = read_run(directory)
     troubles = list(troubles_in(journal.lines))
     return RunReport(
         directory.path.resolve().name,
