@@ -236,5 +236,5 @@ def _end_by(scenario: Scenario) -> EndBy | None:
         raise ScenarioError(
             [f"mission.end_by: {mission.end_by} is a local time, which this flight has not: say seconds"]
         )
-    home_m = scenario.apad.start_m if scenario.area.home_m is None else scenario.area.home_m
+    home_m = home_stays(scenario).place_m
     return EndBy(mission.end_by, home_m, mission.speed_m_s, docking.timeout_s, docking.timeout_s)

@@ -7,7 +7,6 @@ given-up steps.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
@@ -48,7 +47,8 @@ from apad_bridge.vehicle.primitives import (
 
 STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
-SENT_HOME_AGAIN_MS = 10_000
+HOME_AGAIN_MS = 10_000
+"""A failed way home for good is tried again after so long: the time to be there is near."""
 LEGS_PER_STEP = 3
 """A step is given up when its aMussel floats out of reach after so many go-tos."""
 DOCKINGS_PER_STEP = 3
@@ -89,7 +89,6 @@ class EnergyExchange(OrderBook):
         self._end_by = end_by
         self._returns = False
         """The time to be home is near: what is docked is brought back as it is, and the aPad goes home."""
-        self._sent_home_ms = 0
         self._config = config
         self._beliefs = beliefs
         self._collection = collection
@@ -229,25 +228,14 @@ class EnergyExchange(OrderBook):
             self.set(plan=Solution(()))
             self._next_step(now_ms)
 
-    def _go_home_to_end(self, now_ms: int) -> None:
-        """Orders the way home until the aPad is there, again each so often: a go-to may have failed."""
-        assert self._end_by is not None
-        if math.dist(self._here, self._end_by.home_m) <= 2 * self._config.victory_radius_m:
-            self._orders += self.end(MissionEnd(EndReason.END_BY), now_ms)
-        elif self.state.leg is None and now_ms - self._sent_home_ms >= SENT_HOME_AGAIN_MS:
-            self._sent_home_ms = now_ms
-            self._go_to(*self._end_by.home_m)
-
     def _consider_collecting(self, now_ms: int) -> None:
         if self._to_release:
             # Docked by hand, or before a crash: charge the docked aMussels first.
             self._start_charging(now_ms)
             return
-        if self._returns:
-            self._go_home_to_end(now_ms)
-        elif self._is_called_home(now_ms):
+        if self._is_called_home(now_ms):
             self._go_home(now_ms)
-        else:
+        elif not self._returns:
             self._collect_if_due({}, now_ms)
 
     def _collect_if_due(self, docked: Docked, now_ms: int) -> None:
@@ -333,11 +321,8 @@ class EnergyExchange(OrderBook):
         if not docked:
             self._idle(now_ms)
             return
-        if self._returns:
-            self._release(tuple(docked), beliefs, now_ms)
-            return
-        if self._is_called_home(now_ms):
-            if self._home.releases_first:
+        if self._returns or self._is_called_home(now_ms):
+            if self._returns or self._home.releases_first:
                 self._release(tuple(docked), beliefs, now_ms)
             else:
                 self._go_home(now_ms)
@@ -365,12 +350,11 @@ class EnergyExchange(OrderBook):
         self._next_step(now_ms)
 
     def _is_called_home(self, now_ms: int) -> bool:
-        if self._returns:
-            return False
-        failed_ms, patience_ms = self._home_failed_ms, self._config.silence_timeout_s * 1000
+        failed_ms = self._home_failed_ms
+        patience_ms = HOME_AGAIN_MS if self._returns else self._config.silence_timeout_s * 1000
         if failed_ms is not None and now_ms - failed_ms <= patience_ms:
             return False
-        return self._home.must_go(now_ms, self.apad_battery)
+        return self._returns or self._home.must_go(now_ms, self.apad_battery)
 
     def _go_home(self, now_ms: int) -> None:
         self._go_to(*self._home.place_m)
@@ -378,6 +362,9 @@ class EnergyExchange(OrderBook):
 
     def _stay_at_home(self, now_ms: int) -> None:
         self._home_failed_ms = None
+        if self._returns:
+            self._orders += self.end(MissionEnd(EndReason.END_BY), now_ms)
+            return
         self._hold(now_ms)
         self._enter(Phase.AT_HOME, now_ms)
 
