@@ -117,7 +117,7 @@ def test_five_aPads_on_roslaunchs_master(tmp_path: Path, environment: dict[str, 
     data["fleet"]["count"] = 10
     data["mission"]["batch"] = 1
     (tmp_path / "five.yaml").write_text(yaml.safe_dump(data))
-    arguments = (f"scenario:={tmp_path / 'five.yaml'}", "speed:=20", "agents:=10", "theta:=300")
+    arguments = (f"scenario:={tmp_path / 'five.yaml'}", "speed:=4", "agents:=10", "theta:=300")
     told = roslaunch(environment, "-p", a_port(), "musselbed", "bay-120.launch", *arguments)
     (summary_file,) = [*tmp_path.glob("runs/five-*/summary.json"), None][:1]
     assert summary_file is not None, told
