@@ -4,7 +4,11 @@ Port, guards and the core of a generation fly that generation's simulated vehicl
 `Observer` stands at the vehicle's end of the wire. It judges each order that arrives by arithmetic of its own, and shares
 no code with the guards. A stop is counted apart: a hold where the vehicle was last heard, or controllers off.
 
-A vehicle is safe when it holds a place inside the fence, when its controllers are off, or when a pilot was called.
+The limits of the guards are those of `real-apad.yaml`.
+
+A vehicle is safe when it holds a place inside the fence, when its controllers are off, or when a pilot was called. The time
+to that counts from the fault where the fault takes the position or the command away. Where the vehicle goes astray under a
+good position, it counts from the fence; a vehicle that is safe before it gets there took 0 s.
 """
 
 from __future__ import annotations
@@ -73,9 +77,10 @@ ROOT = Path(__file__).parents[1]
 SIDE_M = 60.0
 FENCE = ((0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M))
 START_M = (30.0, 30.0)
-AGE_MS = 5_000
-FROZEN_MS = 10_000
 TICK_MS = 1_000
+JUMP_M = 10.0
+AWAY_M = 8.0
+"""The first go-to's least length: after 12 s at 0.5 m/s the vehicle is still under way."""
 TRIES = 20
 SEED = 20261122
 
@@ -89,6 +94,13 @@ def truly(pose: Pose, at_ms: int) -> PoseReceived | None:
 
 
 GUARDS = GuardOptions(clearance_m=2.0, battery_reserve=0.1, leg_s=240.0)
+
+
+def real_limits() -> GuardOptions:
+    """The guards of the shipped scenario for a real aPad."""
+    guards = load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml").guards
+    assert guards is not None
+    return guards
 
 
 def scenario(
@@ -106,8 +118,10 @@ def scenario(
 
 @dataclass(slots=True)
 class Observer:
-    """Stands at the vehicle's end of the wire, and keeps what it sees there."""
+    """Stands at the vehicle's end of the wire, and keeps what it sees there. The limits are the guards' own."""
 
+    age_ms: int
+    frozen_limit_ms: int
     heard: PoseReceived | None = None
     """The newest position that left the vehicle and is finite."""
     bad_from_ms: float = math.inf
@@ -135,12 +149,16 @@ class Observer:
             self.frozen_ms = 0
         elif self.goal_m is not None and math.dist(self.goal_m, here_m) > 1.0:
             self.frozen_ms += pose.at_ms - before.at_ms
+        if before is not None and math.dist((before.north_m, before.east_m), here_m) > JUMP_M:
+            self.goal_m = (
+                None  # a goal of the old frame is no place of the new one: whether it moves is not known
+            )
         self.heard = pose
 
     def is_bad(self, now_ms: int) -> bool:
         """No good position has left the vehicle for longer than the limits."""
-        is_old = self.heard is None or now_ms - self.heard.at_ms > AGE_MS
-        return is_old or self.frozen_ms > FROZEN_MS + TICK_MS or now_ms > self.bad_from_ms
+        is_old = self.heard is None or now_ms - self.heard.at_ms > self.age_ms
+        return is_old or self.frozen_ms > self.frozen_limit_ms + TICK_MS or now_ms > self.bad_from_ms
 
     def take_goal(self, goal_m: Place, now_ms: int, *, is_hold: bool) -> None:
         """Judges a go-to or hold. The fence is a convex square, so that a way between two places inside lies inside."""
@@ -179,6 +197,11 @@ def is_inside(place_m: Place, clearance_m: float = 0.0) -> bool:
     return all(clearance_m - 1e-6 <= it <= SIDE_M - clearance_m + 1e-6 for it in place_m)
 
 
+def _observer_of(flown: Scenario) -> Observer:
+    assert flown.guards is not None
+    return Observer(round(1000 * flown.guards.position_age_s), round(1000 * flown.guards.frozen_s))
+
+
 class StackLink(Protocol):
     """A VehicleLink to a simulated vehicle, with an observer on the wire."""
 
@@ -212,7 +235,7 @@ class LinkToA:
     """Generation A: converts the vehicle's output to the messages of its topics and of its action server."""
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationACore]) -> None:
-        self.observer, self.shift = Observer(), truly
+        self.observer, self.shift = _observer_of(flown), truly
         self._apad = SimulatedAPad(flown.apad)
         self._vehicle = GenerationAVehicle(
             self._apad, flown.mission.speed_m_s, flown.mission.victory_radius_m
@@ -299,7 +322,7 @@ class LinkToB:
     """Generation B: answers calls at once, as its services do."""
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationBCore]) -> None:
-        self.observer, self.shift = Observer(), truly
+        self.observer, self.shift = _observer_of(flown), truly
         self._apad = SimulatedAPad(flown.apad)
         self._vehicle = GenerationBVehicle(self._apad)
         self._core = core()
@@ -522,20 +545,25 @@ FAULTS: dict[str, tuple[Inflict, Place]] = {
     "primitive that never ends": (endless_primitive, (0.0, 0.0)),
     "pilot": (pilot, (0.0, 0.0)),
 }
+ASTRAY = ("current across the fence", "primitive that never ends")
+"""The vehicle leaves its way under a good position: it is unsafe from the fence on."""
 _WATCHED_TICKS = 240
 
 
-def try_once(fault: str, generation: Generation, rng: random.Random) -> dict[str, Any]:
+def try_once(fault: str, generation: Generation, guards: GuardOptions, rng: random.Random) -> dict[str, Any]:
     """Flies one try: a go-to, the fault under way, and orders that go on being given as if nothing had happened."""
     inflict, drift_m_s = FAULTS[fault]
-    bench = Bench(generation, drift_m_s)
-    bench.go(*_somewhere(rng))
+    bench = Bench(generation, drift_m_s, guards=guards)
+    bench.go(*_far_from_start(rng))
     bench.run(rng.randint(4, 12))
     begun_ms = bench.now_ms
     inflict(bench, rng)
     safe_ms = None
+    unsafe_ms = None if fault in ASTRAY else begun_ms
     for _ in range(_WATCHED_TICKS):
         bench.run(1)
+        if unsafe_ms is None and not is_inside(_place(bench.link.pose)):
+            unsafe_ms = bench.now_ms
         if safe_ms is None and _is_safe(bench, begun_ms):
             safe_ms = bench.now_ms
         if rng.random() < 0.1:
@@ -553,8 +581,15 @@ def try_once(fault: str, generation: Generation, rng: random.Random) -> dict[str
         "against_pilot": len(observer.against_pilot),
         "stops": observer.stops,
         "orders": observer.orders,
-        "safe_s": None if safe_ms is None else (safe_ms - begun_ms) / 1000,
+        "safe_s": _waited_s(unsafe_ms, safe_ms),
     }
+
+
+def _waited_s(unsafe_ms: int | None, safe_ms: int | None) -> float | None:
+    """None where the vehicle did not come to a safe state."""
+    if safe_ms is None:
+        return None
+    return 0.0 if unsafe_ms is None else max(0, safe_ms - unsafe_ms) / 1000
 
 
 def _is_safe(bench: Bench, since_ms: int) -> bool:
@@ -564,8 +599,11 @@ def _is_safe(bench: Bench, since_ms: int) -> bool:
     return called or bench.observer.pilot_steers or ((reacted or held) and bench.link.is_at_rest)
 
 
-def _somewhere(rng: random.Random) -> Place:
-    return rng.uniform(4, SIDE_M - 4), rng.uniform(4, SIDE_M - 4)
+def _far_from_start(rng: random.Random) -> Place:
+    while True:
+        place_m = rng.uniform(4, SIDE_M - 4), rng.uniform(4, SIDE_M - 4)
+        if math.dist(place_m, START_M) > AWAY_M:
+            return place_m
 
 
 def _place(pose: Pose) -> Place:
@@ -574,7 +612,8 @@ def _place(pose: Pose) -> Place:
 
 def measure(tries: int = TRIES) -> dict[str, Any]:
     """Each fault `tries` times for each generation; counts are sums, and `safe_after_s` is the longest time."""
-    return {"rows": [_measured(fault, generation, tries) for fault, generation in _pairs()]}
+    guards = real_limits()
+    return {"rows": [_measured(fault, generation, guards, tries) for fault, generation in _pairs()]}
 
 
 def _pairs() -> Iterator[tuple[str, Generation]]:
@@ -584,9 +623,9 @@ def _pairs() -> Iterator[tuple[str, Generation]]:
                 yield fault, generation
 
 
-def _measured(fault: str, generation: Generation, tries: int) -> dict[str, Any]:
+def _measured(fault: str, generation: Generation, guards: GuardOptions, tries: int) -> dict[str, Any]:
     rng = random.Random(f"{SEED} {fault} {generation}")
-    results = [try_once(fault, generation, rng) for _ in range(tries)]
+    results = [try_once(fault, generation, guards, rng) for _ in range(tries)]
     times_s = [it["safe_s"] for it in results]
     return {
         "fault": fault,
