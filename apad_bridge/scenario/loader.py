@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,29 @@ def write_resolved(path: Path, scenario: Scenario) -> None:
         if name.is_relative_to(directory):
             block[key] = str(name.relative_to(directory))
     write_atomically(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
+
+
+def write_with_files(path: Path, scenario: Scenario) -> None:
+    """Writes the resolved scenario, and copies of the files that it names.
+
+    The copies lie in a folder beside `path` with its stem as name, so the directory of `path` can be moved elsewhere.
+    OSError for a file that is gone.
+    """
+    data = resolve(scenario)
+    for block, key in _file_entries(data):
+        named = Path(block[key])
+        if key == "start":
+            named = table_of(named)
+        copy = path.parent / path.stem / key / named.name
+        if copy.exists() and copy.samefile(named):
+            continue
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        if named.is_dir():
+            shutil.copytree(named, copy, dirs_exist_ok=True)
+        else:
+            shutil.copyfile(named, copy)
+        block[key] = str(copy.absolute())
+    write_resolved(path, from_data(data, str(path)))
 
 
 def with_overrides(

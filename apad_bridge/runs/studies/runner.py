@@ -1,7 +1,8 @@
 """Flies a study's missions in processes of its own, and keeps each finished block in a journal.
 
-`trials.jsonl` begins with the study's fingerprint; each further line is a block: one configuration with every strategy. A
-study that was ended, by whatever means, goes on from its lines. A torn last line is cut off and flown again.
+`study.yaml` is the study itself, with its scenarios beside it. `trials.jsonl` begins with the study's fingerprint; each
+further line is a block: one configuration with every strategy. A study that was ended, by whatever means, goes on from its
+lines. A torn last line is cut off and flown again.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from agents.hosting.started import environment
 from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.runs.studies.models import StrategyFailed, fly
-from apad_bridge.runs.studies.specification import Plan
+from apad_bridge.runs.studies.specification import Plan, write_study
 
 JOURNAL = "trials.jsonl"
 Row = dict[str, Any]
@@ -48,6 +49,7 @@ def fly_study(
     AnotherStudy, or StudyFailed for a strategy that fails and for a worker that is killed.
     """
     with _opened(directory, plan.fingerprint) as (journal, rows_of):
+        write_study(plan, directory)
         wanted = list(plan.blocks)
         on_flown(len(plan.strategies) * sum(block in rows_of for block in wanted))
         missing = [block for block in wanted if block not in rows_of]
@@ -57,6 +59,18 @@ def fly_study(
             rows_of[block] = rows
             on_flown(len(rows))
     return [row for block in wanted for row in rows_of[block]]
+
+
+def is_flying(directory: Path) -> bool:
+    """True while a process flies the study of this directory."""
+    lock = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(lock)
+    return False
 
 
 @contextmanager

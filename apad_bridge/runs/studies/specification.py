@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import yaml
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import TypeAdapter, ValidationError
 
@@ -22,13 +23,14 @@ from apad_bridge.runs.studies.event_driven import model_gap
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.loader import from_data, load, resolve, write_atomically, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})
 """The interval of the paper's starting charges (section V-A)."""
+STUDY_FILE = "study.yaml"
 _Value = bool | int | float | str | list[Any] | None
 
 
@@ -88,6 +90,8 @@ class Plan:
     scenarios: tuple[tuple[dict[str, Any], ...], ...]
     """By setting, then by strategy."""
     seeds: tuple[int, ...]
+    named: tuple[Scenario, ...]
+    """The scenarios as their files have them."""
 
     @property
     def blocks(self) -> Iterator[tuple[int, int]]:
@@ -157,12 +161,28 @@ def plan_of(data: Any, source: str, directory: Path) -> Plan:
     if len(set(labels)) < len(labels):
         raise ScenarioError([f"{source}: scenarios: two of them have the same name: rename one"])
     seeds = tuple(range(1, study.seeds + 1)) if isinstance(study.seeds, int) else study.seeds
-    return Plan(study, tuple(settings), names, tuple(rows), seeds)
+    return Plan(study, tuple(settings), names, tuple(rows), seeds, tuple(scenarios))
 
 
 def with_seeds(plan: Plan, seeds: int) -> Plan:
     """The same study on the seeds 1 to `seeds`; missions that were flown count for both."""
     return replace(plan, seeds=tuple(range(1, seeds + 1)))
+
+
+def write_study(plan: Plan, directory: Path) -> None:
+    """Writes the study as `study.yaml`, and its scenarios with their files below `scenarios/`: `load_study` reads it again.
+
+    OSError for a scenario's file that is gone.
+    """
+    folder = directory / "scenarios"
+    folder.mkdir(exist_ok=True)
+    files = [f"{folder.name}/{scenario.name}.yaml" for scenario in plan.named]
+    for scenario, file in zip(plan.named, files, strict=True):
+        write_with_files(directory / file, scenario)
+    first_seeds = tuple(range(1, len(plan.seeds) + 1))
+    seeds = len(plan.seeds) if plan.seeds == first_seeds else list(plan.seeds)
+    data = {**_STUDY.dump_python(plan.study, mode="json"), "scenarios": files, "seeds": seeds}
+    write_atomically(directory / STUDY_FILE, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
 
 
 def _strategy_of(given: str | dict[str, Any]) -> Strategy:

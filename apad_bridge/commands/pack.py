@@ -1,0 +1,50 @@
+"""`musselbed pack STUDY|RUN`: an archive to publish beside a paper, with one script that repeats its figures."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "pack",
+        help="pack a study or a run as an archive that repeats its own figures",
+        description="Packs scenarios, seeds, versions of packages, records and results. The archive's script `repeat.sh` "
+        "flies everything again and compares the figures.",
+        epilog=ending(
+            "musselbed pack studies/pool",
+            "musselbed pack runs/pool-12-1 --out pool.tar.gz",
+            note="See docs/studies.md.",
+        ),
+    )
+    parser.add_argument(
+        "directory", type=Path, metavar="STUDY|RUN", help="the directory of a study or of a run"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.tar.gz", help="the archive (default: NAME.tar.gz, here)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the archive's path and size as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    # Imported here: packing needs the parts of studies.
+    from apad_bridge.runs.packing import NotPacked, pack
+
+    try:
+        archive = pack(arguments.directory, arguments.out)
+    except NotPacked as error:
+        raise UserError(str(error)) from error
+    except OSError as error:
+        raise UserError(f"{error.filename or arguments.out}: {error.strerror}") from error
+    if arguments.json:
+        print(json.dumps({"path": str(archive), "bytes": archive.stat().st_size}))
+    else:
+        print(archive)
+    return Exit.DONE

@@ -1,0 +1,191 @@
+"""Packs a study or a run as one archive to publish beside a paper: inputs, versions, results, and a script that repeats it.
+
+The archive has one folder. In it `study/` or `run/` holds the records, and `repeat.sh` flies them again into `again/` and
+compares the figures. No file that the missions need lies outside.
+"""
+
+from __future__ import annotations
+
+import json
+import tarfile
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution, entry_points
+from pathlib import Path
+from shutil import copy2
+
+from packaging.requirements import Requirement
+
+from apad_bridge.planning.registry import GROUP as STRATEGIES
+from apad_bridge.records.run_directory import RunDirectory, versions
+from apad_bridge.runs.children import supervisor_of
+from apad_bridge.runs.studies.runner import JOURNAL, is_flying
+from apad_bridge.runs.studies.specification import STUDY_FILE
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import from_data, load, resolve, write_with_files
+from apad_bridge.scenario.run_options import RunOptions, TimeSource
+from firmware_model.packets.codec import GROUP as CODECS
+
+_PACKAGE = "musselbed"
+_EXTRAS = ("", "netcdf", "studies")
+"""The extras that decide figures; "" stands for none."""
+_NOT_PACKED = ("fleet", "modems", "checkpoint.jsonl", "supervisor.pid", "scenario.yaml")
+"""Names of a run that belong to its processes; its scenario is written anew."""
+
+
+class NotPacked(ValueError):
+    """Nothing was packed; the text is one line with the mend."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Repeat:
+    """How a packed thing is flown again, in words and in the lines of a POSIX shell."""
+
+    promise: str
+    fly: str
+    compare: str
+
+
+def pack(source: Path, out: Path | None = None) -> Path:
+    """Packs the directory of a study or of a run into `out`, by default NAME.tar.gz here; returns its path.
+
+    The archive appears whole or not at all. NotPacked for anything else, for what still flies or has not ended, and for an
+    archive that is there.
+    """
+    name = source.absolute().name
+    archive = Path(f"{name}.tar.gz") if out is None else out
+    if archive.exists():
+        raise NotPacked(f"{archive}: is there already: choose another place with --out")
+    with tempfile.TemporaryDirectory(dir=archive.absolute().parent, prefix=f".{archive.name}.") as scratch:
+        folder = Path(scratch) / name
+        folder.mkdir()
+        if (source / JOURNAL).is_file():
+            repeat = _pack_study(source, folder / "study")
+        elif (source / "scenario.yaml").is_file():
+            repeat = _pack_run(source, folder / "run")
+        else:
+            raise NotPacked(f"{source}: neither a study ({JOURNAL}) nor a run (scenario.yaml)")
+        _describe(folder, repeat)
+        whole = Path(scratch) / archive.name
+        with tarfile.open(whole, "w:gz") as tar:
+            tar.add(folder, name, filter=_without_owner)
+        whole.rename(archive)
+    return archive
+
+
+def _pack_study(source: Path, folder: Path) -> _Repeat:
+    if not (source / STUDY_FILE).is_file():
+        raise NotPacked(f"{source}: has no {STUDY_FILE}: fly the study again with this version")
+    if is_flying(source):
+        raise NotPacked(f"{source}: the study still flies: pack it at its end")
+    _copy(source, folder, ())
+    return _Repeat(
+        "All figures of all missions are compared, digit by digit.",
+        f'"$musselbed" study study/{STUDY_FILE} --out again',
+        # The first line names the version; the others are in the order in which the missions ended.
+        f"tail -n +2 study/{JOURNAL} | sort >study.figures; tail -n +2 again/{JOURNAL} | sort >again.figures\n"
+        "cmp study.figures again.figures",
+    )
+
+
+def _pack_run(source: Path, folder: Path) -> _Repeat:
+    if supervisor_of(source) is not None:
+        raise NotPacked(f"{source}: the run still flies: pack it at its end")
+    if not (source / "summary.json").is_file():
+        raise NotPacked(f"{source}: has no summary.json: the run did not end")
+    try:
+        options, scenario = RunOptions.load(source), load(source / "scenario.yaml")
+    except (ScenarioError, OSError, ValueError) as error:
+        raise NotPacked(str(error)) from error
+    _copy(source, folder, _NOT_PACKED)
+    data = resolve(scenario)
+    if isinstance(data["fleet"]["start"], str):
+        # The starts as flown; the file that the scenario names may have changed since.
+        data["fleet"]["start"] = str(RunDirectory(folder.absolute()).starts)
+    write_with_files(folder / "scenario.yaml", from_data(data, str(source)))
+    flown = "script run/script.py --scenario" if options.script else "run"
+    fly = f'"$musselbed" {flown} run/scenario.yaml --time asap --out again'
+    if options.time is TimeSource.ASAP:
+        return _Repeat(
+            "The summaries are compared, digit by digit.", fly, "cmp run/summary.json again/summary.json"
+        )
+    return _Repeat(
+        "The run was flown by a clock, and a repetition flies in virtual time: its figures stand beside the run's.",
+        fly,
+        '"$musselbed" runs .',
+    )
+
+
+def _copy(source: Path, folder: Path, left_out: tuple[str, ...]) -> None:
+    """Copies the regular files, also of folders; files that are being written have names with a leading dot."""
+    folder.mkdir()
+    for path in sorted(source.iterdir()):
+        if path.name.startswith(".") or path.name in left_out:
+            continue
+        if path.is_dir():
+            _copy(path, folder / path.name, _NOT_PACKED[:-1])
+        elif path.is_file():
+            copy2(path, folder / path.name)
+
+
+def _describe(folder: Path, repeat: _Repeat) -> None:
+    pins, own = pinned(), distribution(_PACKAGE).version
+    (folder / "requirements.txt").write_text("".join(f"{name}=={version}\n" for name, version in pins))
+    (folder / "versions.json").write_text(json.dumps(versions(), indent=2) + "\n")
+    (folder / "README.md").write_text(
+        f"# {folder.name}\n\n"
+        f"Flown with musselbed {own}. To repeat it, install that version, the packages of `requirements.txt` beside it\n"
+        "(`pip install -r requirements.txt`), and call\n\n"
+        "    sh repeat.sh\n\n"
+        f"{repeat.promise} `MUSSELBED` may name the program. `versions.json` has the versions of Python and ROS.\n"
+    )
+    script = folder / "repeat.sh"
+    script.write_text(
+        "#!/bin/sh\n# Flies it again into again/, and compares the figures. MUSSELBED names the program.\n"
+        'set -eu\ncd "$(dirname "$0")"\nmusselbed=${MUSSELBED:-musselbed}\n'
+        f'{repeat.fly}\n{repeat.compare}\necho "repeated: {repeat.promise}"\n'
+    )
+    script.chmod(0o755)
+
+
+def pinned() -> list[tuple[str, str]]:
+    """(name, version) of each package that musselbed, or a package with strategies or codecs of a user, needs here.
+
+    musselbed itself is left out, as are packages that are not installed.
+    """
+    plugins = {
+        entry.dist.name for group in (STRATEGIES, CODECS) for entry in entry_points(group=group) if entry.dist
+    }
+    found: dict[str, tuple[str, str]] = {}
+    done: set[tuple[str, frozenset[str]]] = set()
+    waiting = [
+        Requirement(f"{_PACKAGE}[{','.join(filter(None, _EXTRAS))}]"),
+        *map(Requirement, sorted(plugins)),
+    ]
+    while waiting:
+        wanted = waiting.pop()
+        key = wanted.name.lower().replace("_", "-")
+        if (key, frozenset(wanted.extras)) in done:
+            continue
+        done.add((key, frozenset(wanted.extras)))
+        try:
+            here = distribution(wanted.name)
+        except PackageNotFoundError:
+            continue
+        found[key] = (here.name, here.version)
+        waiting += _needs(here.requires or (), wanted.extras)
+    return [pin for key, pin in sorted(found.items()) if key != _PACKAGE]
+
+
+def _needs(requires: Sequence[str], extras: set[str]) -> Iterator[Requirement]:
+    for requirement in map(Requirement, requires):
+        marker = requirement.marker
+        if marker is None or any(marker.evaluate({"extra": extra}) for extra in ("", *extras)):
+            yield requirement
+
+
+def _without_owner(member: tarfile.TarInfo) -> tarfile.TarInfo:
+    member.uid = member.gid = 0
+    member.uname = member.gname = ""
+    return member

@@ -1,0 +1,106 @@
+"""Archives of studies and runs: what a person unpacks elsewhere repeats its own figures, and notices others."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import tarfile
+from pathlib import Path
+
+import pytest
+from scenario_files import POOL_FILE
+
+from apad_bridge.commands.main import main
+from apad_bridge.runs.packing import pinned
+from apad_bridge.scenario.loader import load, resolve
+
+pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 300.0
+
+
+def pool_beside(directory: Path) -> Path:
+    """A short scenario that names two files, which lie in a directory that the tests remove."""
+    scenario = resolve(load(POOL_FILE))
+    scenario["duration_s"] = 300.0
+    shutil.copy(scenario["fleet"]["start"], directory / "starts.csv")
+    shutil.copy(ROOT / "launch_scripts/interfaces/strings.yaml", directory / "topics.yaml")
+    scenario["fleet"]["start"], scenario["apad"]["interface"] = "starts.csv", "topics.yaml"
+    (directory / "short.yaml").write_text(json.dumps(scenario))
+    return directory / "short.yaml"
+
+
+def unpacked(archive: Path, elsewhere: Path) -> Path:
+    with tarfile.open(archive) as tar:
+        tar.extractall(elsewhere)
+    (folder,) = elsewhere.iterdir()
+    return folder
+
+
+def repeat(folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = {"PATH": "/usr/bin:/bin", "MUSSELBED": str(ROOT / "launch_scripts/musselbed")}
+    return subprocess.run(
+        ["sh", str(folder / "repeat.sh")],
+        cwd="/",
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+def test_a_packed_study_repeats_its_figures_without_the_files_of_its_author(tmp_path: Path) -> None:
+    author = tmp_path / "author"
+    author.mkdir()
+    scenario = pool_beside(author)
+    study = {
+        "name": "short",
+        "scenarios": [scenario.name],
+        "strategies": ["cautious", {"name": "one by one", "collection": "greedy", "batch": 1}],
+        "seeds": 3,
+        "start": "scenario",
+        "parameters": {"mission.pool_threshold": [0.5, 0.8]},
+    }
+    (author / "study.yaml").write_text(json.dumps(study))
+    flown = author / "flown"
+    assert main(["study", str(author / "study.yaml"), "--seeds", "2", "--out", str(flown), "--json"]) == 0
+    archive = tmp_path / "short.tar.gz"
+    assert main(["pack", str(flown), "--out", str(archive)]) == 0
+    shutil.rmtree(author)
+    folder = unpacked(archive, tmp_path / "elsewhere")
+    assert (folder / "study/report.html").is_file() and (folder / "study/results.parquet").is_file()
+    assert dict(pinned())["numpy"] in (folder / "requirements.txt").read_text()
+    done = repeat(folder)
+    assert done.returncode == 0, done.stderr
+    shutil.rmtree(folder / "again")
+    journal = folder / "study/trials.jsonl"
+    journal.write_text(journal.read_text().replace('"metres":', '"metres":1', 1))
+    assert repeat(folder).returncode != 0
+
+
+def test_a_packed_run_repeats_its_summary(tmp_path: Path) -> None:
+    author = tmp_path / "author"
+    author.mkdir()
+    scenario = pool_beside(author)
+    run = author / "run"
+    assert main(["run", str(scenario), "--time", "asap", "--out", str(run), "--json"]) == 0
+    (author / "starts.csv").write_text("changed since\n")
+    archive = tmp_path / "run.tar.gz"
+    assert main(["pack", str(run), "--out", str(archive)]) == 0
+    shutil.rmtree(author)
+    folder = unpacked(archive, tmp_path / "elsewhere")
+    assert (folder / "run/run.bag").is_file() and not (folder / "run/fleet").exists()
+    done = repeat(folder)
+    assert done.returncode == 0, done.stderr
+    assert "repeated" in done.stdout
+
+
+def test_what_is_no_study_and_no_run_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert main(["pack", str(empty), "--out", str(tmp_path / "x.tar.gz")]) == 2
+    assert "neither a study (trials.jsonl) nor a run" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [empty]
