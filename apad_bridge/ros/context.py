@@ -359,7 +359,8 @@ def _shown_truth(truths_at: TruthsAt) -> TruthSource:
 
 
 def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *, in_fine_steps: bool) -> Pace:
-    if options.apad is APadKind.SIM and not isinstance(vehicle, ContactsLink):
-        return OwnMasterClock(options.speed, vehicle, now_ms, in_fine_steps=in_fine_steps)
-    pace = FollowedClock(now_ms) if options.time is TimeSource.ROS else WallClock(1.0)
+    in_step = None if isinstance(vehicle, ContactsLink) else vehicle
+    if options.apad is APadKind.SIM and in_step is not None:
+        return OwnMasterClock(options.speed, in_step, now_ms, in_fine_steps=in_fine_steps)
+    pace = FollowedClock(now_ms, in_step) if options.time is TimeSource.ROS else WallClock(1.0)
     return StampedByMaster(pace, now_ms)

@@ -16,6 +16,7 @@ from __future__ import annotations
 from apad_bridge.ros_names.table import (
     BATTERY_ALERT,
     CLOCK,
+    CLOCK_REACHED,
     DIAGNOSTICS,
     SECTIONS,
     TF,
@@ -27,6 +28,7 @@ __all__ = [
     "AMUSSEL",
     "BATTERY_ALERT",
     "CLOCK",
+    "CLOCK_REACHED",
     "DIAGNOSTICS",
     "TF",
     "TF_STATIC",

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-BATTERY_ALERT, CLOCK, TF, TF_STATIC, DIAGNOSTICS, USE_SIM_TIME = (
+BATTERY_ALERT, CLOCK, CLOCK_REACHED, TF, TF_STATIC, DIAGNOSTICS, USE_SIM_TIME = (
     "/battery_alert",
     "/clock",
+    "/clock_reached",
     "/tf",
     "/tf_static",
     "/diagnostics",
@@ -311,6 +312,12 @@ GLOBAL = Section(
     "Global, whatever the namespace",
     (
         _topic(CLOCK, "rosgraph_msgs/Clock", "one node of a master", "a master has one time"),
+        _topic(
+            CLOCK_REACHED,
+            "rosgraph_msgs/Clock",
+            "simulated aPad, supervisor",
+            "after each time of /clock or tick, latched: all before is handled; the one /clock waits for it",
+        ),
         Row(
             USE_SIM_TIME,
             Kind.PARAMETER,

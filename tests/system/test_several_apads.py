@@ -186,6 +186,36 @@ def test_both_end_with_their_missions(scenario: Path, tmp_path: Path) -> None:
     assert not [entry for entry in Path("/proc").iterdir() if _names(entry, str(run))]
 
 
+def test_an_aPads_node_that_stands_still_for_seconds_costs_no_patience(
+    scenario: Path, tmp_path: Path
+) -> None:
+    """Three seconds are a minute of mission time here. A vehicle's answers are awaited for seconds of it."""
+    last(scenario, LONG_S)
+    run = tmp_path / "run"
+    command = [*MUSSELBED, "run", str(scenario), "--speed", str(SPEED), "--out", str(run), "--json"]
+    flying = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    try:
+        wait_for_plan(run / "apad2" / "journal.jsonl", flying)
+        (node,) = (
+            int(entry.name)
+            for entry in Path("/proc").iterdir()
+            if _names(entry, f"{run}/apad2") and _names(entry, "apad_node")
+        )
+        os.kill(node, signal.SIGSTOP)
+        threading.Event().wait(3.0)  # the fault itself takes this time
+        os.kill(node, signal.SIGCONT)
+        wait_until(lambda: all(released(run, apad) for apad in APADS), flying, "one of them served nobody")
+    finally:
+        stdout, stderr = ended(run, flying)
+    assert flying.returncode == 130, stderr
+    summary = json.loads(stdout)
+    assert summary["causes"] == summary["dropped"] == {} and summary["amussels_lost"] == 0
+    for apad in APADS:
+        kinds = [line["kind"] for line in lines_of(run, apad)]
+        assert "vehicle_silent" not in kinds
+    assert "fell silent" not in stderr + (run / "apad2" / "journal.jsonl").read_text()
+
+
 @pytest.mark.parametrize(
     ("victim", "why"),
     [

@@ -190,12 +190,15 @@ class GenerationALink(LegacyLink[GenerationACore]):
 
         def missing() -> list[str]:
             silent_topics = set(self._core.silent_topics(now_ms))
-            self._excused &= silent_topics | set(self._core.unacknowledged)
+            self._excused &= silent_topics | set(self._unanswered())
             return sorted(silent_topics - self._excused)
 
         still_missing = self._wait_while(missing, timeout_s)
         self._excused |= set(still_missing)
         return still_missing
+
+    def _unanswered(self) -> list[str]:
+        return [*self._core.unacknowledged, *self._core.awaited_mechanisms]
 
 
 def _goal_message(order: GoalOrder) -> Any:

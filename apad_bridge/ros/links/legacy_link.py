@@ -141,15 +141,15 @@ class LegacyLink(ABC, Generic[Core]):
                 f"{rospy.resolve_name(self.name)} speaks other definitions than we do: {'; '.join(lines)}; {self.MEND}"
             )
 
-    # In step with our own clock: the interface `InStep` of `OwnMasterClock`.
+    # In step with a clock that waits: the interface `InStep` of `ros_pace`.
 
     def wait_until_taken(self, timeout_s: float) -> list[str]:
-        """Waits until the vehicle has acknowledged every order that counts. Returns the keys of those that it has not.
+        """Waits until the vehicle has answered every order that counts. Returns the keys of those that it has not.
 
         An order that was waited for in vain is not waited for again.
         """
         missing = self._wait_while(
-            lambda: [key for key in self._core.unacknowledged if key not in self._excused], timeout_s
+            lambda: [key for key in self._unanswered() if key not in self._excused], timeout_s
         )
         self._excused |= set(missing)
         return missing
@@ -158,6 +158,10 @@ class LegacyLink(ABC, Generic[Core]):
         """Waits until `stateRef` confirms that all due by `now_ms` was handled. False after `timeout_s`."""
         self._now_ms = now_ms
         return not self._wait_while(lambda: [] if self._is_done(now_ms) else ["stateRef"], timeout_s)
+
+    def _unanswered(self) -> list[str]:
+        """Keys of the orders whose answer comes without delay, in the vehicle's time."""
+        return list(self._core.unacknowledged)
 
     def _is_done(self, now_ms: int) -> bool:
         return self._core.readings.state_ms >= now_ms

@@ -13,7 +13,7 @@ from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros_names.names import CLOCK, of_apad
+from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED, of_apad
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated_stack import SimulatedStack
@@ -49,11 +49,13 @@ class LegacyServer(ABC, Generic[Vehicle]):
 
     def follow_clock(self) -> None:
         """From now on time is /clock's; otherwise the owner calls `advance_to`."""
-        rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
+        reached = rospy.Publisher(CLOCK_REACHED, Clock, queue_size=QUEUE, latch=True)
+        rospy.Subscriber(CLOCK, Clock, self._take_clock, reached, tcp_nodelay=True)
 
-    def _take_clock(self, message: Any) -> None:
+    def _take_clock(self, message: Any, reached: rospy.Publisher) -> None:
         self.clock_arrived_s = time.monotonic()
         self.advance_to(to_ms(message.clock))
+        reached.publish(message)
 
     def advance_to(self, now_ms: int) -> None:
         """Lets the vehicle's time pass to `now_ms`, publishes the outcome, and last `stateRef` of that time."""

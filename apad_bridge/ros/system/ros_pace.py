@@ -1,7 +1,7 @@
 """Paces mission time on ROS: by our own /clock, or by somebody else's.
 
     OwnMasterClock(speed, link, start_ms=0)       # we publish /clock; only ever on a master that we started
-    FollowedClock(start_ms=0)                     # we follow /clock; mission time `start_ms` is the first one received
+    FollowedClock(start_ms=0, link=None)          # we follow /clock; mission time `start_ms` is that of the first `reach`
     StampedByMaster(pace, start_ms=0)             # any pace on somebody else's master
 
 The node is initialised before (`open_gateway`).
@@ -17,7 +17,7 @@ import rospy
 from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros.system.ros_time import follow_master, to_ms, to_ros
-from apad_bridge.ros_names.names import CLOCK
+from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED
 from apad_bridge.supervisor.clock import (
     POLL_PERIOD_S,
     AsFastAsPossible,
@@ -35,6 +35,8 @@ has added us to its receivers, which happens after we are informed of the connec
 SETTLE_S = 1.0
 """Wall seconds for its other topics. A message that misses this is received at a later tick, without more delay."""
 STANDSTILL_S = 10.0
+TAKEN_S = 3.0
+"""Wall seconds for the vehicle's answers while a /clock waits for us: fewer than `paced_clock.PATIENCE_S`."""
 _STEPS_MS = (100, 200, 500, 1000)
 _STEP_WALL_S = 0.02
 """The shortest wall time between two /clock messages, which are also no finer than the aPad's 10 Hz."""
@@ -116,23 +118,42 @@ class OwnMasterClock:
 
 
 class FollowedClock:
-    """Somebody else's /clock. TimeoutError when it stands still, or goes back, for `standstill_s` wall seconds."""
+    """Somebody else's /clock. TimeoutError when it stands still, or goes back, for `standstill_s` wall seconds.
 
-    def __init__(self, start_ms: int = 0, standstill_s: float = STANDSTILL_S) -> None:
+    Mission time `start_ms` is the newest /clock at the first `reach`, or the first one after it. Each `reach` publishes on
+    /clock_reached the time of its tick, before which everything is handled: our own clock node waits for it. On a clock
+    that waits, the answers of the vehicle `link` to the newest orders come first, as mission time costs patience with it.
+    """
+
+    def __init__(
+        self, start_ms: int = 0, link: InStep | None = None, standstill_s: float = STANDSTILL_S
+    ) -> None:
         self.behind_s = 0.0
+        self._link = link
         self._start_ms = start_ms
         self._standstill_s = standstill_s
+        self._clock_ms: int | None = None
+        """The newest /clock."""
         self._origin_ms: int | None = None
-        self._now_ms = start_ms
+        """The /clock at mission time `start_ms`."""
+        self._tick_ms: int | None = None
+        """The mission time that the flight waits for, or has come to."""
         self._advanced = threading.Condition()
+        self._reached = rospy.Publisher(CLOCK_REACHED, Clock, queue_size=10, latch=True)
         self._subscriber = rospy.Subscriber(CLOCK, Clock, self._take, tcp_nodelay=True)
 
     def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
-        moved_s, last_ms = time.monotonic(), self._now_ms
-        while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
+        if self._link is not None and self._reached.get_num_connections() > 0:
+            self._link.wait_until_taken(TAKEN_S)
+        with self._advanced:
+            self._tick_ms = now_ms
+            self._announce()
+            last_ms = self._now_ms
+        moved_s = time.monotonic()
+        while not self._has_come(now_ms) and not stopped.is_set():
             with self._advanced:
                 # It wakes now and then to check `stopped`, which nothing announces here, and to call `between`.
-                if self._origin_ms is None or self._now_ms < now_ms:
+                if not self._has_come(now_ms):
                     self._advanced.wait(0.1 if between is None else POLL_PERIOD_S)
                 reached_ms, why = self._now_ms, self._why(now_ms)
             if reached_ms > last_ms:
@@ -146,14 +167,32 @@ class FollowedClock:
 
     def close(self) -> None:
         self._subscriber.unregister()
+        self._reached.unregister()
+
+    @property
+    def _now_ms(self) -> int:
+        if self._origin_ms is None or self._clock_ms is None:
+            return self._start_ms
+        return self._start_ms + self._clock_ms - self._origin_ms
+
+    def _has_come(self, now_ms: int) -> bool:
+        return self._origin_ms is not None and self._now_ms >= now_ms
 
     def _take(self, message: Any) -> None:
         with self._advanced:
-            clock_ms = to_ms(message.clock)
-            if self._origin_ms is None:
-                self._origin_ms = clock_ms
-            self._now_ms = self._start_ms + clock_ms - self._origin_ms
+            is_first = self._origin_ms is None
+            self._clock_ms = to_ms(message.clock)
+            if is_first:
+                self._announce()
             self._advanced.notify_all()
+
+    def _announce(self) -> None:
+        """Publishes the time of the tick, from the first /clock and the first `reach` on. Its caller has the lock."""
+        if self._clock_ms is None or self._tick_ms is None:
+            return
+        if self._origin_ms is None:
+            self._origin_ms = self._clock_ms
+        self._reached.publish(Clock(to_ros(self._origin_ms + self._tick_ms - self._start_ms)))
 
     def _why(self, now_ms: int) -> str:
         if self._origin_ms is None:

@@ -28,10 +28,11 @@ def test_no_name_stands_twice() -> None:
     assert len({row.name for row in ROWS}) == len(ROWS)
 
 
-def test_only_what_ros_or_the_legacy_stack_has_at_one_place_is_global() -> None:
+def test_only_what_a_master_has_once_is_global() -> None:
     assert {row.name for row in ROWS if row.name.startswith("/")} == {row.name for row in GLOBAL.rows}
     assert {row.name for row in GLOBAL.rows} == {
         "/clock",
+        "/clock_reached",
         "/use_sim_time",
         "/tf",
         "/tf_static",

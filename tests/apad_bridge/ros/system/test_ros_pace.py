@@ -17,6 +17,10 @@ class Topic:
         self.name, self.take, self.options = name, take, options
         self.published_ms: list[int] = []
         self.is_open = True
+        self.readers = 0
+
+    def get_num_connections(self) -> int:
+        return self.readers
 
     def publish(self, message: Any) -> None:
         self.published_ms.append(ros_pace.to_ms(message.clock))
@@ -112,37 +116,79 @@ def test_when_stopped_the_vehicle_still_comes_to_the_tick(topics: list[Topic]) -
     assert topics[0].published_ms == [0, 1_000]
 
 
-def deliver(topic: Topic, clock_ms: int) -> None:
-    topic.take(ros_pace.Clock(ros_pace.to_ros(clock_ms)))
+def deliver(topics: list[Topic], clock_ms: int) -> None:
+    (clock,) = (it for it in topics if it.take is not None)
+    clock.take(ros_pace.Clock(ros_pace.to_ros(clock_ms)))
 
 
-def test_a_followed_clock_counts_from_the_first_one_seen(topics: list[Topic]) -> None:
+def reached_ms(topics: list[Topic]) -> list[int]:
+    (reached,) = (it for it in topics if it.name == "/clock_reached")
+    return reached.published_ms
+
+
+def test_a_followed_clock_counts_from_the_newest_one_at_the_first_tick(topics: list[Topic]) -> None:
     clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.3)
-    deliver(topics[0], 7_000_000)
+    deliver(topics, 1_000_000)  # the flight's other parts open until the first tick
+    deliver(topics, 7_000_000)
     clock.reach(2_000, threading.Event())
     assert clock.behind_s == 0.0
-    deliver(topics[0], 7_005_000)
+    deliver(topics, 7_005_000)
     clock.reach(3_000, threading.Event())
     assert clock.behind_s == 4.0
     clock.close()
-    assert not topics[0].is_open
+    assert not any(it.is_open for it in topics)
 
 
 def test_a_followed_clock_wakes_who_waits_for_it(topics: list[Topic]) -> None:
     clock = ros_pace.FollowedClock(standstill_s=20.0)
-    deliver(topics[0], 500)
+    deliver(topics, 500)
+    clock.reach(0, threading.Event())
     waiter = threading.Thread(target=clock.reach, args=(1_000, threading.Event()))
     waiter.start()
-    deliver(topics[0], 1_500)
+    deliver(topics, 1_500)
     waiter.join(10)
     assert not waiter.is_alive()
+
+
+def test_who_publishes_the_clock_learns_before_which_time_everything_is_handled(topics: list[Topic]) -> None:
+    clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.1)
+    deliver(topics, 6_000_000)
+    assert reached_ms(topics) == []  # the flight has not begun
+    deliver(topics, 7_000_000)
+    clock.reach(2_000, threading.Event())
+    with pytest.raises(TimeoutError):
+        clock.reach(3_000, threading.Event())
+    deliver(topics, 7_000_400)
+    assert reached_ms(topics) == [7_000_000, 7_001_000]
+
+
+def test_a_flight_that_waits_for_the_first_clock_begins_with_it(topics: list[Topic]) -> None:
+    clock = ros_pace.FollowedClock(standstill_s=20.0)
+    stopped = threading.Event()
+    stopped.set()
+    clock.reach(0, stopped)
+    deliver(topics, 7_000_000)
+    assert reached_ms(topics) == [7_000_000]
+    clock.reach(0, threading.Event())
+    assert clock.behind_s == 0.0
+
+
+def test_a_clock_that_waits_passes_no_tick_before_the_vehicles_answers(topics: list[Topic]) -> None:
+    vehicle = Vehicle()
+    clock = ros_pace.FollowedClock(link=vehicle, standstill_s=20.0)
+    deliver(topics, 7_000_000)
+    clock.reach(0, threading.Event())
+    assert vehicle.calls == []  # nobody waits on somebody else's clock: it would run on
+    topics[0].readers = 1
+    clock.reach(0, threading.Event())
+    assert vehicle.calls == ["taken"]
 
 
 def test_no_clock_and_one_that_stands_still_are_told_apart(topics: list[Topic]) -> None:
     clock = ros_pace.FollowedClock(standstill_s=0.2)
     with pytest.raises(TimeoutError, match="no /clock came"):
         clock.reach(0, threading.Event())
-    deliver(topics[0], 500)
+    deliver(topics, 500)
     with pytest.raises(TimeoutError, match="paused, gone or started anew"):
         clock.reach(1_000, threading.Event())
 
@@ -166,10 +212,11 @@ def test_a_followed_clock_tells_what_has_come_between(topics: list[Topic]) -> No
 
     def between(now_ms: int) -> None:
         times_ms.append(now_ms)
-        topics[0].take(ros_pace.Clock(ros_pace.to_ros(now_ms + 400)))
+        deliver(topics, now_ms + 400)
 
     clock = ros_pace.FollowedClock(standstill_s=20.0)
-    topics[0].take(ros_pace.Clock(ros_pace.to_ros(0)))
-    topics[0].take(ros_pace.Clock(ros_pace.to_ros(100)))
+    deliver(topics, 0)
+    clock.reach(0, threading.Event())
+    deliver(topics, 100)
     clock.reach(1_000, threading.Event(), between)
     assert times_ms == [100, 500, 900]
