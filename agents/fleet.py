@@ -41,7 +41,7 @@ _MOST_DEVIATIONS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How far one board's drain and battery capacity differ from the nominal: standard deviations in 1/10000.
+    """Spread of boards' drains and battery capacities about the nominal: standard deviations in 1/10000.
 
     All boards alike drain by `drain_bias` / 10000 more than the nominal.
 
@@ -67,7 +67,7 @@ class Spread:
 
 
 def deviations_of(seed: int, agent_id: int, of: bytes) -> float:
-    """How many standard deviations an aMussel is off the nominal in the quantity named `of` (16 bytes at most)."""
+    """Deviation of an aMussel from the nominal in the quantity named `of` (16 bytes at most), in standard deviations."""
     return max(-_MOST_DEVIATIONS, min(_MOST_DEVIATIONS, fates(seed, agent_id, 0, 0, of)[2]))
 
 

@@ -145,9 +145,9 @@ class Try:
     folder: Path
     rng: random.Random
     minutes: float = MINUTES
-    """How long a fault lasts that comes again and again."""
+    """Duration of a recurring fault."""
     figures: dict[str, float] = field(default_factory=dict)
-    """What the fault measured besides its consequences."""
+    """Measurements of the fault besides its consequences."""
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     terminals: list[Terminal] = field(default_factory=list)
 
@@ -241,7 +241,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Consequences:
-    """What one try counts, and why."""
+    """Counts of one try, with notes on their reasons."""
 
     left_over: int
     tracebacks: int
@@ -344,7 +344,7 @@ _STARTS: dict[str, tuple[Callable[[Try], Terminal], float]] = {
     "over ROS": (lambda attempt: attempt.run(*_WALL), 6.0),
     "several aPads": (_several_apads, 14.0),
 }
-"""How a run starts, and the time in seconds within which it certainly has."""
+"""Arguments of a run, and the seconds within which it has certainly started."""
 
 
 def _interrupted(attempt: Try, kind: signal.Signals, where: str) -> str | None:
@@ -453,7 +453,7 @@ def _resumed(attempt: Try, first: Terminal, pilot: Terminal, callers: int) -> tu
 
 
 def _contradiction(attempt: Try) -> str | None:
-    """What in the records of a run that was resumed contradicts something else in them."""
+    """Contradictions in the records of a resumed run."""
     journal, scenario = (
         read_journal(attempt.run_dir / "journal.jsonl"),
         load(attempt.run_dir / "scenario.yaml"),

@@ -86,7 +86,7 @@ SEED = 20261122
 
 Place = tuple[float, float]
 Shift = Callable[[Pose, int], PoseReceived | None]
-"""What the vehicle publishes of its pose at a time: the truth, or something else, or nothing."""
+"""The pose that the vehicle publishes at a time: the truth, another one, or none."""
 
 
 def truly(pose: Pose, at_ms: int) -> PoseReceived | None:
@@ -127,9 +127,9 @@ class Observer:
     bad_from_ms: float = math.inf
     """From then on the positions that leave the vehicle are wrong, and the limits to notice that are over."""
     goal_m: Place | None = None
-    """Where the vehicle was told to go or to hold last; None after a stop."""
+    """The last ordered goal or place to hold; None after a stop."""
     frozen_ms: int = 0
-    """How long it was under way while the position stayed the same to the last bit."""
+    """Time under way with a position that stayed the same to the last bit."""
     pilot_steers: bool = False
     orders: int = 0
     stops: int = 0

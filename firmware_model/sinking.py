@@ -1,4 +1,4 @@
-"""How a body answers its buoyancy motors: it rises and sinks at constant rates."""
+"""The body's answer to its buoyancy motors: it rises and sinks at constant rates."""
 
 from __future__ import annotations
 

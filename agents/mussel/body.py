@@ -72,7 +72,7 @@ class BodyConfig:
     gps_deviation_um: int | None = None
     """The standard deviation of a GPS fix along one axis; None for bodies that know their true place."""
     surfacing_failure_ppm: int = 0
-    """How many of a million motor runs to the surface fail: the body sticks in the mud, or does not become buoyant."""
+    """Failures in a million motor runs to the surface: the body sticks in the mud, or does not become buoyant."""
 
 
 @dataclass(frozen=True, slots=True)

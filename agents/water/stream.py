@@ -169,7 +169,7 @@ class CurrentConfig:
     """The text of the file for `parse_stream`; None for no field beside the tides."""
     tides: tuple[Tide, ...] = ()
     profile: tuple[tuple[int, int], ...] = ()
-    """As a `Stream` has it."""
+    """The profile of a `Stream`."""
 
     def stream(self) -> Stream:
         """Raises ValueError for a file that `parse_stream` refuses."""

@@ -58,7 +58,7 @@ class Invariants:
         self._docks: dict[int, int] = {}
         """aMussels by dock index."""
         self._contact: dict[int, bool] = {}
-        """Whether the newest contact of each aMussel closed around it."""
+        """True for an aMussel whose newest contact closed around it."""
         self._placed: set[int] = set()
         """aMussels that were put somewhere since their last truth."""
         self._apad_m: tuple[int, float, float] | None = None
@@ -253,7 +253,7 @@ def check_run(directory: RunDirectory) -> list[Broken]:
 
 
 def kept_samples(path: Path) -> dict[int, Counter[int]]:
-    """How many lines of samples.jsonl each sequence number has, by aMussel; nothing where there is no such file."""
+    """Number of lines of samples.jsonl for each sequence number, by aMussel; empty without such a file."""
     kept: dict[int, Counter[int]] = {}
     if path.exists():
         for line in read_lines(path):

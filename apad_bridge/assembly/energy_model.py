@@ -1,4 +1,4 @@
-"""What the planner may assume, from a scenario's numbers."""
+"""The planner's energy model, from a scenario's numbers."""
 
 from __future__ import annotations
 

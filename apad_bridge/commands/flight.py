@@ -45,7 +45,7 @@ class Script:
 
 @dataclass(frozen=True, slots=True)
 class Live:
-    """What follows the run beside it, in processes of their own."""
+    """The processes that follow the run beside it."""
 
     console: bool = False
     """A page for a browser."""

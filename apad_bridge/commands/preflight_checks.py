@@ -29,12 +29,12 @@ from apad_bridge.scenario.starts import Start
 PROVEN_FOR = timedelta(hours=24)
 """A proof of a former preflight counts for so long."""
 PROOFS = {"stop": "--prove-stop", "docks opened": "--prove-docks"}
-"""What a preflight proves by orders if it is asked to, and the option."""
+"""Proofs that a preflight makes by orders, and the option that asks for each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a preflight found, as it stands in a file."""
+    """A preflight's findings, as a file holds them."""
 
     scenario: str
     master: str
@@ -107,7 +107,7 @@ def report_path(scenario: Scenario) -> Path:
 
 
 def proofs(scenario: Scenario, master_uri: str, apads: Sequence[str]) -> list[Finding]:
-    """What the scenario's last preflight on this master proved by orders; a line for what it did not."""
+    """Proofs of the scenario's last preflight on this master; a line for each missing one."""
     report = Report.load(report_path(scenario))
     if report is not None and (report.master != master_uri or _age(report.at) > PROVEN_FOR):
         report = None

@@ -46,7 +46,7 @@ _REFUSED = PlainTextResponse(
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How a console and its run end."""
+    """The ways in which a console and its run end."""
 
     run_ended: Callable[[str], None]
     """Takes why the mission ended, once, after the pages have the run's summary."""

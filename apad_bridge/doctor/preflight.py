@@ -84,7 +84,7 @@ def check_delay(round_trips_s: Sequence[float], uri: str) -> Finding:
 
 
 def check_loss(apad: str, samples: Sequence[PositionSample], seconds: float) -> Finding:
-    """What of the position's messages is missing, and their longest pause."""
+    """Checks the position's messages for losses and long pauses."""
     check = f"{apad} loss"
     if len(samples) < 2:
         return fail(check, f"{len(samples)} positions in {seconds:g} s", "see the line of the position")

@@ -56,7 +56,7 @@ _WARNINGS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Where a gateway listens, and to whom it speaks."""
+    """Addresses of a gateway and of its consoles."""
 
     listen: Address
     consoles: tuple[Console, ...]

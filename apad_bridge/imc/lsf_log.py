@@ -33,7 +33,7 @@ class LsfLog:
 
     @property
     def name(self) -> str:
-        """As a review shows it."""
+        """The log's name, as a review shows it."""
         return f"{self.folder.parent.name}/{self.folder.name}"
 
     def append(self, packet: bytes) -> None:

@@ -1,4 +1,4 @@
-"""What a run says in IMC: its systems, where they are, how they do. Pure: views and the wall clock in, messages out.
+"""A run's IMC messages: systems, places and states. Pure functions of views and the wall clock.
 
 Field by field as the protocol's definition says (IMC 5.4): latitude and longitude in radians, a FuelLevel in percent,
 oxygen in umol/l, pressure in hPa. Time stamps are Unix time by the wall clock, whatever theta is.
@@ -22,13 +22,13 @@ from firmware_model.power.charge import EMPTY_MV, FULL_MV
 MOST_ANNOUNCED = 50
 """A fleet of more aMussels is not announced system by system: the aPad then reports where they are."""
 UMOL_L_PER_MG_L = 31.25
-"""Of oxygen, O2: 1000 / 32.0 g/mol."""
+"""Oxygen, O2: 1000 / 32.0 g/mol."""
 MISSION_PLAN = "mission"
 """The name under which the run's own mission is a plan. To start it gives the aPad back to the mission."""
 ENTITIES = "System=0"
 _LONGEST_TEXT = 1000
 _NOT_KNOWN = -1.0
-"""Of a depth, an altitude or a progress that nobody knows (IMC)."""
+"""IMC's value for an unknown depth, altitude or progress."""
 _NO_ESTIMATE = 0xFFFF
 _SENSOR_CLASS = "aMussel"
 
@@ -96,7 +96,7 @@ def estimated_state(frame: LocalFrame, north_m: float, east_m: float) -> Message
 
 
 def of_apad(apad: APadView, frame: LocalFrame) -> Iterator[Message]:
-    """Where the aPad is, and its battery."""
+    """The aPad's place and battery."""
     state = estimated_state(frame, apad.north_m, apad.east_m)
     state.psi = math.remainder(apad.heading_rad, math.tau)
     state.vx, state.vy = apad.velocity_m_s
@@ -111,7 +111,7 @@ def of_apad(apad: APadView, frame: LocalFrame) -> Iterator[Message]:
 
 
 def of_amussel(amussel: AMusselView, frame: LocalFrame) -> Iterator[Message]:
-    """Where an aMussel is believed to be, how full, and in which state."""
+    """The believed place, charge and state of an aMussel."""
     state = estimated_state(frame, amussel.north_m, amussel.east_m)
     if amussel.is_up:
         state.depth = 0.0
@@ -186,7 +186,7 @@ _READINGS = (
 
 
 def plan_control_state(picture: Picture, plan_id: str, *, takes_orders: bool) -> Message:
-    """What the aPad executes: the mission, or a person's manoeuvre, whose plan is `plan_id`."""
+    """The plan that the aPad executes: the mission, or a person's manoeuvre with the plan `plan_id`."""
     states, outcomes = (
         imc.PlanControlState.StateEnum,
         imc.PlanControlState.LastPlanOutcomeEnum,
@@ -211,7 +211,7 @@ def plan_control_state(picture: Picture, plan_id: str, *, takes_orders: bool) ->
 
 
 def vehicle_state(picture: Picture, *, takes_orders: bool) -> Message:
-    """Whether the aPad is ready for a plan, or executes one."""
+    """The aPad's state: ready for a plan, or executing one."""
     modes = imc.VehicleState.OperationModeEnum
     message = imc.VehicleState()
     message.op_mode, message.maneuver_type = modes.SERVICE, _manoeuvre_type(picture)

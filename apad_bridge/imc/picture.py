@@ -1,4 +1,4 @@
-"""What a console is to show of a run, read from its journal and from the samples that aMussels uploaded.
+"""A run as a console shows it, read from its journal and from the samples that aMussels uploaded.
 
 Beliefs, not truths: a console on the water knows what the supervisor knows.
 """
@@ -45,7 +45,7 @@ class AMusselView:
     state: State
     is_docked: bool
     fraction: float
-    """Of the primary battery."""
+    """Charge of the primary battery."""
     spread: float | None
     """The width of the belief's interval of 95 %; None where an estimator gives none."""
 
@@ -88,7 +88,7 @@ class Picture:
         """The newest two lines of the aPad."""
         self.manoeuvre: Manoeuvre | None = None
         self.last_failed: bool | None = None
-        """How the last go-to of a person ended; None while there was none."""
+        """Result of a person's last go-to; None while there was none."""
         self._told_events = 0
         self._take(begun.lines)
         self._history.advance(self._history.end_ms)

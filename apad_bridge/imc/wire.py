@@ -93,7 +93,7 @@ class Wire:
 
     @property
     def services(self) -> str:
-        """What an announcement says of the way to the gateway."""
+        """The address of the gateway, as an announcement states it."""
         host, port = self.address
         return f"imc+udp://{host}:{port}/"
 
@@ -117,7 +117,7 @@ class Wire:
         return data
 
     def receive(self, timeout_s: float) -> Iterator[Received]:
-        """What has come, after at most `timeout_s` of waiting."""
+        """Messages that have arrived, after at most `timeout_s` of waiting."""
         for key, _ in self._selector.select(timeout_s):
             link, by_multicast = key.fileobj, key.data
             assert isinstance(link, socket.socket)

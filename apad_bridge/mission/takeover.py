@@ -109,7 +109,7 @@ class Takeover:
         return ""
 
     def go_to_target(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> GoToPoint:
-        """As `ManualMission.go_to_target`, also while the plan flies."""
+        """Acts as `ManualMission.go_to_target`, also while the plan flies."""
         return (self.by_hand or self._by_hand(self.state)).go_to_target(north_m, east_m, speed_m_s)
 
     def go_to(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> None:

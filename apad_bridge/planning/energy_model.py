@@ -1,4 +1,4 @@
-"""What a planner assumes of boards, docks and the aPad when it looks ahead: nominal values, never those of one aMussel.
+"""A planner's assumptions of boards, docks and the aPad when it looks ahead: nominal values, never one aMussel's.
 
 Charges are scaled voltages in [0, 1] and times are mission seconds, so theta is in the rates. Sources: the paper's
 equations (1) and (2) for a battery, and the scenario for all else.

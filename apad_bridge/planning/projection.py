@@ -16,7 +16,7 @@ from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
 
 _LEG_S = 2.5
-"""What a leg takes beside its way at full speed: to accelerate, to brake, and to be sure of the arrival."""
+"""Time of a leg beyond its way at full speed: to accelerate, to brake, and to be sure of the arrival."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,7 +76,7 @@ class RunDirectory:
 
     @property
     def preflight(self) -> Path:
-        """What was found before a real aPad moved."""
+        """The findings before a real aPad moved."""
         return self.path / "preflight.json"
 
     @property

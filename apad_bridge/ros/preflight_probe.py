@@ -101,7 +101,7 @@ def check_vehicle(
 
 
 def energy_need(scenario: Scenario, place_m: tuple[float, float] | None) -> EnergyNeed:
-    """What the mission's time can take of the battery, by the scenario's model of the aPad."""
+    """Share of the battery that the mission's time can take, by the scenario's model of the aPad."""
     apad, speed_m_s = scenario.apad, scenario.mission.speed_m_s
     per_m = battery_fraction_per_m(apad, speed_m_s)
     home_m = apad.start_m if scenario.area.home_m is None else scenario.area.home_m
@@ -121,7 +121,7 @@ def _round_trip_s(uri: str) -> float:
 
 
 def _positions(graph: Graph, topic: str) -> list[PositionSample]:
-    """What arrives within `WATCHED_S`, by the publisher's own definition. A message that cannot be read is no position."""
+    """Messages of `WATCHED_S`, read by the publisher's own definition. An unreadable message is no position."""
     try:
         spoken, messages = messages_within(graph, topic, WATCHED_S)
         kind = AnyMessages().class_of(spoken.kind, spoken.md5, spoken.text)

@@ -183,7 +183,7 @@ class FlightProgress:
 
 
 def _forecast_text(forecast: Forecast | None) -> str:
-    """What is foretold, as far as anything is."""
+    """The forecast's known parts as text; empty without any."""
     if forecast is None:
         return ""
     times = (("next pick-up", forecast.next_pickup_s), ("batch full", forecast.batch_full_s))

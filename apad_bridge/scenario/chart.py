@@ -18,7 +18,7 @@ from apad_bridge.scenario.polygon import Point
 from apad_bridge.scenario.text_file import read_text
 
 _NESTING = {"LineString": 0, "MultiLineString": 1, "Polygon": 1, "MultiPolygon": 2}
-"""How deep the lists of positions lie in a geometry's coordinates."""
+"""Depth of the lists of positions in a geometry's coordinates."""
 
 
 class ChartLine(NamedTuple):

@@ -19,7 +19,7 @@ class Fault(StrEnum):
     SERVER_DIES = "server_dies"
     """The action server takes a go-to and dies; the vehicle moves on, and another node has position and docks."""
     COUNTS_DOCKS = "counts_docks"
-    """As published: position_static comes for as many docks as are closed, counted from the first, and so not for all."""
+    """The published defect: position_static comes for as many docks as are closed, counted from the first, not for all."""
 
     # Both generations.
     STUCK = "stuck"

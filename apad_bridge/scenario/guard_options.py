@@ -38,7 +38,7 @@ class GuardOptions:
     drift_m_s: NotNegative = 0.2
     """The fastest drift of an aPad whose controllers are off, for the room that a visual docking needs."""
     search_m: NotNegative = 2.0
-    """How far a visual docking may move in its search."""
+    """Greatest distance that a visual docking may move in its search."""
     battery_reserve: Fraction | None = None
     """The charge that must be left at the end of the way home."""
     amussel_depth_m: Positive | None = None

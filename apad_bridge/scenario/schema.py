@@ -115,14 +115,14 @@ SpreadDeviation = Annotated[float, Ge(0), Le(0.3)]
 
 @frozen
 class Spread:
-    """How far the fleet's aMussels differ from their board's numbers: one standard deviation, relative. The draws follow
-    from the scenario's seed; no estimator is told them."""
+    """Spread of the fleet's aMussels about their board's numbers: one standard deviation, relative. The draws follow
+    from the scenario's seed; no estimator knows them."""
 
     drain: SpreadDeviation = 0.0
     capacity: SpreadDeviation = 0.0
-    """Of both batteries of an aMussel alike: they drain and charge faster the less they hold."""
+    """Applies to both batteries of an aMussel alike: smaller ones drain and charge faster."""
     secondary_start: SpreadDeviation = 0.0
-    """How far below full a secondary battery starts, where the start does not state its charge."""
+    """Distance below full at which a secondary battery starts, where the start does not state its charge."""
     drain_bias: Annotated[float, Ge(-0.5), Le(0.5)] = 0.0
     """All boards drain by so much more than their numbers say, relative: the planner and the estimators are wrong by it."""
 

@@ -41,12 +41,12 @@ class AMusselRequest:
     """The person's name."""
     agent: int
     fault: Fault | None = None
-    """Of an order to cause one."""
+    """The fault to cause; None in every other order."""
 
 
 @dataclass(frozen=True, slots=True)
 class AMusselOrders:
-    """What a person may order about the aMussels of one run."""
+    """Orders of a person about the aMussels of one run."""
 
     ids: Container[int] = ()
     roster: Roster | NoRoster = field(default_factory=NoRoster)

@@ -185,7 +185,7 @@ class Supervisor:
         ]
 
     def forecast(self, forecaster: Forecaster, now_ms: int) -> Forecast:
-        """What is foretold of this flight, as of the tick `now_ms`."""
+        """The forecast of this flight at the tick `now_ms`."""
         pose, elsewhere = self.pose, self.allocation.served_elsewhere
         return forecaster.look(
             now_ms,

@@ -39,7 +39,7 @@ class Forecast:
     """Until the batch that is aboard, or that is collected next, is full."""
     mission_end_s: float | None = None
     apad_fraction_at_end: float | None = None
-    """What is left of the aPad's battery then, 0 to 1."""
+    """Charge of the aPad's battery then, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class _Reading:
 
 
 class _Rates:
-    """How fast each aMussel's believed charge changes of late, per second; docked ones and others apart."""
+    """Recent rates of the aMussels' believed charges, per second; docked ones and others apart."""
 
     def __init__(self) -> None:
         self._readings: dict[tuple[int, bool], deque[_Reading]] = {}

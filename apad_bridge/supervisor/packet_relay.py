@@ -35,7 +35,7 @@ class Source(Enum):
 
 
 class Standing(Enum):
-    """Where an aMussel lives and who serves it, as one process sees it."""
+    """Home and server of an aMussel, as one process sees them."""
 
     OURS = auto()
     """Simulated and served here."""
@@ -110,7 +110,7 @@ def outcomes(source: Source, standing: Standing, medium: Medium | None) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class Division:
-    """How aMussels and supervisors are divided between this process and others."""
+    """Division of aMussels and supervisors between this process and others."""
 
     standing: Callable[[int], Standing]
     """The present standing of an aMussel, or of EVERYONE."""

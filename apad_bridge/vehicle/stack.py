@@ -11,7 +11,7 @@ from apad_bridge.vehicle.capabilities import Capabilities
 
 @dataclass(frozen=True, slots=True)
 class Stack:
-    """How the graph shows a stack, what it can do, and which definitions it uses.
+    """One generation of the aPad's software: its names on the graph, its abilities and its definitions.
 
     `package` is the name of its folder below `vehicle/` and of its modules in `ros/links/` and `ros/simulated_node/`.
     Names of topics, services and actions are below the aPad's namespace.

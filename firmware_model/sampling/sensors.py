@@ -30,7 +30,7 @@ class Sensor:
 
     name: str
     unit: str
-    """As in a key: `mg_l`."""
+    """The unit as in a key: `mg_l`."""
     coefficients: tuple[float, ...]
     low: float
     high: float

@@ -57,7 +57,7 @@ class ClockOffset:
 
     @property
     def steps_s(self) -> list[float]:
-        """How far the clocks stepped, in order."""
+        """Sizes of the clocks' steps, in order."""
         return [
             after.offset_at(after.from_s) - before.offset_at(after.from_s)
             for before, after in pairwise(self.stretches)
@@ -82,7 +82,7 @@ def clock_offset(places: Sequence[int], times_s: Sequence[float], offsets_s: Seq
 
 
 def _steps(offsets: Floats) -> list[int]:
-    """Where the median of the next messages differs from that of the last ones: the first message after each step."""
+    """The first message after each step: the median of the next messages differs from that of the last ones."""
     count = len(offsets)
     if count < 2 * _SIDE:
         return []

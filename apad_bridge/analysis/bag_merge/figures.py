@@ -29,10 +29,10 @@ _SAMPLES = {"truth": TRUTH, "beliefs": BELIEFS}
 
 @dataclass(frozen=True, slots=True)
 class RunFigures:
-    """As in summary.json, where a figure has the same name; None for what the bag does not tell."""
+    """Figures with the names and meanings of summary.json; None for those that the bag does not hold."""
 
     samples: str | None
-    """What the uptimes are counted from: `truth` or `beliefs`."""
+    """Source of the uptimes: `truth` or `beliefs`."""
     ticks: int
     """Mission times of which the bag has a sample."""
     ticks_missing: int
@@ -130,7 +130,7 @@ def figures_of(path: Path) -> RunFigures | None:
 
 
 def _missing(times_ms: set[int]) -> int:
-    """How many samples are missing, where they come at the period that is the most frequent."""
+    """Number of missing samples, by the most frequent period between samples."""
     ordered = sorted(times_ms)
     spans = Counter(after - before for before, after in pairwise(ordered))
     if not spans:

@@ -45,7 +45,7 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class Merge:
-    """What came of a merge. The figures are None for a bag without a run of musselbed in it."""
+    """Result of a merge. The figures are None for a bag without a run of musselbed in it."""
 
     matching: Matching
     topics: tuple[TopicCounts, ...]

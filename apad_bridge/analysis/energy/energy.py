@@ -37,7 +37,7 @@ BOARD = "board"
 
 @dataclass(frozen=True, slots=True)
 class AgentEnergy:
-    """What one aMussel drew, in fractions of a new battery; docked, a part of it came from the charger."""
+    """Energy that one aMussel drew, in fractions of a new battery; docked, a part of it came from the charger."""
 
     agent_id: int
     by_module: dict[str, float]

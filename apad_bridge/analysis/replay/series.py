@@ -147,7 +147,7 @@ class RunView:
 
     @property
     def counts(self) -> Counts:
-        """As of the newest sample."""
+        """Lengths of the history's lists at the newest sample."""
         history = self._history
         return len(history.trace), len(history.events), len(history.plans), len(history.packets)
 

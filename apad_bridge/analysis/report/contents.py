@@ -60,19 +60,19 @@ class Trouble(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class RunReport:
     name: str
-    """Of the run's directory."""
+    """The name of the run's directory."""
     data: dict[str, Any]
     """The series of the replay page."""
     summary: dict[str, Any] | None
     """None for a run that has not ended."""
     charge_model: ChargeModel
-    """Of a nominal board."""
+    """The charge model of a nominal board."""
     energy: list[AgentEnergy]
     scores: Scores | None
     """None where no aMussel has both a belief and a truth."""
     troubles: list[Trouble]
     more_troubles: int
-    """How many there were beyond those."""
+    """Number of troubles beyond those in the list."""
 
 
 def contents_of(directory: RunDirectory) -> RunReport:

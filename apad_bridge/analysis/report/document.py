@@ -18,7 +18,7 @@ from apad_bridge.scenario.loader import write_atomically
 
 PAGE, PDF = "report.html", "report.pdf"
 _ROWS_A_PAGE = 34
-"""Of a table in the PDF."""
+"""Rows of a table on one page of the PDF."""
 _COLUMNS = (
     *("run", "strategies", "theta", "seed", "aMussels"),
     *("avg %", "max %", "min %", "cost m", "driven m", "active"),

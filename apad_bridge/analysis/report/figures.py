@@ -116,7 +116,7 @@ def _courses(report: RunReport, flow: Flow) -> Iterator[list[tuple[int, float]]]
 
 
 def energy(report: RunReport) -> Any:
-    """What each aMussel drew, in percent of a battery: by module, and by state."""
+    """Energy that each aMussel drew, in percent of a battery: by module, and by state."""
     figure = _figure(10, 4)
     columns: dict[str, Callable[[AgentEnergy], Mapping[str, float]]] = {
         "by module": lambda it: it.by_module,

@@ -184,7 +184,7 @@ class LegacyLink(ABC, Generic[Core]):
 class OpenedAPad:
     link: LegacyLink[Any]
     watch: Callable[[int], None] | None = None
-    """To be called after each tick with the mission time: shows the virtual camera the floating aMussels."""
+    """Shows the virtual camera the floating aMussels. Call it after each tick, with the mission time."""
 
 
 class OpenLink(Protocol):

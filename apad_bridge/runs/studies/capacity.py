@@ -64,7 +64,7 @@ class Bounds:
     """The same if each charge goes from empty to full."""
     uptime_for_ever_percent: float
     cycles_per_apad_charge: float | None
-    """How often one charge of the aPad's battery fills each battery of the fleet from empty; None if it costs nothing."""
+    """Number of times that one charge of the aPad fills each battery of the fleet from empty; None if it costs nothing."""
 
     @property
     def text(self) -> str:

@@ -63,7 +63,7 @@ class CruisingAPad:
 
     @property
     def ledger(self) -> Ledger:
-        """Where the energy drawn since the start went."""
+        """Energy drawn since the start, by its use."""
         return self._battery.ledger
 
     def advance_until(self, limit_ms: int, least_fraction: float) -> int:
@@ -128,7 +128,7 @@ class CruisingAPad:
         self._set_load()
 
     def _carried(self, dock_index: int, agent_id: int, now_ms: int) -> Carried:
-        """Where the dock holds the aMussel; only its release needs a newer place than its docking's."""
+        """Place of the aMussel in the dock; only its release needs a newer place than its docking's."""
         pose = self._motion.pose
         place_m = self._places.place_m(dock_index, pose.north_m, pose.east_m, pose.heading_rad)
         return Carried(now_ms, agent_id, *place_m)

@@ -47,7 +47,7 @@ class ServerWatch:
         return has_new
 
     def silent_for_ms(self, readings: Readings, since_ms: int = -1) -> int:
-        """How long the server has been silent, from `since_ms` on, while the aPad's positions came."""
+        """Time of the server's silence, from `since_ms` on, while the aPad's positions came."""
         return readings.position_ms - max(self.status_ms, readings.heard_since_ms, since_ms)
 
     def lives(self, readings: Readings) -> bool:

@@ -44,7 +44,7 @@ class PositionWatch:
         """The poses of the last `VELOCITY_MS`, the newest last."""
         self._jumped_ms: int | None = None
         self._frozen_ms = 0
-        """How long the vehicle has been under way while its position stayed the same to the last bit."""
+        """Time under way with a position that stayed the same to the last bit."""
         self._goal_m: Point | None = None
 
     @property

@@ -229,7 +229,7 @@ class SimulatedAPad:
 
     @property
     def ledger(self) -> Ledger:
-        """Where the energy went since the start, as of the last instant or command."""
+        """Energy by its use since the start, at the last instant or command."""
         return self._battery.ledger
 
     @property

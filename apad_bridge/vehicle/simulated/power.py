@@ -15,12 +15,12 @@ def microwatts(power_w: float) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Ledger:
-    """Where the energy drawn since the start went, in Wh."""
+    """Energy drawn since the start by its use, in Wh."""
 
     travel_wh: float
     """Thrusters."""
     hotel_wh: float
-    """What is on all the time."""
+    """Constant load of computers and sensors."""
     handed_wh: float
     """Docks that hold an aMussel: what the aPad spends for them, of which their batteries take in a part."""
 
