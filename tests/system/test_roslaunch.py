@@ -6,6 +6,7 @@ import json
 import os
 import random
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -21,6 +22,8 @@ from apad_bridge.scenario.loader import load
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch_scripts"
+PATIENCE_S = 300.0
+"""A busy machine needs minutes to start a launch file's dozen of processes."""
 SHIPPED = ["pool-12", "bay-24", "no-charging", "demo", "bay-120"]
 
 FLEET_ONLY = {"/musselbed"}
@@ -51,17 +54,22 @@ def a_port() -> str:
 
 def roslaunch(environment: dict[str, str], *arguments: str) -> str:
     """Returns the text of both outputs."""
-    done = subprocess.run(
+    with subprocess.Popen(
         ["roslaunch", *arguments],
         env=environment,
         cwd=environment["PWD"],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stdout
-    return done.stdout
+    ) as launched:
+        try:
+            said, _ = launched.communicate(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            launched.send_signal(signal.SIGINT)  # it ends its nodes, which a kill would leave over
+            said, _ = launched.communicate(timeout=PATIENCE_S)
+            raise AssertionError(f"it still ran after {PATIENCE_S:g} s: {said}") from None
+    assert launched.returncode == 0, said
+    return said
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -146,7 +154,7 @@ def test_a_second_clock_is_refused(tmp_path: Path) -> None:
             assert theirs.stdout is not None and theirs.stdout.readline() == "ready\n"
             command = [sys.executable, "-m", "apad_bridge.ros.system.clock_node"]
             second = subprocess.run(
-                command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=120
+                command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
             )
             theirs.communicate(timeout=60)
     finally:
@@ -189,5 +197,5 @@ def test_remaps_and_private_parameters_of_a_launch_file_become_options(
 def test_a_namespace_by_hand(tmp_path: Path, environment: dict[str, str]) -> None:
     (tmp_path / "told.py").write_text(TOLD)
     command = [str(LAUNCH / "ros_node"), str(tmp_path), "told", "run", "__ns:=lab/basin", "a:=b"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.stdout == "told ['run', '--remap', 'a:=b']\nin lab/basin\n", done.stderr
