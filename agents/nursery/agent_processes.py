@@ -1,4 +1,4 @@
-"""Forks the nursery's agents, keeps their links, reaps them, and refuses to restart one that dies too often."""
+"""Forks the nursery's agents, keeps their links, reaps them, and refuses to restart one that dies again and again at once."""
 
 from __future__ import annotations
 
@@ -88,7 +88,9 @@ class AgentProcesses:
         self._configs = file.fleet.maker()
         self._flash_pages = file.fleet.flash_pages
         self._index = {agent_id: index for index, agent_id in enumerate(sorted(file.initial_states))}
-        self._restarted_at_s: dict[int, list[float]] = {}
+        self._restarts_in_a_row: dict[int, int] = {}
+        self._settles_ms: dict[int, int] = {}
+        """The agent time at which an agent's newest life has settled."""
         self.children: dict[int, Child] = {}
         self._id_of_pid: dict[int, int] = {}
         # First records are written in order: a file without the last one has never been used.
@@ -174,8 +176,11 @@ class AgentProcesses:
         if boot.at_ms < record.granted_ms:
             reason = f"it has lived to {record.granted_ms} ms and cannot boot at {boot.at_ms} ms"
             raise NotStarted(f"aMussel {agent_id}: {reason}")
+        config = self._configs.config(agent_id)
         if boot.cause is not ResetCause.POWER_ON:
-            self._count_restart(agent_id)
+            self._count_restart(agent_id, record.granted_ms)
+        settles_after_ms = config.board.boot_ms + round(1000 * self._restart_policy.settled_s)
+        self._settles_ms[agent_id] = boot.at_ms + settles_after_ms
         try:
             supervisor_end, agent_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         except OSError as error:
@@ -185,7 +190,6 @@ class AgentProcesses:
         # Made before the fork, the agent costs its own process none of the memory that its making touches.
         flash = FlashRegion(self._flash_fd, self._index[agent_id], self._flash_pages)
         flash.roll_back(record.physical.samples)
-        config = self._configs.config(agent_id)
         agent = Agent(config, self._codec, record.physical, boot.at_ms, boot.cause, flash)
         handler = WindowHandler(agent, pair, self._truth_out, record.key, boot.at_ms)
         name = b"amussel-%d" % agent_id
@@ -225,16 +229,16 @@ class AgentProcesses:
         os.fsync(self._records_fd)
         os.fsync(self._flash_fd)
 
-    def _count_restart(self, agent_id: int) -> None:
-        limit = self._restart_policy
-        now_s = time.monotonic()
-        recent = [at_s for at_s in self._restarted_at_s.get(agent_id, []) if at_s > now_s - limit.within_s]
-        self._restarted_at_s[agent_id] = recent
-        if len(recent) >= limit.restarts:
+    def _count_restart(self, agent_id: int, lived_to_ms: int) -> None:
+        policy = self._restart_policy
+        if lived_to_ms >= self._settles_ms.get(agent_id, 0):
+            self._restarts_in_a_row[agent_id] = 0
+        if self._restarts_in_a_row.get(agent_id, 0) >= policy.restarts:
             raise NotStarted(
-                f"aMussel {agent_id} was restarted {limit.restarts} times within {limit.within_s:g} s: it stays dead"
+                f"aMussel {agent_id} was restarted {policy.restarts} times in a row and lived for less than "
+                f"{policy.settled_s:g} s of its time after each boot: it stays dead"
             )
-        recent.append(now_s)
+        self._restarts_in_a_row[agent_id] = self._restarts_in_a_row.get(agent_id, 0) + 1
 
     def _forget(self, agent_id: int) -> None:
         child = self.children.pop(agent_id)

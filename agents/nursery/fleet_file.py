@@ -17,15 +17,16 @@ MAX_AGENT_ID = 65535
 
 @dataclass(frozen=True, slots=True)
 class RestartPolicy:
-    """The nursery's rules for restarts and endings, in real seconds."""
+    """The nursery's rules for restarts and endings."""
 
     orphan_s: float = 600.0
-    """The fleet and the nursery end after this time without a supervisor."""
+    """The fleet and the nursery end after so many real seconds without a supervisor."""
     restarts: int = 5
-    within_s: float = 60.0
-    """An agent that would restart more than `restarts` times within `within_s` stays dead."""
+    """An agent that dies once more after so many restarts in a row stays dead. One that settled begins a new row."""
+    settled_s: float = 10.0
+    """The agent seconds after its boot for which an agent must live to have settled."""
     ending_s: float = 2.0
-    """The time that agents have to end after SIGTERM, before the nursery kills them."""
+    """The real seconds that agents have to end after SIGTERM, before the nursery kills them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class FleetFile:
                 [
                     restart_policy.orphan_s,
                     restart_policy.restarts,
-                    restart_policy.within_s,
+                    restart_policy.settled_s,
                     restart_policy.ending_s,
                 ],
             ]

@@ -246,21 +246,34 @@ def command_line(process: Path) -> bytes:
         return b""
 
 
-def test_an_agent_that_dies_too_often_stays_dead(tmp_path: Path) -> None:
-    host = ProcessHost.start(
-        tmp_path, FLEET, BIRTHS, restart_policy=RestartPolicy(restarts=2, within_s=600.0)
-    )
+def killed_each_second(run_dir: Path, restart_policy: RestartPolicy, kills: int) -> list[str | None]:
+    """Kills aMussel 3 in each of so many ticks; why it stays dead, by tick. A tick is 30 s of its time, boots included."""
+    host = ProcessHost.start(run_dir, FLEET, BIRTHS, restart_policy=restart_policy)
     try:
         clock = coordinator(host)
         gave_up: list[str | None] = []
-        for second in range(1, 4):
+        for second in range(1, kills + 1):
             kill_9(host.pids[3])
             gave_up += [it.gave_up for it in clock.advance(second * 1_000) if isinstance(it, Died)]
-        assert gave_up == [None, None, "aMussel 3 was restarted 2 times within 600 s: it stays dead"]
-        assert clock.agent_ids == [8, 21]
-        assert len(clock.advance(4_000)) == 2
+        alive = [3, 8, 21] if gave_up[-1] is None else [8, 21]
+        assert clock.agent_ids == alive
+        assert len(clock.advance(1_000 * (kills + 1))) == len(alive)
+        return gave_up
     finally:
         host.close()
+
+
+def test_an_agent_that_dies_at_once_again_and_again_stays_dead(tmp_path: Path) -> None:
+    assert killed_each_second(tmp_path, RestartPolicy(restarts=2, settled_s=600.0), kills=3) == [
+        None,
+        None,
+        "aMussel 3 was restarted 2 times in a row and lived for less than 600 s of its time after each boot: "
+        "it stays dead",
+    ]
+
+
+def test_an_agent_that_lived_in_between_is_restarted_for_ever(tmp_path: Path) -> None:
+    assert killed_each_second(tmp_path, RestartPolicy(restarts=2), kills=12) == [None] * 12
 
 
 SUPERVISOR = """
