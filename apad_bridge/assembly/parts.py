@@ -228,6 +228,17 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
     )
 
 
+def change_planning(mission: EnergyExchange, scenario: Scenario) -> None:
+    """Lets the mission go on by the scenario's strategies, thresholds and rules of dispatch."""
+    rules = scenario.mission
+    mission.change_planning(
+        rules,
+        registry.collection(rules.collection, rules.costs),
+        registry.redeployment(rules.redeployment),
+        energy_model(scenario),
+    )
+
+
 def _end_by(scenario: Scenario) -> EndBy | None:
     mission, docking = scenario.mission, scenario.mission.docking
     if mission.end_by is None:

@@ -47,6 +47,7 @@ _COMMANDS = (
     "mu",
     "fit",
     "study",
+    "branch",
     "pack",
     "capacity",
     "layout",

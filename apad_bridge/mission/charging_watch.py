@@ -31,7 +31,7 @@ class ChargingWatch:
     """
 
     def __init__(self, config: Mission) -> None:
-        self._config = config
+        self.config = config
         self._best: dict[int, tuple[float, int]] = {}
         self._given_up: set[int] = set()
 
@@ -52,13 +52,13 @@ class ChargingWatch:
         given_up: list[tuple[int, str]] = []
         for agent_id, belief in sorted(docked.items()):
             best, gained_ms = self._best.get(agent_id, (-1.0, now_ms))
-            if belief is not None and (level := _level(belief, self._config.full_when)) > best:
+            if belief is not None and (level := _level(belief, self.config.full_when)) > best:
                 best, gained_ms = level, now_ms
             self._best[agent_id] = (best, gained_ms)
             if (
-                not is_full(belief, self._config)
+                not is_full(belief, self.config)
                 and agent_id not in self._given_up
-                and now_ms - gained_ms > self._config.silence_timeout_s * 1000
+                and now_ms - gained_ms > self.config.silence_timeout_s * 1000
             ):
                 self._given_up.add(agent_id)
                 given_up.append((agent_id, "its believed charge does not rise"))

@@ -145,7 +145,7 @@ class DockingRoutine:
 
     def __init__(self, config: Mission, beliefs: BeliefSource, book: OrderBook, reach_m: float) -> None:
         """An aMussel believed farther away than `reach_m` is out of a mechanism's reach."""
-        self._config = config
+        self.config = config
         self._beliefs = beliefs
         self._book = book
         self._reach_m = reach_m
@@ -183,7 +183,7 @@ class DockingRoutine:
         A service counts by the belief at this order: on the way down the aMussel draws from its battery again.
         """
         self._wait = self._next = self._search = None
-        self._book.set(leaves_full=is_charged(self._beliefs.get(agent_id), self._config))
+        self._book.set(leaves_full=is_charged(self._beliefs.get(agent_id), self.config))
         self.mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self.mechanism)
 
@@ -197,7 +197,7 @@ class DockingRoutine:
             return DockingStep.WAIT
         belief = self._beliefs.get(wait.agent_id)
         try:
-            step = wait.next_step(belief, self._config, now_ms)
+            step = wait.next_step(belief, self.config, now_ms)
             if step is DockingStep.CLOSE and belief is not None and order is not None:
                 self.check_reach(belief, here)
         except GivenUp:
@@ -259,7 +259,7 @@ class DockingRoutine:
         """Goes to the next point of the search, and begins a search if there is none."""
         here, belief = self._book.pose, self._beliefs.get(order.agent_id)
         assert here is not None  # a docking was ordered there
-        pitch_m = self._config.docking.catch_radius_m
+        pitch_m = self.config.docking.catch_radius_m
         if self._search is None:
             self._search = _Search(order, now_ms + round(SEARCH_S * 1000), pitch_m)
         if now_ms >= self._search.until_ms or belief is None or not floats(belief):
@@ -267,8 +267,8 @@ class DockingRoutine:
             return Progress.NOT_FOUND
         point_m = self._search.next_point(belief, here)
         # The victory radius is less than half of the pitch, or the aPad would cut the spiral's corners.
-        radius_m = min(self._config.victory_radius_m, pitch_m / 2)
-        go_to = GoToPoint(self._book.next_id(), *point_m, self._config.speed_m_s, radius_m)
+        radius_m = min(self.config.victory_radius_m, pitch_m / 2)
+        go_to = GoToPoint(self._book.next_id(), *point_m, self.config.speed_m_s, radius_m)
         self._search.go_to_id = go_to.primitive_id
         self._book.order(go_to)
         return Progress.GOES_ON

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import Docked, dispatch_of
+from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -96,9 +96,7 @@ class EnergyExchange(OrderBook):
         self._charging = ChargingWatch(config)
         self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._pool = ChargingPool(config, beliefs)
-        self._dispatch = dispatch_of(
-            config, self._charging, lambda pool: self._pool.batch_of(pool, self._left_alone)
-        )
+        self._dispatch = self._dispatch_of(config)
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._breakdown = Breakdown(STUCK_AFTER)
         self._legs = 0
@@ -157,6 +155,18 @@ class EnergyExchange(OrderBook):
             self._behaviour.tick(self, now_ms)
         self._remind_to_sink(now_ms)
         return self.take_orders()
+
+    def change_planning(
+        self,
+        config: Mission,
+        collection: CollectionStrategy,
+        redeployment: RedeploymentStrategy,
+        model: EnergyModel | None,
+    ) -> None:
+        """Plans, collects and releases by other rules from now on. The plan under way is flown to its end."""
+        self._config = self._charging.config = self._pool.config = self.docking_routine.config = config
+        self._collection, self._redeployment, self._model = collection, redeployment, model
+        self._dispatch = self._dispatch_of(config)
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
@@ -467,6 +477,9 @@ class EnergyExchange(OrderBook):
             self._go_deploy(now_ms)
 
     # Helpers.
+
+    def _dispatch_of(self, config: Mission) -> DispatchRule:
+        return dispatch_of(config, self._charging, lambda pool: self._pool.batch_of(pool, self._left_alone))
 
     @property
     def _behaviour(self) -> _PhaseBehaviour:

@@ -42,7 +42,7 @@ class ChargingPool:
     """The paper's charging selection pool, without the aMussels that are excluded for a while."""
 
     def __init__(self, config: Mission, beliefs: BeliefSource) -> None:
-        self._config = config
+        self.config = config
         self._beliefs = beliefs
         self._excluded_until_ms: dict[int, int] = {}
 
@@ -68,7 +68,7 @@ class ChargingPool:
             belief.state not in BEYOND_HELP and belief.agent_id not in left_alone
             for belief in self._beliefs.all()
         )
-        batch = min(self._config.batch, max(1, left))
+        batch = min(self.config.batch, max(1, left))
         if len(candidates) >= batch:
             return batch
         urgent = any(it.state is State.FLOATING for it in candidates)
@@ -76,14 +76,14 @@ class ChargingPool:
 
     def is_low(self, belief: Belief) -> bool:
         """The aMussel is likely at or below the pool's threshold."""
-        return belief.probability_at_most(self._config.pool_threshold) >= LIKELY
+        return belief.probability_at_most(self.config.pool_threshold) >= LIKELY
 
     def exclude(self, agent_id: int, now_ms: int) -> None:
         self._excluded_until_ms[agent_id] = now_ms + self._silence_ms
 
     @property
     def _silence_ms(self) -> int:
-        return round(self._config.silence_timeout_s * 1000)
+        return round(self.config.silence_timeout_s * 1000)
 
     def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
         return (

@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.scenario.loader import write_atomically, write_resolved
+from apad_bridge.scenario.loader import from_data, load, resolve, write_atomically, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
@@ -122,6 +122,18 @@ class RunDirectory:
     @property
     def next_bag(self) -> Path:
         return self._bag(len(self.bags))
+
+    def scenario_as_flown(self) -> Scenario:
+        """The run's scenario; starts from a file are those of the run, because that file may have changed since.
+
+        ScenarioError as `load`.
+        """
+        scenario = load(self.scenario)
+        data = resolve(scenario)
+        if not isinstance(data["fleet"]["start"], str):
+            return scenario
+        data["fleet"]["start"] = str(self.starts.absolute())
+        return from_data(data, str(self.scenario))
 
     def write_inputs(self, scenario: Scenario, starts: Iterable[Start]) -> None:
         """Writes the run's inputs: scenario.yaml, starts.csv and versions.json."""

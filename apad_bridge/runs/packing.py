@@ -23,7 +23,7 @@ from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.studies.runner import JOURNAL, is_flying
 from apad_bridge.runs.studies.specification import STUDY_FILE
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import from_data, load, resolve, write_with_files
+from apad_bridge.scenario.loader import write_with_files
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from firmware_model.packets.codec import GROUP as CODECS
 
@@ -95,15 +95,11 @@ def _pack_run(source: Path, folder: Path) -> _Repeat:
     if not (source / "summary.json").is_file():
         raise NotPacked(f"{source}: has no summary.json: the run did not end")
     try:
-        options, scenario = RunOptions.load(source), load(source / "scenario.yaml")
+        options, scenario = RunOptions.load(source), RunDirectory(source).scenario_as_flown()
     except (ScenarioError, OSError, ValueError) as error:
         raise NotPacked(str(error)) from error
     _copy(source, folder, _NOT_PACKED)
-    data = resolve(scenario)
-    if isinstance(data["fleet"]["start"], str):
-        # The starts as flown; the file that the scenario names may have changed since.
-        data["fleet"]["start"] = str(RunDirectory(folder.absolute()).starts)
-    write_with_files(folder / "scenario.yaml", from_data(data, str(source)))
+    write_with_files(folder / "scenario.yaml", scenario)
     flown = "script run/script.py --scenario" if options.script else "run"
     fly = f'"$musselbed" {flown} run/scenario.yaml --time asap --out again'
     if options.time is TimeSource.ASAP:

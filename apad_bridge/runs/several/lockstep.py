@@ -132,11 +132,13 @@ class LockstepRunner:
         """The number of aMussels that were handed on at least once."""
         return len({move.agent_id for _, move in self.moves})
 
-    def run(self) -> None:
-        """Runs to the end of every mission."""
-        running = dict(self._flights)
+    def run(self, until_ms: int | None = None) -> None:
+        """Runs to the end of every mission, or up to the last tick before `until_ms`: another call goes on from there."""
+        running = {name: it for name, it in self._flights.items() if not it.flight.supervisor.has_ended}
         while running:
             now_ms = min(it.flight.now_ms for it in running.values())
+            if until_ms is not None and now_ms >= until_ms:
+                return
             ended = [name for name, it in running.items() if it.flight.step()]
             for name in ended:
                 del running[name]

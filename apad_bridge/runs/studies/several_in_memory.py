@@ -1,8 +1,8 @@
-"""Flies several aPads in virtual time and in this process, without files: for studies of many configurations."""
+"""Flies one aPad, or several, in virtual time and in this process, without files: for studies of many configurations."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,6 +13,8 @@ from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_fli
 from apad_bridge.runs.several.assignment import Assignment
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.scenario.another_apad import Sharing
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.context import FlightContext
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +36,25 @@ class OpenedLockstep:
         return figures_of
 
 
-def open_lockstep(members: Sequence[Member], sharing: Sharing) -> OpenedLockstep:
+def open_lockstep(
+    members: Sequence[Member],
+    sharing: Sharing,
+    recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
+) -> OpenedLockstep:
+    """Opens the flights of several aPads that reach each other, or the one flight of a single aPad."""
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange, assignment = Exchange(served), Assignment(served)
     recorders, flights = {}, {}
+    is_alone = len(members) == 1
     for member in members:
         join = partial(exchange.join, member.name, sharing)
-        flight, recorders[member.name] = open_flight(member.scenario, join=join)
+        flight, recorders[member.name] = open_flight(
+            member.scenario, join=_unchanged if is_alone else join, recorder_of=recorder_of
+        )
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])
-    runner = LockstepRunner(flights, exchange, assignment if sharing.transfers else None)
+    runner = LockstepRunner(flights, exchange, assignment if sharing.transfers and not is_alone else None)
     return OpenedLockstep(runner, assignment, recorders, flights)
+
+
+def _unchanged(context: FlightContext) -> FlightContext:
+    return context

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.schema import APad
@@ -69,17 +70,21 @@ class SimulatedAPad:
     stay closed, drag brings the vehicle to rest, every further command fails, and the aPad goes on reporting.
 
     `misses` decides which dockings fail; without it, no docking fails. `home_m` is where it is charged if the
-    configuration has a `home`; None for its start.
+    configuration has a `home`; None for its start. `held` are the aMussels that it has docked already, by dock index.
     """
 
     def __init__(
-        self, config: APad, misses: Misses | None = None, home_m: tuple[float, float] | None = None
+        self,
+        config: APad,
+        misses: Misses | None = None,
+        home_m: tuple[float, float] | None = None,
+        held: Mapping[int, int] = MappingProxyType({}),
     ) -> None:
         self._motion = Motion(config)
         self._battery = Battery(config.battery)
         self._charger = Charger(config, home_m)
         self.capabilities = of_simulated_apad(config.docks)
-        self._docks = Docks(config.docks)
+        self._docks = Docks(config.docks, held)
         self._misses = misses
         self._now_ms = 0
         self._instant_ms = -STEP_MS

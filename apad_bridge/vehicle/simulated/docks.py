@@ -12,9 +12,10 @@ from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 class Docks:
     """Mechanisms act at once: the docking port, or a real vehicle, accounts for the docking time."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, held: Mapping[int, int] = MappingProxyType({})) -> None:
+        """`held` are the aMussels that they hold at the start, by dock index."""
         self._indices = range(count)
-        self._agent_by_dock: dict[int, int] = {}
+        self._agent_by_dock = dict(held)
 
     @property
     def docked(self) -> Mapping[int, int]:

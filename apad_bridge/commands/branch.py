@@ -1,0 +1,118 @@
+"""`musselbed branch RUN --at TIME`: what would have happened with another strategy, another threshold, or a lost aPad."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.scenario.yaml_text import parse_yaml
+
+if TYPE_CHECKING:
+    from apad_bridge.runs.branching import Branches
+
+_TIME = re.compile(r"(?:(?:(\d+):)?(\d+):)?(\d+(?:\.\d+)?)")
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "branch",
+        help="fly a run again from a moment on with another strategy, another threshold, or without an aPad",
+        description="Repeats a run up to a moment, from its stimuli or from its records, and goes on in virtual time with "
+        "other rules. Prints the figures beside those of a branch that changes nothing. The run's records do not change.",
+        epilog=ending(
+            "musselbed branch runs/pool-12-1 --at 14:20 --strategy greedy",
+            "musselbed branch runs/pool-12-1 --at 860 --set pool_threshold=0.5 --set charge_to=0.8 --json",
+            "musselbed branch runs/bay-120-1 --at 1:00:00 --lose-apad apad2",
+            note="See docs/studies.md.",
+        ),
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "--at",
+        required=True,
+        type=_seconds,
+        metavar="T",
+        help="the moment: mission time as 14:20 (minutes and seconds), 1:00:00, or seconds",
+    )
+    parser.add_argument("--strategy", metavar="NAME", help="another collection strategy")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="another value of a key of `mission`, as pool_threshold=0.5; repeatable",
+    )
+    parser.add_argument("--lose-apad", metavar="NAME", help="this aPad does nothing from then on")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON on stdout")
+    parser.set_defaults(run=run)
+
+
+def _seconds(text: str) -> float:
+    found = _TIME.fullmatch(text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"{text}: a mission time is 14:20, 1:00:00 or seconds")
+    hours, minutes, seconds = (float(it or 0) for it in found.groups())
+    return 3600 * hours + 60 * minutes + seconds
+
+
+def run(arguments: argparse.Namespace) -> int:
+    # Imported here: a branch needs all parts of a flight.
+    from apad_bridge.runs.branching import NoBranch, Turn, branch
+
+    rules = dict(_rule(text) for text in arguments.set)
+    if arguments.strategy is not None:
+        rules["collection"] = arguments.strategy
+    if not rules and arguments.lose_apad is None:
+        raise UserError("nothing changes: give --strategy, --set or --lose-apad")
+    try:
+        branches = branch(arguments.directory, Turn(round(arguments.at * 1000), rules, arguments.lose_apad))
+    except NoBranch as error:
+        raise UserError(str(error)) from error
+    if arguments.json:
+        print(json.dumps(asdict(branches)))
+    else:
+        _show(branches, arguments.at, Console(markup=False, highlight=False))
+    return Exit.DONE
+
+
+def _rule(text: str) -> tuple[str, Any]:
+    key, equals, value = text.partition("=")
+    try:
+        if equals:
+            return key, parse_yaml(value)
+    except ValueError as error:
+        raise UserError(f"--set {text}: {error}") from error
+    raise UserError(f"--set {text}: use KEY=VALUE, as pool_threshold=0.5")
+
+
+def _show(branches: Branches, at_s: float, console: Console) -> None:
+    from apad_bridge.runs.branching import FIGURES
+
+    table = Table(title=f"changed at {at_s:g} s of mission time", title_justify="left")
+    for heading in ("", "as flown", "unchanged", "changed", "difference"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for key, name in FIGURES.items():
+        flown, unchanged, changed = (it[key] for it in (branches.flown, branches.unchanged, branches.changed))
+        difference = None if unchanged is None or changed is None else changed - unchanged
+        table.add_row(name, _text(flown), _text(unchanged), _text(changed), _text(difference, "+"))
+    console.print(table)
+    if not branches.is_exact:
+        console.print(
+            "Both branches go on from the run's records, with a simulated aPad: compare them with each other alone.",
+            soft_wrap=True,
+        )
+
+
+def _text(value: float | None, sign: str = "") -> str:
+    if value is None:
+        return "–"
+    return f"{value:{sign}d}" if isinstance(value, int) else f"{value:{sign}.2f}"

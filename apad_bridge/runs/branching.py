@@ -1,0 +1,303 @@
+"""Branches of a run: its mission up to a moment as it was flown, and from there on in virtual time by other rules.
+
+Each branch stands beside one that changes nothing, so their difference is that of the rules alone.
+
+- A run in virtual time is flown again up to the moment. Its stimuli must be those of the journal, so the unchanged branch
+  has the run's own figures.
+- Any other run, or one that does not repeat, is continued from its records: each aMussel lives again through its recorded
+  stimuli, the mission goes on from its newest snapshot, and a simulated aPad is at rest where the real one was seen last.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from agents.coordinator import Heard
+from agents.hosting.in_process import InProcessHost
+from agents.mussel.outputs import SoundSent, Truth, WifiSent
+from agents.mussel.stimuli import WasReset, from_json
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.division import members
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.safety import safety_of
+from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
+from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.planning import registry
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import JournalContents, Line, read_journal
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.summary import uptime_figures
+from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures
+from apad_bridge.runs.resuming import find_resume_point
+from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
+from apad_bridge.runs.studies.several_in_memory import open_lockstep
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.firmware_config import charge_models, takes_samples
+from apad_bridge.scenario.loader import from_data, resolve
+from apad_bridge.scenario.run_options import RunOptions, TimeSource
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.core import TICK_MS
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from firmware_model.stimuli import ResetCause
+
+CHANGEABLE = (
+    *("collection", "redeployment", "costs", "dispatch", "batch"),
+    *("pool_threshold", "full_threshold", "full_when", "charge_to"),
+)
+"""The keys of a scenario's `mission` that decide plans, and can change while it flies."""
+FIGURES = {
+    "amussels_lost": "lost",
+    "samples_taken": "samples",
+    "uptime_submerged.mean": "submerged %",
+    "uptime_submerged.min": "submerged %, least",
+    "uptime_paper.mean": "uptime %",
+    "uptime_paper.min": "uptime %, least",
+    "planned_m": "metres",
+    "cost_m": "metres driven",
+    "services": "services",
+    "dead_time_s": "dead s",
+    "final_charge_mean": "final charge",
+}
+"""The compared figures of summary.json, and their names for people."""
+LOST_APAD = "it is lost in this branch"
+_BATTERY_HELD_MS = 60_000
+
+
+class NoBranch(ValueError):
+    """The run has no such branch; the text is one line with the mend."""
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """The moment of a branch, and what changes there."""
+
+    at_ms: int
+    rules: Mapping[str, Any] = field(default_factory=dict)
+    """New values by key of `mission`; see `CHANGEABLE`."""
+    lost_apad: str | None = None
+    """The name of an aPad that does nothing any more, and keeps what it has docked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Branches:
+    """The figures of the run as flown, and of the branches without and with the change; keys are those of `FIGURES`."""
+
+    flown: dict[str, float | None]
+    unchanged: dict[str, float | None]
+    changed: dict[str, float | None]
+    is_exact: bool
+    """The mission up to the moment is the run's own, tick by tick; otherwise it was continued from the records."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Opened:
+    """The flights of a run at the moment of the branch."""
+
+    runner: LockstepRunner
+    flights: Mapping[str, MemberFlight]
+    meter: UptimeMeter
+    logs_samples: bool
+
+    def figures(self) -> dict[str, float | None]:
+        now_ms = max(it.flight.now_ms for it in self.flights.values())
+        figures = uptime_figures(self.meter, now_ms)
+        if not self.logs_samples:
+            figures["samples_taken"] = None
+        for it in self.flights.values():
+            for key, value in mission_figures(it.flight.supervisor.mission.state).items():
+                figures[key] = figures.get(key, 0) + value
+        return _compared(figures)
+
+
+class _Recorder(MemoryRecorder):
+    """Counts the uptimes of all aPads' flights together."""
+
+    def __init__(self, scenario: Scenario, meter: UptimeMeter) -> None:
+        super().__init__(scenario)
+        self.meter = meter
+
+
+def branch(path: Path, turn: Turn) -> Branches:
+    """Flies both branches of the run in this directory. NoBranch for a run or a moment that has none."""
+    try:
+        directory = RunDirectory(path)
+        scenario, options = directory.scenario_as_flown(), RunOptions.load(path)
+        summary = json.loads(directory.summary.read_text())
+        names = [member.name for member in members(scenario, starts_of(scenario))]
+        journals = {name: read_journal(directory.of_apad(name, len(names)).journal) for name in names}
+    except (ScenarioError, RunDirectoryError, OSError, ValueError) as error:
+        raise NoBranch(f"{path}: no run that has ended: {str(error).splitlines()[0]}") from error
+    changed = _checked(scenario, turn, names)
+    if options.without_mission:
+        raise NoBranch(f"{path}: a script or a person flew it, and no strategy planned")
+    if not 0 < turn.at_ms < summary["mission_s"] * 1000:
+        raise NoBranch(f"--at {turn.at_ms / 1000:g} s: the run lasted {summary['mission_s']:g} s")
+    opened = _again(scenario, turn.at_ms, journals) if options.time is TimeSource.ASAP else None
+    is_exact = opened is not None
+    if opened is None:
+        opened = _from_records(scenario, turn.at_ms, journals)
+    opened.runner.run()
+    unchanged = opened.figures()
+    again = _again(scenario, turn.at_ms, journals) if is_exact else None
+    opened = again or _from_records(scenario, turn.at_ms, journals)
+    _turn(opened, changed, turn)
+    opened.runner.run()
+    return Branches(_compared(summary), unchanged, opened.figures(), is_exact)
+
+
+def _checked(scenario: Scenario, turn: Turn, names: Sequence[str]) -> Scenario:
+    """The scenario with the other rules."""
+    if unknown := sorted(set(turn.rules) - set(CHANGEABLE)):
+        raise NoBranch(f"--set {unknown[0]}: what can change in flight is {', '.join(CHANGEABLE)}")
+    if turn.lost_apad is not None and turn.lost_apad not in names:
+        raise NoBranch(f"--lose-apad {turn.lost_apad}: the run's aPads are {', '.join(names)}")
+    data = resolve(scenario)
+    data["mission"].update(turn.rules)
+    try:
+        changed = from_data(data, scenario.name)
+        registry.collection(changed.mission.collection, changed.mission.costs)
+        registry.redeployment(changed.mission.redeployment)
+    except ScenarioError as error:
+        raise NoBranch(error.lines[0]) from error
+    except ValueError as error:
+        raise NoBranch(str(error)) from error
+    return changed
+
+
+def _turn(opened: _Opened, changed: Scenario, turn: Turn) -> None:
+    for name, it in opened.flights.items():
+        supervisor = it.flight.supervisor
+        assert isinstance(supervisor.mission, EnergyExchange)
+        parts.change_planning(supervisor.mission, changed)
+        if name == turn.lost_apad:
+            supervisor.receive(StandDownRequested(it.flight.now_ms, LOST_APAD))
+
+
+def _again(scenario: Scenario, at_ms: int, journals: Mapping[str, JournalContents]) -> _Opened | None:
+    """The flights of a run in virtual time, flown again up to the moment; None if their stimuli are not those recorded."""
+    meter = UptimeMeter(scenario.theta, charge_models(scenario))
+    opened = open_lockstep(
+        members(scenario, starts_of(scenario)), scenario.sharing, lambda it: _Recorder(it, meter)
+    )
+    opened.runner.run(at_ms)
+    for name, recorder in opened.recorders.items():
+        repeated = [{"t": t, "kind": kind, **data} for t, kind, data in recorder.events]
+        if _stimuli(repeated, at_ms) != _stimuli(journals[name].lines, at_ms):
+            return None
+    return _Opened(opened.runner, opened.flights, meter, takes_samples(scenario.board))
+
+
+def _stimuli(lines: Sequence[Line], at_ms: int) -> list[tuple[int, int, int, str]]:
+    """What the aMussels of the journal's lines felt before the moment, in one order."""
+    return sorted(
+        (line["t"], line["id"], line["agent_ms"], json.dumps(line.get("wire", "died")))
+        for line in lines
+        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED) and line["t"] < at_ms
+    )
+
+
+def _from_records(scenario: Scenario, at_ms: int, journals: Mapping[str, JournalContents]) -> _Opened:
+    """The flight of a single aPad, continued from its records at the tick of the moment."""
+    if len(journals) > 1:
+        raise NoBranch("a run of several aPads branches if it was flown in virtual time and repeats")
+    if scenario.water is not None:
+        raise NoBranch("a run by sound branches if it was flown in virtual time and repeats")
+    ((name, journal),) = journals.items()
+    at_ms = at_ms // TICK_MS * TICK_MS
+    lines = [line for line in journal.lines if line["t"] <= at_ms]
+    if any(line["kind"] == EventKind.PRESENCE for line in lines):
+        raise NoBranch("real aMussels, or retired ones, cannot go on in virtual time")
+    point = find_resume_point(JournalContents(lines, 0), epoch=2, gap_ms=0)
+    if point.state.phase in (Phase.COMMANDED, Phase.ENDED, Phase.STANDS_DOWN):
+        raise NoBranch(
+            f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
+        )
+    meter = UptimeMeter(scenario.theta, charge_models(scenario))
+    recorder, config = _Recorder(scenario, meter), flight_config(scenario)
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(config), initial_states)
+    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
+    learned = parts.initial_learned_state(config)
+    listener = parts.supervisor(
+        config, learned=learned
+    )  # it is told no position, so its mission orders nothing
+    felt: dict[int, list[Line]] = defaultdict(list)
+    for line in lines:
+        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED):
+            felt[-(-line["t"] // TICK_MS) * TICK_MS].append(line)
+    newest: dict[int, Truth] = {}
+    for now_ms in range(0, at_ms + 1, TICK_MS):
+        for result in fleet.advance(now_ms):
+            match result:
+                case Heard(heard_ms, _, WifiSent(_, data)):
+                    listener.receive(WifiHeard(heard_ms, data))
+                case Heard(heard_ms, _, SoundSent(_, data)):
+                    listener.receive(SoundHeard(heard_ms, data))
+        truths = fleet.take_truths()
+        recorder.truths(truths)
+        newest.update((truth.agent_id, truth) for truth in truths)
+        listener.advance(now_ms)
+        for line in felt.get(now_ms, ()):
+            if line.get("gave_up") is not None:
+                raise NoBranch(f"aMussel {line['id']} died for good before {at_ms / 1000:g} s")
+            died = line["kind"] == EventKind.DIED
+            stimulus = WasReset(ResetCause[line["cause"]]) if died else from_json(line["wire"])
+            fleet.coordinator.receive_at(line["id"], stimulus, line["agent_ms"])
+    vehicle = InProcessVehicle(_apad_at(scenario, lines, point.state, at_ms))
+    held = tuple(agent_id for agent_id, truth in newest.items() if truth.physical.docked)
+    context = FlightContext(
+        vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet, safety=safety_of(scenario), held=held
+    )
+    supervisor = parts.supervisor(
+        config,
+        point.state,
+        samples=SampleCollection(config.ids),
+        learned=learned,
+        gate=context.safety.gate,
+    )
+    supervisor.port.first_failure = point.first_failure
+    flight = Flight(supervisor, context, recorder, at_ms + TICK_MS)
+    flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
+    runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
+    return _Opened(runner, flights, meter, takes_samples(scenario.board))
+
+
+def _apad_at(scenario: Scenario, lines: Sequence[Line], state: MissionState, at_ms: int) -> SimulatedAPad:
+    """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
+    seen = next((line for line in reversed(lines) if line["kind"] == EventKind.APAD), None)
+    if seen is None:
+        raise NoBranch(f"the aPad was not seen before {at_ms / 1000:g} s")
+    data, home_m = resolve(scenario), parts.home_stays(scenario).place_m
+    data["apad"]["start_m"] = [seen["north_m"], seen["east_m"]]
+    if seen["battery"] is not None:
+        data["apad"]["battery"]["start_fraction"] = seen["battery"]
+    config = from_data(data, scenario.name).apad
+    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.docked))
+    for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:
+        # It waits there from time 0 on, and what it draws meanwhile is given back.
+        apad.advance(now_ms)
+        apad.change_battery(config.battery.start_fraction - apad.battery_fraction, now_ms)
+    return apad
+
+
+def _compared(figures: Mapping[str, Any]) -> dict[str, float | None]:
+    found: dict[str, float | None] = {}
+    for key in FIGURES:
+        value: Any = figures
+        for part in key.split("."):
+            value = None if value is None else value.get(part)
+        found[key] = value
+    return found
