@@ -1,4 +1,4 @@
-"""`musselbed replay RUN`: a run as one HTML page."""
+"""`musselbed replay RUN [RUN2]`: a run, or two side by side, as one HTML page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.replay.build import build_replay
+from apad_bridge.analysis.replay.build import build_comparison, build_replay
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
@@ -17,12 +17,18 @@ from apad_bridge.runs.exits import Exit, UserError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "replay",
-        help="show a run as one HTML page",
+        help="show a run, or two side by side, as one HTML page",
         description="Writes replay.html into a run's directory: one file that opens from disk, without a network. "
-        "It shows the journal up to now, also of a flying or a killed run.",
-        epilog=ending("musselbed replay runs/pool-12-1", "musselbed replay runs/pool-12-1 --open"),
+        "It shows the journal up to now, also of a flying or a killed run. With a second run, the page shows both side by "
+        "side and what differs, in compared-with-RUN2.html.",
+        epilog=ending(
+            "musselbed replay runs/pool-12-1 --open", "musselbed replay runs/pool-12-1 runs/pool-12-2"
+        ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "other", type=Path, nargs="?", metavar="RUN2", help="the directory of a run to compare it with"
+    )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
         "--json", action="store_true", help="print the page's path and size as JSON on stdout"
@@ -32,7 +38,10 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     try:
-        page = build_replay(arguments.directory)
+        if arguments.other is None:
+            page = build_replay(arguments.directory)
+        else:
+            page = build_comparison(arguments.directory, arguments.other)
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
     if arguments.json:

@@ -234,8 +234,8 @@ def test_the_map_is_painted_in_the_colours_of_its_legend(page: Path, tmp_path: P
 def test_a_marked_one_is_shown_with_its_estimate(page: Path, tmp_path: Path) -> None:
     """Where it lies with 95 % is shaded, around the estimate and not around the truth."""
     look = """
-      const chart=document.getElementById("charge"), ctx=chart.getContext("2d"), height=chart.height;
-      const at=(value)=>[...ctx.getImageData(200, Math.round(height-18-(height-24)*value), 1, 1).data];
+      const {plot}=charts.get("charge");
+      const at=(value)=>[...plot.ctx.getImageData(200, Math.round(plot.valToPos(value, "y", true)), 1, 1).data];
       document.body.dataset.found=JSON.stringify([0.85,0.75,0.66,0.92].map(at));
     """
     looked = page.with_name("marked.html")
@@ -348,7 +348,7 @@ def painted(page: Path, profile: Path, at: str) -> dict[str, Any]:
     """The colour that the map has left of the number of each aMussel, by id, and how many purple pixels there are."""
     look = """
       const map=document.getElementById("map"), ctx=map.getContext("2d");
-      const to=mapScale(runs,map.clientWidth,map.clientHeight);
+      const to=mapScale(map.clientWidth,map.clientHeight);
       const pixels=ctx.getImageData(0,0,map.width,map.height).data, found={purple:0};
       for (const [id,[n,e]] of Object.entries(data.homes))
         found[id]=[...ctx.getImageData(Math.round(to.x(e))-6,Math.round(to.y(n)),1,1).data].slice(0,3);

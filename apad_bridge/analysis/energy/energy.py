@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from agents.fleet import FleetConfig
 from agents.mussel.agent import Agent, AgentConfig
@@ -17,16 +18,18 @@ from agents.mussel.stimuli import WasReset, from_json
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.parts import fleet_config, initial_states
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.journal import JournalContents, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from firmware_model.actions import Action
+from firmware_model.actions import Action, SetRail
 from firmware_model.packets.codec import Codec, load_codec
 from firmware_model.power.charge import Battery, ChargeModel, Flow, fraction
 from firmware_model.power.energy_ledger import EnergyLedger
+from firmware_model.power.rails import bits
 from firmware_model.sampling.flash import Flash, MemoryFlash
 from firmware_model.stimuli import ResetCause
 
@@ -60,18 +63,27 @@ def energy_of(directory: RunDirectory, agent_ids: Sequence[int] = ()) -> list[Ag
         raise RunDirectoryError(error.lines[0]) from error
     except ValueError as error:
         raise RunDirectoryError(f"{directory.scenario}: {error}") from error
-    journal = read_journal(directory.journal)
     starts = initial_states(scenario, starts_of(scenario))
     if unknown := sorted(set(agent_ids) - starts.keys()):
         raise RunDirectoryError(
             f"{directory.path}: there is no aMussel {unknown[0]}; its fleet has {min(starts)} to {max(starts)}"
         )
-    lines: dict[int, list[Line]] = {agent_id: [] for agent_id in agent_ids or starts}
-    for line in journal.lines:
-        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED, EventKind.TRUTH) and line["id"] in lines:
-            lines[line["id"]].append(line)
-    until_ms = scenario.theta * journal.last_ms
-    return [_run_again(fleet, agent_id, starts[agent_id], own, until_ms) for agent_id, own in lines.items()]
+    journal = read_journal(directory.journal)
+    chosen = {agent_id: starts[agent_id] for agent_id in agent_ids or starts}
+    return [it.agent.energy(it) for it in _run_again(fleet, chosen, journal, scenario.theta)]
+
+
+def rails_of(scenario: Scenario, journal: JournalContents) -> dict[int, list[tuple[int, int]]]:
+    """The rails that each aMussel's board had on, as (agent ms, set of rails) from each switch to the next.
+
+    Without those whose second run is not the recorded one, and empty for boards that switch no modules.
+    """
+    config = flight_config(scenario)
+    if config.board.whole is None:
+        return {}
+    starts = initial_states(scenario, starts_of(scenario))
+    again = _run_again(fleet_config(config), starts, journal, scenario.theta)
+    return {it.agent.config.board.agent_id: it.agent.switched for it in again if it.is_exact}
 
 
 def summed(
@@ -85,13 +97,34 @@ def summed(
     return dict(sorted(sums.items(), key=lambda item: -item[1]))
 
 
+class _SecondRun(NamedTuple):
+    agent: _Metered
+    truths: list[Truth]
+    until_ms: int
+    """Agent time."""
+    is_exact: bool
+    """Each recorded truth is one of these."""
+
+
 def _run_again(
-    fleet: FleetConfig, agent_id: int, start: Physical, lines: list[Line], until_ms: int
-) -> AgentEnergy:
-    agent = _Metered(
-        fleet.maker().config(agent_id), load_codec(fleet.codec), start, MemoryFlash(fleet.flash_pages)
-    )
-    recorded = [truth_of(line) for line in lines if line["kind"] == EventKind.TRUTH]
+    fleet: FleetConfig, starts: Mapping[int, Physical], journal: JournalContents, theta: int
+) -> Iterator[_SecondRun]:
+    """Runs each aMussel with one of these starts."""
+    lines: dict[int, list[Line]] = {agent_id: [] for agent_id in starts}
+    for line in journal.lines:
+        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED, EventKind.TRUTH) and line["id"] in lines:
+            lines[line["id"]].append(line)
+    maker, codec = fleet.maker(), load_codec(fleet.codec)
+    for agent_id, own in lines.items():
+        agent = _Metered(maker.config(agent_id), codec, starts[agent_id], MemoryFlash(fleet.flash_pages))
+        recorded = [truth_of(line) for line in own if line["kind"] == EventKind.TRUTH]
+        until_ms = _replay(agent, own, recorded, theta * journal.last_ms)
+        truths = agent.take_truths()
+        yield _SecondRun(agent, truths, until_ms, _is_same_course(truths, recorded))
+
+
+def _replay(agent: Agent, lines: list[Line], recorded: list[Truth], until_ms: int) -> int:
+    """Returns the agent time up to which it ran."""
     for line in lines:
         at_ms = line.get("agent_ms", 0)
         if line["kind"] == EventKind.STIMULUS:
@@ -103,7 +136,7 @@ def _run_again(
                 break
     if not recorded or recorded[-1].at_ms <= until_ms:
         agent.advance(until_ms)
-    return agent.energy(until_ms, recorded)
+    return until_ms
 
 
 class _Metered(Agent):
@@ -112,31 +145,38 @@ class _Metered(Agent):
     def __init__(self, config: AgentConfig, codec: Codec, physical: Physical, flash: Flash) -> None:
         whole = config.board.whole
         self._ledger = None if whole is None else EnergyLedger(whole.power.loads, 0)
-        self._told: list[Truth] = []
+        self._rails = 0
+        self.switched: list[tuple[int, int]] = []
+        """(agent ms, set of rails) after each switch."""
         super().__init__(config, codec, physical, 0, ResetCause.POWER_ON, flash)
 
     def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
         if self._ledger is not None:
             self._ledger.power_off(now_ms)
+            self._rails = 0
+            self.switched.append((now_ms, 0))
         return super()._power_on(physical, now_ms, cause)
 
     def _carry_out(self, actions: list[Action]) -> list[Output]:
         if self._ledger is not None:
             self._ledger.take(actions)
+            for action in actions:
+                if isinstance(action, SetRail):
+                    rail = bits(action.rail)
+                    self._rails = self._rails | rail if action.on else self._rails & ~rail
+                    self.switched.append((action.at_ms, self._rails))
         return super()._carry_out(actions)
 
-    def energy(self, until_ms: int, recorded: list[Truth]) -> AgentEnergy:
-        truths = self.take_truths()
-        is_exact = _is_same_course(truths, recorded)
+    def energy(self, run: _SecondRun) -> AgentEnergy:
         agent_id, charge = self.config.board.agent_id, self.config.board.charge
         if self._ledger is None:
             drawn = _Drawn()
-            for truth, end_ms in _spans(truths, until_ms):
+            for truth, end_ms in _spans(run.truths, run.until_ms):
                 drawn.add(truth, end_ms, charge)
             by_module = {BOARD: fraction(sum(drawn.grains.values()))}
             by_state, hours = drawn.grains, drawn.ms
         else:
-            self._ledger.settle(until_ms)
+            self._ledger.settle(run.until_ms)
             by_module = {it.name.lower(): fraction(n) for it, n in self._ledger.by_rail().items()}
             by_state = {it.name: n for it, n in self._ledger.by_state().items()}
             hours = {it.name: n for it, n in self._ledger.state_ms().items() if n}
@@ -145,7 +185,7 @@ class _Metered(Agent):
             by_module,
             {name.lower(): fraction(n) for name, n in by_state.items()},
             {name.lower(): n / _MS_PER_HOUR for name, n in hours.items()},
-            is_exact,
+            run.is_exact,
         )
 
 

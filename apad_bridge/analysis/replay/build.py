@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from apad_bridge.analysis.replay.series import page_data
+import yaml
+
+from apad_bridge.analysis.energy.energy import rails_of
+from apad_bridge.analysis.replay.series import add_rails, page_data
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_atomically
 from apad_bridge.scenario.schema import Scenario
 
-_SCRIPTS = ("plots.js", "map.js", "details.js", "page.js", "live.js")
+SCRIPTS = ("plots.js", "map.js", "details.js", "page.js", "live.js")
+"""The page's own, in the order in which it has them."""
+_LONGEST_VALUE = 80
 
 
 def build_replay(run_dir: Path) -> Path:
@@ -27,13 +33,64 @@ def build_replay(run_dir: Path) -> Path:
     apads = sorted(it.parent for it in run_dir.glob("*/journal.jsonl"))
     if apads and not (run_dir / "journal.jsonl").is_file():
         page = RunDirectory(run_dir).replay
-        write_atomically(
-            page, render([{**read_run(RunDirectory(it)).data, "apad_name": it.name} for it in apads])
-        )
+        write_atomically(page, render([_named(it) for it in apads]))
         return page
     directory = RunDirectory.open(run_dir)
-    write_atomically(directory.replay, render([read_run(directory).data]))
+    write_atomically(directory.replay, render([_whole(directory)]))
     return directory.replay
+
+
+def build_comparison(run_dir: Path, other_dir: Path) -> Path:
+    """Writes one page with both runs side by side and what differs, into the first run's directory; returns its path.
+
+    RunDirectoryError, one line, when one of them holds no run that can be shown, or holds those of several aPads.
+    """
+    first, other = _named(run_dir), _named(other_dir)
+    if first["run_name"] == other["run_name"]:
+        first["run_name"], other["run_name"] = str(run_dir), str(other_dir)
+    settings = [_settings(RunDirectory(it)) for it in (run_dir, other_dir)]
+    first["differs"] = [
+        [key, *(_words(it.get(key)) for it in settings)]
+        for key in {**settings[0], **settings[1]}
+        if settings[0].get(key) != settings[1].get(key)
+    ]
+    page = RunDirectory(run_dir).replay.with_name(f"compared-with-{other_dir.resolve().name}.html")
+    write_atomically(page, render([first, other]))
+    return page
+
+
+def _named(run_dir: Path) -> dict[str, Any]:
+    """A run's data, under the name of its directory."""
+    return {**_whole(RunDirectory.open(run_dir)), "run_name": run_dir.resolve().name}
+
+
+def _whole(directory: RunDirectory) -> dict[str, Any]:
+    """A run's data with the rails of its boards, as far as its journal is whole and a second run is the same."""
+    scenario, journal, _, data = read_run(directory)
+    if journal.dropped == 0:
+        try:
+            add_rails(data, rails_of(scenario, journal))
+        except (KeyError, TypeError, ValueError):
+            data["rails"] = []  # a journal of another version, which this firmware cannot follow
+    return data
+
+
+def _settings(directory: RunDirectory) -> dict[str, Any]:
+    """The values of the resolved scenario, by dotted keys."""
+
+    def flat(at: str, value: Any) -> Iterator[tuple[str, Any]]:
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                yield from flat(f"{at}.{key}" if at else str(key), inner)
+        else:
+            yield at, value
+
+    return dict(flat("", yaml.safe_load(directory.scenario.read_text(encoding="utf-8"))))
+
+
+def _words(value: Any) -> str:
+    text = "" if value is None else str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}…"
 
 
 class ShownRun(NamedTuple):
@@ -60,14 +117,16 @@ def read_run(directory: RunDirectory) -> ShownRun:
 
 
 def render(runs: list[dict[str, Any]]) -> str:
-    """The page, with styles, data and scripts in it; the runs are those of the aPads of one flight."""
+    """The page, with styles, data and scripts in it; the runs are those of the aPads of one flight, or two to compare."""
     # "<" is escaped, so that no text of a scenario can end the script element that holds the data.
     encoded = json.dumps(runs, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     parts = {
         "TITLE": escape(f"{runs[0]['name']} - musselbed replay"),
-        "STYLE": _resource("page.css"),
+        "LICENSE": _resource("uplot/LICENSE"),
+        "STYLE": _resource("uplot/uPlot.min.css") + _resource("page.css"),
         "DATA": encoded,
-        "SCRIPT": "".join(map(_resource, _SCRIPTS)),
+        "LIBRARY": _resource("uplot/uPlot.iife.min.js"),
+        "SCRIPT": "".join(map(_resource, SCRIPTS)),
     }
     page = _resource("page.html")
     for name, text in parts.items():

@@ -1,6 +1,8 @@
-// The reasons of a plan, acoustic packets with what became of them, and one aMussel over time.
+// The reasons of a plan, acoustic packets with what became of them and their timeslots, one aMussel over time, and what differs
+// between two runs.
 
 const OUTCOMES = { received: "received", transmitting: "half duplex", collided: "collided", in_air: "in air", cut: "no link", lost: "lost" };
+const SHOWN_FRAMES = 8;
 const nodeName = (id) => (id === 0 ? "aPad" : id);
 const words = (name) => name.replace(/_/g, " ");
 
@@ -37,13 +39,13 @@ function packetsAround() {
   const found = [];
   for (const run of runs) {
     for (let i = firstAfter(run.packets, nowMs) - 1; i >= 0 && run.packets[i][0] > nowMs - lasting && found.length < MOST_PACKETS; i--) {
-      if (isOf(run.packets[i], selected)) found.push({ packet: run.packets[i], age: (nowMs - run.packets[i][0]) / lasting });
+      if (isOf(run.packets[i], selected)) found.push({ run, packet: run.packets[i], age: (nowMs - run.packets[i][0]) / lasting });
     }
   }
   return found;
 }
 
-function fate([, , , , address, unsent, heard, far]) {
+function fate([, , , , , unsent, heard, far]) {
   if (unsent !== null) return `not sent: ${unsent}`;
   const by = new Map();
   for (const [listener, outcome] of heard) by.set(outcome, [...(by.get(outcome) || []), nodeName(listener)]);
@@ -55,62 +57,192 @@ function fate([, , , , address, unsent, heard, far]) {
 let shownPackets = "";
 function showPackets() {
   if ($("packets-card").hidden) return;
-  const end = firstAfter(data.packets, nowMs), key = [end, selected, data.apad_name].join();
+  const end = firstAfter(data.packets, nowMs), key = [end, selected, data.run_name].join();
   if (key === shownPackets) return;
   shownPackets = key;
   const rows = [];
   for (let i = end - 1; i >= 0 && rows.length < MOST_PACKETS; i--) if (isOf(data.packets[i], selected)) rows.push(data.packets[i]);
   $("packet-count").textContent = `${end + data.earlier_packets} so far` + (selected === null ? "" : `; shown: those of aMussel ${selected}`);
-  $("packets").replaceChildren(...rows.map((packet) => {
+  const list = $("packets");
+  while (list.children.length > rows.length) list.lastChild.remove();
+  while (list.children.length < rows.length) {
     const item = document.createElement("li");
-    item.innerHTML = "<time></time><b></b><span></span>";
-    item.children[0].textContent = clock(packet[0]);
-    item.children[1].textContent = `${nodeName(packet[2])} ${words(packet[3])}`;
-    item.children[2].textContent = fate(packet);
-    const [, outcome] = packet[6].find(([, it]) => it !== "received") || [];
-    item.style.setProperty("--c", packet[5] !== null || outcome ? fateColour(outcome) : PAINT.received);
-    return item;
-  }));
+    item.append(...["time", "b", "span"].map((it) => document.createElement(it)));
+    list.append(item);
+  }
+  rows.forEach((packet, n) => {
+    const item = list.children[n], slot = data.timeslots && packet[8] !== null ? `, slot ${packet[8]}` : "";
+    put(item.children[0], clock(packet[0]));
+    put(item.children[1], `${nodeName(packet[2])} ${words(packet[3])}${slot}`);
+    put(item.children[2], fate(packet));
+    item.style.setProperty("--c", fateOf(packet));
+  });
 }
 
-// The selected aMussel: its states as a strip, both batteries, and its packets: sent above the line, received below it.
+// The colour of a packet as a whole: unsent, missed by one of its listeners, or received.
+function fateOf([, , , , , unsent, heard]) {
+  const [, outcome] = heard.find(([, it]) => it !== "received") || [];
+  return unsent !== null || outcome ? fateColour(outcome) : PAINT.received;
+}
+
+// The timeslots of the last frames in which somebody transmitted: a row for each frame, each packet where and as long as it was
+// sent, by the aMussels' time.
+let shownSlots = "";
+function showSlots() {
+  if ($("slots-card").hidden) return;
+  const end = firstAfter(data.packets, nowMs), { width, height } = sizeOf($("slots"));
+  const key = [end, selected, data.run_name, width, height, document.documentElement.dataset.theme].join();
+  if (key === shownSlots) return;
+  shownSlots = key;
+  const { frame_ms: frameMs, slot_ms: slotMs } = data.timeslots, frames = new Map();
+  for (let i = end - 1; i >= 0; i--) {
+    const packet = data.packets[i], frame = Math.floor(packet[0] * data.theta / frameMs);
+    if (!frames.has(frame) && frames.size === SHOWN_FRAMES) break;
+    frames.set(frame, [...(frames.get(frame) || []), packet]);
+  }
+  $("slots-now").textContent = `frames of ${frameMs / 1000} s, slots of ${slotMs / 1000} s, aMussels' time`;
+  const { ctx } = fresh($("slots")), box = { left: 84, right: width - 10, top: 30, bottom: height - 4 };
+  const x = (ms) => box.left + (box.right - box.left) * ms / frameMs, wide = x(slotMs) - x(0), tall = (box.bottom - box.top) / SHOWN_FRAMES;
+  const ids = Object.keys(data.homes).map(Number).sort((a, b) => a - b), every = Math.ceil(24 / wide);
+  ctx.textBaseline = "middle";
+  ctx.textAlign = "right";
+  ctx.fillStyle = SOFT;
+  ctx.fillText("slot", box.left - 6, 8);
+  ctx.fillText("aMussel", box.left - 6, 21);
+  ctx.textAlign = "center";
+  for (let slot = 0; slot * slotMs < frameMs; slot++) {
+    const middle = x((slot + 0.5) * slotMs);
+    ctx.lineWidth = 1;
+    stroke(ctx, LINE, [[x(slot * slotMs), box.top], [x(slot * slotMs), box.bottom]]);
+    if (slot % every) continue;
+    ctx.fillStyle = SOFT;
+    ctx.fillText(slot, middle, 8);
+    ctx.fillStyle = INK;
+    if (slot < ids.length) ctx.fillText(ids[slot], middle, 21);
+  }
+  [...frames].forEach(([frame, packets], row) => {
+    const top = box.top + tall * row;
+    ctx.textAlign = "right";
+    ctx.fillStyle = SOFT;
+    ctx.fillText(clock(frame * frameMs / data.theta), box.left - 6, top + tall / 2);
+    for (const packet of packets) {
+      const from = x(packet[0] * data.theta - frame * frameMs), long = Math.max(4, x(packet[1]) - x(0));
+      ctx.globalAlpha = isOf(packet, selected) ? 1 : 0.25;
+      ctx.fillStyle = fateOf(packet);
+      ctx.fillRect(from, top + 2, long, tall - 4);
+      // Whoever transmits in another's timeslot is named, and each where there is room.
+      if (wide < 24 && ids[packet[8]] === packet[2]) continue;
+      ctx.textAlign = "left";
+      ctx.fillStyle = INK;
+      ctx.fillText(nodeName(packet[2]), from + long + 3, top + tall / 2);
+    }
+    ctx.globalAlpha = 1;
+  });
+}
+
+// The selected aMussel: both batteries, and below them its state, its modules, its log and its packets over time.
 function showSelected(view) {
   const agent = data.agents.find((it) => it.id === selected);
-  $("one-card").hidden = !agent;
+  if ($("one-card").hidden !== !agent) $("one-card").hidden = !agent;
   if (!agent) return;
   const now = view.agents.find((it) => it.id === selected);
   const state = now.state === null ? "unknown" : data.states[now.state];
   const secondary = now.secondary === null ? "unknown" : percent(now.secondary);
-  $("one-now").textContent = `${selected}: ${state}; primary ${now.charge === null ? "unknown" : percent(now.charge)}, secondary ${secondary}`;
-  const times = data.times_ms, own = data.packets.filter((it) => isOf(it, selected));
-  const key = ["one", data.apad_name, selected, times.length, own.length, document.documentElement.dataset.theme].join();
-  const { ctx, width, height } = picture($("one"), key, (inner, w, h) => drawSelected(inner, w, h, agent, own));
-  drawNow(ctx, boxOf(width, height), nowMs, times[times.length - 1] || 1);
+  const taken = agent.taken && agent.taken[view.i];
+  $("one-now").textContent = `${selected}: ${state}; primary ${now.charge === null ? "unknown" : percent(now.charge)}, secondary ${secondary}`
+    + (taken ? `; ${taken} samples taken, ${agent.acknowledged[view.i]} uploaded` : "");
+  const times = data.times_ms, key = [times.length, data.packets.length].join(), shape = [data.run_name, selected].join();
+  const asPercent = (value) => Math.round(100 * value) + " %";
+  drawChart("one", shape, key, () => ({
+    min: 0, max: 1, format: asPercent,
+    lines: [
+      { times, values: agent.charge, stroke: () => colour("above"), width: 2 },
+      { times, values: agent.secondary, stroke: () => colour("charging"), width: 2, dash: [5, 3] },
+    ],
+  }));
+  const rows = rowsOf(agent), high = 28 + 16 * rows.length + "px";
+  if ($("one-rows").style.height !== high) { $("one-rows").style.height = high; sizes.delete($("one-rows")); }
+  drawChart("one-rows", [shape, rows.map((it) => it.name)].join(), key, () => ({
+    min: 0, max: rows.length, rows: rows.map((it) => it.name).reverse(), lines: [{ times, values: times.map(() => null), stroke: LINE, width: 0 }],
+    over: (ctx, x, y, pixel) => rows.forEach(({ spans }, n) => drawSpans(ctx, spans, x, y(rows.length - n - 0.1), y(rows.length - n - 0.9), pixel)),
+  }));
 }
 
-function drawSelected(ctx, width, height, agent, packets) {
-  const times = data.times_ms, box = boxOf(width, height), endMs = times[times.length - 1] || 1;
-  const x = (ms) => box.left + (box.right - box.left) * ms / endMs;
-  drawChart(ctx, width, height, times, [
-    { values: agent.charge, colour: colour("above"), width: 2 },
-    { values: agent.secondary, colour: colour("charging"), width: 2, dash: [5, 3] },
-  ], { min: -0.6, max: 1, format: (value) => (value < 0 ? "" : Math.round(100 * value) + " %") });
-  const row = (share) => box.bottom - (box.bottom - box.top) * share;
-  agent.state.forEach((state, i) => {
-    if (state === null || (i && agent.state[i - 1] === state)) return;
-    let end = i;
-    while (end + 1 < times.length && agent.state[end + 1] === state) end++;
-    const from = x(times[i]), to = x(times[Math.min(end + 1, times.length - 1)]);
-    ctx.fillStyle = `hsl(${(state * 137) % 360} 55% 62%)`;
-    ctx.fillRect(from, row(0.32), Math.max(1, to - from), row(0.22) - row(0.32));
-    const name = data.states[state];
-    if (ctx.measureText(name).width < to - from - 4) { ctx.fillStyle = "#000"; ctx.textAlign = "center"; ctx.fillText(name, (from + to) / 2, row(0.27)); }
-  });
-  ctx.lineWidth = 1.5;
-  for (const packet of packets) {
-    const sent = packet[2] === agent.id;
-    const [, outcome] = (sent ? packet[6].find(([, it]) => it === "received") || packet[6][0] : packet[6].find(([id]) => id === agent.id)) || [];
-    stroke(ctx, fateColour(packet[5] === null ? outcome : "unsent"), [[x(packet[0]), row(0.1)], [x(packet[0]), row(sent ? 0.18 : 0.02)]]);
+// Each span is [from ms, to ms, colour, words]; one of no length is drawn as a line.
+function drawSpans(ctx, spans, x, top, bottom, pixel) {
+  ctx.font = `${11 * pixel}px system-ui, 'DejaVu Sans', sans-serif`;
+  ctx.textAlign = "center";
+  ctx.textBaseline = "middle";
+  for (const [from, to, style, name] of spans) {
+    const left = x(from), wide = Math.max(1.5 * pixel, x(to) - left);
+    ctx.fillStyle = style;
+    ctx.fillRect(left, top, wide, bottom - top);
+    if (!name || ctx.measureText(name).width > wide - 4) continue;
+    ctx.fillStyle = "#000";
+    ctx.fillText(name, left + wide / 2, (top + bottom) / 2);
   }
-  stroke(ctx, LINE, [[box.left, row(0.1)], [box.right, row(0.1)]]);
+}
+
+let kept = { key: "" };
+function rowsOf(agent) {
+  const key = [data.run_name, agent.id, data.times_ms.length, data.packets.length, document.documentElement.dataset.theme].join();
+  if (kept.key === key) return kept.rows;
+  const times = data.times_ms, own = data.packets.filter((it) => isOf(it, agent.id));
+  const mark = (packet, outcome) => [packet[0], packet[0] + packet[1] / data.theta, fateColour(packet[5] === null ? outcome : "unsent")];
+  const sent = own.filter((it) => it[2] === agent.id).map((it) => mark(it, (it[6].find(([, outcome]) => outcome === "received") || it[6][0] || [])[1]));
+  const heard = own.filter((it) => it[2] !== agent.id).map((it) => mark(it, (it[6].find(([id]) => id === agent.id) || [])[1]));
+  const modules = data.rails.map((name, n) => ({ name, spans: agent.rails ? columnSpans(times, agent.rails, (it) => (it >> n) & 1, true).map(([from, to]) => [from, to, ACCENT]) : [] }));
+  const steps = (column, style) => (column || []).flatMap((value, i) => (i && value > (column[i - 1] || 0) ? [[times[i], times[i], style]] : []));
+  const rows = [
+    { name: "state", spans: columnSpans(times, agent.state, (it) => it, false).map(([from, to, it]) => [from, to, `hsl(${(it * 137) % 360} 55% 62%)`, data.states[it]]) },
+    ...modules,
+    { name: "sampled", spans: steps(agent.taken, colour("above")) },
+    { name: "uploaded", spans: steps(agent.acknowledged, PAINT.received) },
+    { name: "sent", spans: sent },
+    { name: "heard", spans: heard },
+  ].filter((it) => it.spans.length);
+  kept = { key, rows };
+  return rows;
+}
+
+// The spans of a column's equal values that are not 0 or null; `back`: a value holds for the time since the sample before.
+function columnSpans(times, column, of, back) {
+  const spans = [];
+  for (let i = 0; i < column.length;) {
+    const value = of(column[i]);
+    let end = i;
+    while (end + 1 < column.length && of(column[end + 1]) === value) end++;
+    const from = back ? Math.max(0, i - 1) : i, to = back ? end : Math.min(end + 1, column.length - 1);
+    if (column[i] !== null && (value || !back)) spans.push([times[from], times[to], value]);
+    i = end + 1;
+  }
+  return spans;
+}
+
+// What differs between two runs: figures at the time shown and at the end, and settings.
+function showDifferences(views) {
+  if (!runs[0].differs) return;
+  const mean = (list) => list.reduce((a, b) => a + b, 0) / (list.length || 1);
+  const digits = (value) => (value === null || value === undefined ? "" : typeof value === "number" ? String(+value.toFixed(2)) : String(value));
+  const row = ([name, ...values]) => {
+    const [a, b] = values, change = typeof a === "number" && typeof b === "number" ? b - a : null;
+    return [name, digits(a), digits(b), change === null ? "" : (change > 0 ? "+" : "") + digits(change)];
+  };
+  const now = [
+    ["active", ...views.map((it) => it.active)],
+    ["mean charge, %", ...views.map((it) => 100 * mean(it.agents.map((one) => one.charge).filter((one) => one !== null)))],
+    ["mean uptime so far, %", ...views.map((it) => mean(it.agents.map((one) => one.uptime)))],
+    ["movement cost, m", ...views.map((it) => it.cost)],
+    ["aPad battery, %", ...views.map((it) => it.apad && it.apad.battery !== null ? 100 * it.apad.battery : null)],
+  ];
+  const [first, second] = runs.map((it) => it.summary || {});
+  const whole = Object.keys({ ...first, ...second }).filter((it) => !["name", "run", "amussels", "events"].includes(it))
+    .map((it) => [words(it), ...[first, second].map((of) => (of[it] && of[it].mean !== undefined ? of[it].mean : of[it]))])
+    .filter(([, a, b]) => (typeof a === "number" || typeof b === "number" || typeof a === "string") && a !== b);
+  const parts = [[`At ${clock(nowMs)}`, now.map(row)], ["At the end, where they differ", whole.map(row)], ["Settings that differ", runs[0].differs.map((it) => [...it, ""])]];
+  $("differences").replaceChildren(...parts.flatMap(([title, rows]) => [[title, ...runs.map((it) => it.run_name), "change"], ...rows].map((cells, n) => {
+    const line = document.createElement("tr");
+    line.append(...cells.map((it) => Object.assign(document.createElement(n ? "td" : "th"), { textContent: it })));
+    return line;
+  })));
 }

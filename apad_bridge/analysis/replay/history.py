@@ -48,7 +48,7 @@ class PacketView(NamedTuple):
     """An acoustic packet: when it began in mission time, how long it was sent in agent time, and what became of it.
 
     `heard` has (listener, outcome) for each listener that the sound reached; `far` counts those for which it was too weak
-    and those beyond its range.
+    and those beyond its range. `timeslot` is the one in which it began, None without timeslots.
     """
 
     at_ms: int
@@ -59,14 +59,16 @@ class PacketView(NamedTuple):
     unsent: str | None
     heard: tuple[tuple[int, str], ...]
     far: int
+    timeslot: int | None
 
 
 class Event(NamedTuple):
-    """An event for a person: its mission time, the kind of its line, and a text."""
+    """An event for a person: its mission time, the kind of its line, a text, and the aMussel that it is about."""
 
     at_ms: int
     kind: str
     text: str
+    agent: int | None
 
 
 class History:
@@ -128,7 +130,7 @@ class History:
                 handler(line)
             text = self._ping_text(line) or event_text(line)
             if text is not None:
-                self.events.append(Event(line["t"], line["kind"], text))
+                self.events.append(Event(line["t"], line["kind"], text, line.get("agent", line.get("id"))))
 
     def _ping_text(self, line: Line) -> str | None:
         """The answer to a person's ping; the aPad's own pings are routine."""
@@ -187,6 +189,7 @@ class History:
                 line["unsent"],
                 near,
                 len(heard) - len(near),
+                line["timeslot"],
             )
         )
 

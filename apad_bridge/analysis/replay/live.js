@@ -82,7 +82,7 @@ async function order(act, more = {}) {
     const answer = await fetch("/orders", { method: "POST", body: JSON.stringify({ act, by: "console", ...more }) });
     const { accepted, message } = await answer.json();
     $("answer").textContent = `${act}${whose}: ${message || (accepted ? "done" : "refused")}`;
-  } catch (error) {
+  } catch {
     $("answer").textContent = `${act}: the console does not answer`;
   }
 }

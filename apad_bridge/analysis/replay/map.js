@@ -5,23 +5,24 @@ const PACKET_MS = 10000;
 const FATES = { received: "received", collided: "collided", transmitting: "half-duplex" };
 const fateColour = (outcome) => PAINT[FATES[outcome] || "missed"];
 
-// Draws each run of a flight, the chosen one last.
+// Draws each run of a flight, the chosen one last. What does not move is kept as a picture, and the tracks so far as another.
 function drawMap(canvas, runs, views, marked, packets) {
   const { ctx, width, height } = fresh(canvas);
-  const toScreen = mapScale(runs, width, height);
+  if (!width) return;
+  const toScreen = mapScale(width, height);
   const at = ([north, east]) => [toScreen.x(east), toScreen.y(north)];
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(0, 0, width, height);
-  ctx.clip();
-  drawGrid(ctx, toScreen, width, height);
-  const chosen = runs[runs.length - 1];
-  drawPlace(ctx, chosen, at);
-  runs.forEach((run, n) => drawRun(ctx, run, views[n], at, marked));
+  const key = [...runs.map((it) => it.run_name), boundsOf().join(), document.documentElement.dataset.theme].join();
+  const still = picture(canvas, key, (inner) => {
+    drawGrid(inner, toScreen, width, height);
+    drawPlace(inner, runs[runs.length - 1], at);
+    for (const run of runs) drawHomes(inner, run, at);
+    drawScaleBar(inner, toScreen.perMetre, width);
+  });
+  ctx.drawImage(still, 0, 0, width, height);
+  runs.forEach((run, n) => drawTrack(ctx, canvas, key, run, views[n].nowMs, at));
+  runs.forEach((run, n) => drawRun(ctx, views[n], at, marked));
   drawPackets(ctx, packets, views, at);
   runs.forEach((run, n) => { if (views[n].apad) drawApad(ctx, at(views[n].apad.place), run, views[n], marked); });
-  drawScaleBar(ctx, toScreen.perMetre, width, height);
-  ctx.restore();
 }
 
 // The area, its shore and depths, and the fence with its keep-out zones.
@@ -59,22 +60,38 @@ function drawPlace(ctx, data, at) {
   ctx.globalAlpha = 1;
 }
 
-function drawRun(ctx, data, view, at, marked) {
-  drawTrace(ctx, data.trace, view.nowMs, at);
-  for (const agent of view.agents) {
+function drawHomes(ctx, data, at) {
+  ctx.strokeStyle = PAINT.home;
+  ctx.lineWidth = 1;
+  for (const agent of data.agents) {
     const home = data.homes[agent.id];
     if (!home) continue;
-    ctx.strokeStyle = PAINT.home;
-    ctx.lineWidth = 1;
     ctx.beginPath();
     ctx.arc(...at(home), 8, 0, 7);
     ctx.stroke();
   }
+}
+
+function drawRun(ctx, view, at, marked) {
   drawWay(ctx, view, at);
   for (const agent of view.agents) {
     if (agent.dock !== null || agent.place === null) continue;
     drawMussel(ctx, at(agent.place), 9, agent, marked);
   }
+}
+
+// The aMussel that is drawn nearest to a point of the map, or null when none is near.
+function musselAt(views, { width, height }, x, y) {
+  const toScreen = mapScale(width, height);
+  let found = null, nearest = 18;
+  for (const view of views) {
+    for (const { id, place, dock } of view.agents) {
+      if (place === null || dock !== null) continue;
+      const away = Math.hypot(toScreen.x(place[1]) - x, toScreen.y(place[0]) - y);
+      if (away < nearest) [found, nearest] = [id, away];
+    }
+  }
+  return found;
 }
 
 // Each packet as lines from its sender to its listeners, in the colour of what became of it there; older ones fade.
@@ -112,9 +129,9 @@ function drawCross(ctx, [x, y], style) {
   stroke(ctx, style, [[x - 5, y - 6], [x + 5, y - 16]]);
 }
 
-// South, north, west and east of all that is drawn, computed anew when a track has grown.
+// South, north, west and east of all runs, computed anew when a track has grown.
 let bounds = { key: "" };
-function boundsOf(runs) {
+function boundsOf() {
   const key = runs.map((it) => it.trace.length).join();
   if (bounds.key === key) return bounds.of;
   const of = [Infinity, -Infinity, Infinity, -Infinity];
@@ -127,8 +144,8 @@ function boundsOf(runs) {
   return of;
 }
 
-function mapScale(runs, width, height) {
-  const [south, north, west, east] = boundsOf(runs);
+function mapScale(width, height) {
+  const [south, north, west, east] = boundsOf();
   const perMetre = Math.min((width - 90) / Math.max(east - west, 1), (height - 70) / Math.max(north - south, 1));
   return {
     perMetre,
@@ -159,12 +176,26 @@ function drawGrid(ctx, toScreen, width, height) {
   ctx.fillText("north, m", 3, 8);
 }
 
-// The aPad's whole track so far, pale; its last five minutes, clear.
-function drawTrace(ctx, trace, nowMs, at) {
-  const end = firstAfter(trace, nowMs), recent = firstAfter(trace, nowMs - RECENT_MS);
+// The aPad's whole track so far, pale; its last five minutes, clear. The pale one grows on a picture of its own.
+const tracks = new Map();
+function drawTrack(ctx, canvas, key, run, nowMs, at) {
+  const { trace } = run, end = firstAfter(trace, nowMs), recent = firstAfter(trace, nowMs - RECENT_MS);
+  const whole = [key, canvas.width, canvas.height].join(), ratio = window.devicePixelRatio || 1, of = canvas.id + run.run_name;
+  let kept = tracks.get(of);
+  if (!kept) tracks.set(of, kept = { own: document.createElement("canvas") });
+  if (kept.whole !== whole || kept.trace !== trace || kept.drawn > end) {
+    Object.assign(kept.own, { width: canvas.width, height: canvas.height });
+    Object.assign(kept, { whole, trace, drawn: 0 });
+  }
+  if (end > kept.drawn) {
+    const inner = kept.own.getContext("2d");
+    inner.setTransform(ratio, 0, 0, ratio, 0, 0);
+    inner.lineWidth = 1.5;
+    stroke(inner, PAINT.track, trace.slice(Math.max(0, kept.drawn - 1), end).map(([, n, e]) => at([n, e])));
+    kept.drawn = end;
+  }
   ctx.globalAlpha = 0.15;
-  ctx.lineWidth = 1.5;
-  stroke(ctx, PAINT.track, trace.slice(0, end).map(([, n, e]) => at([n, e])));
+  ctx.drawImage(kept.own, 0, 0, canvas.width / ratio, canvas.height / ratio);
   ctx.globalAlpha = 0.7;
   ctx.lineWidth = 2;
   stroke(ctx, PAINT.track, trace.slice(recent, end).map(([, n, e]) => at([n, e])));
@@ -241,7 +272,7 @@ function drawApad(ctx, [x, y], data, view, marked) {
   });
 }
 
-function drawScaleBar(ctx, perMetre, width, height) {
+function drawScaleBar(ctx, perMetre, width) {
   const metres = niceStep(80 / perMetre), long = metres * perMetre;
   const right = width - 16, y = 22;
   ctx.lineWidth = 2;

@@ -1,5 +1,6 @@
-// Shows a run at one mission time. The address holds what is shown: #t=SECONDS, and where chosen &aMussel=ID, &aPad=NAME,
-// &why=1 (the reasons of a plan) and &theme=contrast. So an address that is sent to somebody shows the same moment there.
+// Shows a run at one mission time. The address holds what is shown: #t=SECONDS, and where chosen &aMussel=ID, &aPad=NAME (of
+// two compared runs &run=NAME), &zoom=FROM-TO in seconds, &why=1 (the reasons of a plan), &events=KINDS and &theme=contrast.
+// So an address that is sent to somebody shows the same moment there.
 
 const runs = JSON.parse(document.getElementById("data").textContent);
 let data = runs[0];
@@ -7,8 +8,15 @@ const $ = (id) => document.getElementById(id);
 const MOST_EVENTS = 1000;
 const MOST_PACKETS = 40;
 const SPEEDS = [1, 5, 20, 60, 300, 1200, 7200, 43200];
-const WHOLE_MS = 400;
-let wholeMs = 0, statuses = "";
+const PART_MS = 60;
+// The events that each choice lists; all of them without a choice.
+const EVENT_KINDS = {
+  notes: ["remark", "operator", "override", "script"],
+  plans: ["plan", "dock", "presence", "stands_down"],
+  failures: ["primitive", "given_up", "left_alone", "stuck", "died", "fault", "refused", "guard", "guard_over", "master_gone", "vehicle_silent"],
+};
+const CHOSEN_BY = runs[0].differs ? "run" : "aPad";
+let partMs = 0, part = 0;
 let endMs = 0, nowMs = 0, playing = null, pointed = null, selected = null;
 const marked = () => (pointed === null ? selected : pointed);
 
@@ -68,46 +76,67 @@ function wayOf({ phase, plan }, agents, homes) {
   return places.filter(Boolean);
 }
 
+// What follows the time shown. While it plays, each frame draws the map and moves the clocks and the charts' marks, and one of
+// these parts takes its turn.
+const PARTS = [
+  showWords,
+  showAgents,
+  showEventNow,
+  showWhy,
+  showPackets,
+  showSlots,
+  (view) => drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[agent.uptime.length - 1], colour: STATUS_COLOURS[view.agents[n].status] })), marked()),
+  showSelected,
+  (view, views) => showDifferences(views),
+];
+
 function show(ms) {
   nowMs = Math.max(0, Math.min(endMs, ms));
-  const others = runs.filter((it) => it !== data);
-  const view = viewAt(nowMs, data), views = [...others.map((it) => viewAt(nowMs, it)), view];
+  const views = runs.map((it) => viewAt(nowMs, it)), view = views[runs.indexOf(data)];
   $("scrub").value = nowMs / 1000;
-  $("mission-clock").textContent = clock(nowMs);
-  $("agent-clock").textContent = clock(nowMs * data.theta);
+  put($("mission-clock"), clock(nowMs));
+  put($("agent-clock"), clock(nowMs * data.theta));
   document.body.dataset.timeMs = Math.round(nowMs);
-  // While it plays, only the map, the clocks and the charts' lines of the time are drawn anew at each frame.
-  const isWhole = !playing || performance.now() - wholeMs > WHOLE_MS;
-  if (isWhole) {
-    wholeMs = performance.now();
-    statuses = view.agents.map((it) => it.status).join("");
-    showWords(view);
-    showAgents(view);
-    showEventNow();
-    showWhy();
-    showPackets();
-    drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[agent.uptime.length - 1], colour: STATUS_COLOURS[view.agents[n].status] })), marked());
+  if (!playing) for (const it of PARTS) it(view, views);
+  else if (performance.now() - partMs > PART_MS) {
+    partMs = performance.now();
+    PARTS[part++ % PARTS.length](view, views);
   }
+  drawMaps(views);
+  drawCharts();
+  moveMarks();
+}
+
+function put(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+// One map has all aPads of a flight, the chosen one last; two compared runs have a map each.
+function drawMaps(views) {
   const packets = packetsAround();
-  drawMap($("map"), [...others, data], views, marked(), packets);
-  drawPlots(view);
-  showSelected(view);
+  if (runs[0].differs) {
+    runs.forEach((run, n) => drawMap($(n ? "other-map" : "map"), [run], [views[n]], marked(), packets.filter((it) => it.run === run)));
+    return;
+  }
+  const order = [...runs.keys()].sort((a, b) => (runs[a] === data) - (runs[b] === data));
+  drawMap($("map"), order.map((n) => runs[n]), order.map((n) => views[n]), marked(), packets);
 }
 
 function showWords({ stage, docks, agents, active, cost, apad }) {
-  $("phase").textContent = stage.phase || "not begun";
-  $("primitive").textContent = stage.primitive || "none";
-  $("docks").textContent = docks.map((id) => (id === null ? "free" : id)).join(" · ");
-  $("plan").replaceChildren(...planWords(stage.plan));
+  put($("phase"), stage.phase || "not begun");
+  put($("primitive"), stage.primitive || "none");
+  put($("docks"), docks.map((id) => (id === null ? "free" : id)).join(" · "));
+  if (shownStage !== stage) { shownStage = stage; $("plan").replaceChildren(...planWords(stage.plan)); }
   const charges = agents.map((it) => it.charge).filter((it) => it !== null);
   const mean = (list) => list.reduce((a, b) => a + b, 0) / list.length;
   const one = agents.find((it) => it.id === marked());
-  $("charge-now").textContent = one ? chargeWords(one) : charges.length ? `mean ${percent(mean(charges))}, least ${percent(Math.min(...charges))}` : "unknown";
-  $("uptime-now").textContent = data.has_truth ? `mean ${mean(agents.map((it) => it.uptime)).toFixed(1)} %` : "no truth was recorded";
-  $("active-now").textContent = data.has_truth ? `${active} of ${agents.length}` : "no truth was recorded";
-  $("cost-now").textContent = cost.toFixed(0) + " m";
-  $("apad-now").textContent = apad && apad.battery !== null ? percent(apad.battery) : "unknown";
+  put($("charge-now"), one ? chargeWords(one) : charges.length ? `mean ${percent(mean(charges))}, least ${percent(Math.min(...charges))}` : "unknown");
+  put($("uptime-now"), data.has_truth ? `mean ${mean(agents.map((it) => it.uptime)).toFixed(1)} %` : "no truth was recorded");
+  put($("active-now"), data.has_truth ? `${active} of ${agents.length}` : "no truth was recorded");
+  put($("cost-now"), cost.toFixed(0) + " m");
+  put($("apad-now"), apad && apad.battery !== null ? percent(apad.battery) : "unknown");
 }
+let shownStage;
 
 function chargeWords({ id, charge, believed, within }) {
   const words = [`${id}: ${charge === null ? "unknown" : percent(charge)}`];
@@ -139,22 +168,46 @@ function showAgents({ agents }) {
   });
 }
 
-function drawPlots(view) {
-  const times = data.times_ms, one = marked(), last = times.length - 1;
-  const colourOf = (n) => STATUS_COLOURS[view.agents[n].status];
-  const asPercent = (value) => Math.round(100 * value) + " %";
-  const charges = () => {
-    const bands = data.agents.map((it, n) => ({ low: it.low, high: it.high, colour: one === it.id ? ACCENT : colourOf(n), alpha: one === it.id ? 0.35 : one === null ? 0.18 : 0.05 }));
-    const lines = data.agents.map((it, n) => ({ values: it.charge, colour: colourOf(n), width: one === it.id ? 2.2 : one === null ? 1.2 : 0.5 }));
-    const chosen = data.agents.find((it) => it.id === one);
-    const estimates = chosen && chosen.believed ? [{ values: chosen.believed, colour: INK, width: 1.2, dash: [4, 3] }] : [];
-    return [...bands.filter((it) => it.low), ...lines, ...estimates];
-  };
-  const of = (name) => [name, data.apad_name].join();
-  drawLines($("charge"), [of("charge"), one, statuses], times, nowMs, charges, { min: 0, max: 1, format: asPercent, threshold: data.pool_threshold });
-  drawLines($("active"), of("active"), times, nowMs, () => (data.has_truth ? [{ values: data.active, colour: colour("above"), width: 1.8, step: true }] : []), { min: 0, max: Math.max(1, data.agents.length), format: (value) => value });
-  drawLines($("cost"), of("cost"), times, nowMs, () => [{ values: data.cost, colour: ACCENT, width: 1.8, step: true }], { min: 0, max: Math.max(1, data.cost[last]), format: (value) => value });
-  drawLines($("apad"), of("apad"), times, nowMs, () => [{ values: data.apad.map((it) => it && it[3]), colour: PAINT.way, width: 1.8 }], { min: 0, max: 1, format: asPercent });
+function drawCharts() {
+  const times = data.times_ms, asPercent = (value) => Math.round(100 * value) + " %", asIs = (value) => value;
+  const shape = [data.run_name, data.agents.length, data.has_truth].join(), key = [times.length, times[times.length - 1]].join();
+  const charge = [key, data.agents.some((it) => it.believed)].join();
+  drawChart("charge", shape, charge, () => ({
+    min: 0, max: 1, format: asPercent, under: drawBands, over: drawThreshold,
+    lines: data.agents.map((agent) => ({
+      times, values: agent.charge,
+      stroke: (plot) => timeColours(plot, data.times_ms, agent.status, STATUS_COLOURS),
+      width: () => (marked() === agent.id ? 2.4 : marked() === null ? 1.2 : 0.5),
+    })),
+  }));
+  // Of two compared runs each chart has both, the other one dashed.
+  const lines = (of, style, step) => [data, ...runs.filter((it) => runs[0].differs && it !== data)]
+    .map((run) => ({ times: run.times_ms, values: of(run), stroke: style, width: 1.8, step, dash: run === data ? undefined : [6, 4] }));
+  const most = (of) => Math.max(1, ...(runs[0].differs ? runs : [data]).map(of));
+  drawChart("active", shape, key, () => ({ min: 0, max: most((it) => it.agents.length), format: asIs, lines: data.has_truth ? lines((it) => it.active, () => colour("above"), true) : [] }));
+  drawChart("cost", shape, key, () => ({ min: 0, max: most((it) => it.cost[it.cost.length - 1]), format: asIs, lines: lines((it) => it.cost, () => ACCENT, true) }));
+  drawChart("apad", shape, key, () => ({ min: 0, max: 1, format: asPercent, lines: lines((run) => run.apad.map((it) => it && it[3]), () => PAINT.way) }));
+}
+
+// Below the charges: where each lies with 95 %.
+function drawBands(ctx, x, y) {
+  const xs = data.times_ms.map(x), one = marked();
+  for (const agent of data.agents) {
+    if (!agent.low) continue;
+    const style = one === agent.id ? ACCENT : STATUS_COLOURS[agent.status[agent.status.length - 1]];
+    fillBand(ctx, xs, agent.low.map((it) => (it === null ? null : y(it))), agent.high.map(y), style, one === agent.id ? 0.35 : one === null ? 0.18 : 0.05);
+  }
+}
+
+// Over the charges: the pool's threshold, and the estimate of the marked one.
+function drawThreshold(ctx, x, y, pixel) {
+  const dashed = (dash, style, width) => { ctx.setLineDash(dash.map((it) => it * pixel)); ctx.strokeStyle = style; ctx.lineWidth = width * pixel; };
+  dashed([5, 4], SOFT, 1);
+  stroke(ctx, SOFT, [data.times_ms[0], data.times_ms[data.times_ms.length - 1]].map((ms) => [x(ms), y(data.pool_threshold)]));
+  const one = data.agents.find((it) => it.id === marked());
+  if (!one || !one.believed) return;
+  dashed([4, 3], INK, 1.2);
+  stroke(ctx, INK, one.believed.flatMap((value, i) => (value === null ? [] : [[x(data.times_ms[i]), y(value)]])));
 }
 
 // The name of the run, why it ended, and the figures of its summary.
@@ -179,9 +232,13 @@ function showHeader() {
   }));
 }
 
-const matches = ([, , text]) => text.toLowerCase().includes($("search").value.trim().toLowerCase());
+function matches([, kind, text, agent]) {
+  const kinds = $("kinds").value;
+  const isChosen = kinds === "selected" ? agent !== null && agent === selected : !kinds || EVENT_KINDS[kinds].includes(kind);
+  return isChosen && text.toLowerCase().includes($("search").value.trim().toLowerCase());
+}
 
-// Lists the events that the search matches, newest last; a click shows the run at that time.
+// Lists the events of the chosen kinds that the search matches, newest last; a click shows the run at that time.
 function listEvents() {
   $("events").replaceChildren();
   addEvents(data.events.filter(matches).slice(-MOST_EVENTS));
@@ -199,18 +256,19 @@ function addEvents(events) {
     return item;
   }));
   while ($("events").children.length > MOST_EVENTS) $("events").firstChild.remove();
-  const found = data.events.filter(matches).length, listed = $("events").children.length;
+  listedMs = [...$("events").children].map((it) => +it.dataset.ms);
+  const found = data.events.filter(matches).length, listed = listedMs.length;
   $("event-count").textContent = found > listed ? `the last ${listed} of ${found}` : found;
   showEventNow();
 }
 
 // Marks the newest event up to the time shown, and keeps it in sight.
+let listedMs = [], newest = null;
 function showEventNow() {
-  const items = [...$("events").children];
-  const now = items.findLast((it) => it.dataset.ms <= nowMs);
-  const before = $("events").querySelector(".now");
-  if (now === (before || undefined)) return;
-  if (before) before.classList.remove("now");
+  const { i } = sampleAt(nowMs, listedMs), now = listedMs.length && listedMs[i] <= nowMs ? $("events").children[i] : null;
+  if (now === newest && (!now || now.classList.contains("now"))) return;
+  if (newest) newest.classList.remove("now");
+  newest = now;
   if (!now) return;
   now.classList.add("now");
   $("events").scrollTop = now.offsetTop - $("events").offsetTop - $("events").clientHeight / 2;
@@ -221,12 +279,16 @@ function setUp() {
   showHeader();
   const warnings = [];
   if (!data.has_truth) warnings.push("No truth was recorded in this run: batteries and places are what the supervisor believed.");
+  if (data.agents.some((it) => it.rails) && !data.agents.every((it) => it.rails)) warnings.push("The modules of some boards are unknown: a second run was not the same.");
   if (data.dropped_lines) warnings.push(`${data.dropped_lines} line(s) of the journal could not be read.`);
   listEvents();
   $("warning").textContent = warnings.join(" ");
   $("warning").hidden = warnings.length === 0;
   $("shaded").hidden = !data.agents.some((it) => it.low);
   $("theta").textContent = data.theta === 1 ? "aMussels" : `aMussels, ${data.theta} times faster`;
+  const [step, off] = [data.times_ms.length > 1 ? data.times_ms[1] - data.times_ms[0] : 0, data.thinned.track_m];
+  $("thinned").textContent = `Series have a value each ${clock(step)}${off ? `; the track leaves out points up to ${off} m beside it` : ""}.`;
+  $("slots-card").hidden = !data.timeslots || !(data.live || data.packets.length);
   $("packets-card").hidden = !data.live && !runs.some((it) => it.packets.length);
   for (const item of document.querySelectorAll("#legend [data-fate]")) item.hidden = $("packets-card").hidden;
   $("agents").replaceChildren(...data.agents.map((agent) => {
@@ -236,8 +298,8 @@ function setUp() {
     item.firstChild.textContent = agent.id;
     item.dataset.status = "unknown";
     item.tabIndex = 0;
-    item.addEventListener("mouseenter", () => { pointed = agent.id; show(nowMs); });
-    item.addEventListener("mouseleave", () => { pointed = null; show(nowMs); });
+    item.addEventListener("pointerenter", (event) => { if (event.pointerType === "mouse") point(agent.id); });
+    item.addEventListener("pointerleave", () => point(null));
     item.addEventListener("click", () => select(agent.id));
     item.addEventListener("keydown", (event) => { if (event.key === "Enter") select(agent.id); });
     return item;
@@ -246,9 +308,18 @@ function setUp() {
   $("scrub").max = endMs / 1000;
 }
 
+function point(id) {
+  if (pointed === id) return;
+  pointed = id;
+  restyle("charge");
+  show(nowMs);
+}
+
 // Selects an aMussel, or none when it was the selected one.
 function select(id) {
   selected = selected === id ? null : id;
+  restyle("charge");
+  if ($("kinds").value === "selected") listEvents();
   writeAddress();
   show(nowMs);
 }
@@ -256,7 +327,9 @@ function select(id) {
 function writeAddress() {
   const parts = ["t=" + Math.round(nowMs) / 1000];
   if (selected !== null) parts.push("aMussel=" + selected);
-  if (data !== runs[0]) parts.push("aPad=" + encodeURIComponent(data.apad_name));
+  if (data !== runs[0]) parts.push(CHOSEN_BY + "=" + encodeURIComponent(data.run_name));
+  if (zoom) parts.push("zoom=" + zoom.map((it) => Math.round(it / 1000)).join("-"));
+  if ($("kinds").value) parts.push("events=" + $("kinds").value);
   if ($("why").open) parts.push("why=1");
   if (document.documentElement.dataset.theme) parts.push("theme=" + document.documentElement.dataset.theme);
   history.replaceState(null, "", "#" + parts.join("&"));
@@ -289,14 +362,18 @@ function goToAddress() {
   $("why").open = asked.has("why");
   const theme = asked.get("theme"), wanted = !asked.has("t") && matchMedia("(prefers-contrast: more)").matches ? "contrast" : "";
   setTheme(theme === "contrast" ? theme : wanted);
-  const run = runs.find((it) => it.apad_name === asked.get("aPad")) || runs[0];
+  const run = runs.find((it) => it.run_name === asked.get(CHOSEN_BY)) || runs[0];
   if (run !== data) choose(run);
+  const kinds = asked.get("events") || "", span = (asked.get("zoom") || "").split("-").map((it) => 1000 * it);
+  if ($("kinds").value !== kinds) { $("kinds").value = kinds; listEvents(); }
+  zoomTo(span.length === 2 && span[1] > span[0] ? span : null);
+  restyle("charge");
   show(Number.isFinite(seconds) ? 1000 * seconds : 0);
 }
 
 function choose(run) {
   data = run;
-  $("apads").value = run.apad_name;
+  $("apads").value = run.run_name;
   setUp();
 }
 
@@ -312,22 +389,57 @@ $("search").addEventListener("input", listEvents);
 $("theme").addEventListener("click", () => { setTheme(document.documentElement.dataset.theme ? "" : "contrast"); writeAddress(); show(nowMs); });
 $("why").addEventListener("toggle", () => { showWhy(); if (nowMs || selected !== null) writeAddress(); });
 $("apads").hidden = runs.length < 2;
-$("apads").replaceChildren(...runs.map((it) => new Option(it.apad_name || it.name, it.apad_name)));
-$("apads").addEventListener("change", () => { choose(runs.find((it) => it.apad_name === $("apads").value)); writeAddress(); show(nowMs); });
+$("apads").replaceChildren(...runs.map((it) => new Option(it.run_name || it.name, it.run_name)));
+$("apads").addEventListener("change", () => { choose(runs.find((it) => it.run_name === $("apads").value)); writeAddress(); show(nowMs); });
 $("play").addEventListener("click", () => play(!playing));
 $("speed").addEventListener("change", () => playing && play(true));
-for (const id of ["charge", "active", "cost", "apad"]) {
+$("kinds").addEventListener("change", () => { listEvents(); writeAddress(); });
+$("nearer").addEventListener("click", () => { zoomBy(0.5); writeAddress(); });
+$("wider").addEventListener("click", () => { zoomBy(2); writeAddress(); });
+$("whole").addEventListener("click", () => { zoomTo(null); writeAddress(); });
+for (const id of ["map", "other-map"]) {
   $(id).addEventListener("click", (event) => {
-    leaveEnd();
-    show(data.times_ms[data.times_ms.length - 1] * (event.offsetX - 40) / ($(id).clientWidth - 50));
-    writeAddress();
+    const shown = runs[0].differs ? [runs[id === "map" ? 0 : 1]] : runs;
+    const found = musselAt(shown.map((it) => viewAt(nowMs, it)), sizeOf($(id)), event.offsetX, event.offsetY);
+    if (found !== null && data.agents.some((it) => it.id === found)) select(found);
   });
 }
+
+// The keys, as the page's list of them tells.
+const step = (samples) => { leaveEnd(); show(data.times_ms[Math.max(0, Math.min(data.times_ms.length - 1, sampleAt(nowMs, data.times_ms).i + samples))]); writeAddress(); };
+const turn = (by) => {
+  const ids = data.agents.map((it) => it.id), at = ids.indexOf(selected);
+  select(ids[(at < 0 ? (by > 0 ? 0 : ids.length - 1) : at + by + ids.length) % ids.length]);
+};
+const KEYS = {
+  " ": () => play(!playing),
+  ArrowLeft: () => step(-1),
+  ArrowRight: () => step(1),
+  PageUp: () => step(-10),
+  PageDown: () => step(10),
+  Home: () => { leaveEnd(); show(0); writeAddress(); },
+  End: () => { leaveEnd(); show(endMs); writeAddress(); },
+  "+": () => $("nearer").click(),
+  "-": () => $("wider").click(),
+  0: () => $("whole").click(),
+  n: () => turn(1),
+  p: () => turn(-1),
+  Escape: () => { if (selected !== null) select(selected); },
+  c: () => $("theme").click(),
+  w: () => { $("why").open = !$("why").open; },
+  "/": () => $("search").focus(),
+};
 document.addEventListener("keydown", (event) => {
-  if (event.key === " " && !["BUTTON", "INPUT"].includes(event.target.tagName)) { event.preventDefault(); play(!playing); }
+  const { target, key } = event;
+  if (event.ctrlKey || event.metaKey || event.altKey || $("sure").open || (target.closest("input, select") && key !== "Escape")) return;
+  if (!(key in KEYS) || (key === " " && target.closest("button, summary"))) return;
+  event.preventDefault();
+  KEYS[key]();
 });
 window.addEventListener("hashchange", goToAddress);
-window.addEventListener("resize", () => show(nowMs));
+document.body.classList.toggle("compared", Boolean(runs[0].differs));
+$("other").hidden = $("differences-card").hidden = !runs[0].differs;
+if (runs[0].differs) runs.forEach((run, n) => put($(n ? "other-name" : "map-name"), run.run_name));
 setUp();
 const fitting = SPEEDS.find((speed) => endMs / 1000 / speed <= 90) || SPEEDS[SPEEDS.length - 1];
 $("speed").replaceChildren(...SPEEDS.map((speed) => new Option(speed + " ×", speed, false, speed === fitting)));

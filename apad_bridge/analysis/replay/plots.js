@@ -1,5 +1,5 @@
 "use strict";
-// Draws plots on canvases. A chart of up to 60 000 points is kept as a picture, over which the time moves.
+// Charts over mission time by uPlot, with one zoom and a mark of the time shown; pictures and bars on canvases of our own.
 
 const STATUSES = ["above", "candidate", "charging", "lost", "unknown"];
 const css = getComputedStyle(document.documentElement);
@@ -15,10 +15,30 @@ function readColours() {
 readColours();
 const FONT = "11px system-ui, 'DejaVu Sans', sans-serif";
 
+// The sizes of elements, so that a frame need not ask the page's layout for them.
+const sizes = new Map();
+const resized = new ResizeObserver((entries) => {
+  const changed = entries.filter(({ target }) => {
+    const known = sizes.get(target);
+    return known && (known.width !== target.clientWidth || known.height !== target.clientHeight);
+  });
+  if (!changed.length) return;
+  for (const { target } of changed) sizes.delete(target);
+  show(nowMs);
+});
+function sizeOf(element) {
+  let size = sizes.get(element);
+  if (!size || !size.width) {
+    size = { width: element.clientWidth, height: element.clientHeight };
+    sizes.set(element, size);
+    resized.observe(element);
+  }
+  return size;
+}
+
 // A canvas's context, cleared and scaled so that one unit is one CSS pixel.
 function fresh(canvas) {
-  const ratio = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth, height = canvas.clientHeight;
+  const ratio = window.devicePixelRatio || 1, { width, height } = sizeOf(canvas);
   if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);
@@ -30,105 +50,173 @@ function fresh(canvas) {
   return { ctx, width, height };
 }
 
+// A picture of a canvas's size, drawn anew only when its key or that size changes.
+const pictures = new Map();
+function picture(canvas, key, draw) {
+  let kept = pictures.get(canvas);
+  if (!kept || kept.key !== key || kept.own.width !== canvas.width || kept.own.height !== canvas.height) {
+    const own = kept ? kept.own : document.createElement("canvas"), ratio = window.devicePixelRatio || 1;
+    Object.assign(own, { width: canvas.width, height: canvas.height });
+    const inner = own.getContext("2d");
+    inner.scale(ratio, ratio);
+    inner.font = FONT;
+    draw(inner);
+    kept = { key, own };
+    pictures.set(canvas, kept);
+  }
+  return kept.own;
+}
+
 // 1, 2 or 5 times a power of ten: the smallest that is at least `least`.
 function niceStep(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return power * [1, 2, 5, 10].find((m) => m * power >= least * 0.999999);
 }
 
-const TIME_UNITS = [[1000, "s"], [60000, "min"], [3600000, "h"], [86400000, "d"]];
-function timeTicks(endMs) {
-  const [unit, name] = [...TIME_UNITS].reverse().find(([ms]) => endMs >= 2 * ms) || TIME_UNITS[0];
-  const step = niceStep(Math.max(endMs, 1) / unit / 6);
-  const ticks = [];
-  for (let value = 0; value * unit <= endMs; value += step) ticks.push([value * unit, +value.toFixed(3)]);
-  ticks[ticks.length - 1][1] += " " + name;
-  return ticks;
+const [SECOND, MINUTE, HOUR, DAY] = [1000, 60000, 3600000, 86400000];
+const TIME_STEPS = [[1, 2, 5, 10, 20, 30], [1, 2, 5, 10, 20, 30], [1, 2, 3, 6, 12], [1, 2, 5, 10, 20, 50, 100]]
+  .flatMap((steps, n) => steps.map((it) => it * [SECOND, MINUTE, HOUR, DAY][n]));
+function timeLabels(plot, times, axis, space, step) {
+  const unit = [[DAY, " d"], [HOUR, " h"], [MINUTE, " min"]].find(([ms]) => step >= ms);
+  return times.map((ms) => (unit ? +(ms / unit[0]).toFixed(3) + unit[1] : clock(ms)));
 }
 
-// Draws a picture on a canvas that is drawn anew only when its key or its size changes; returns the canvas's context.
-const pictures = new Map();
-function picture(canvas, key, draw) {
-  const { ctx, width, height } = fresh(canvas);
-  let kept = pictures.get(canvas);
-  if (!kept || kept.key !== key || kept.own.width !== canvas.width || kept.own.height !== canvas.height) {
-    const own = kept ? kept.own : document.createElement("canvas");
-    Object.assign(own, { width: canvas.width, height: canvas.height });
-    const inner = own.getContext("2d");
-    inner.scale(window.devicePixelRatio || 1, window.devicePixelRatio || 1);
-    inner.font = FONT;
-    draw(inner, width, height);
-    kept = { key, own };
-    pictures.set(canvas, kept);
-  }
-  if (kept.own.width && kept.own.height) ctx.drawImage(kept.own, 0, 0, width, height);
-  return { ctx, width, height };
+// The charts by their elements' ids, and the span of mission time that all of them show; null: the whole run.
+const charts = new Map();
+let zoom = null;
+
+function zoomTo(span) {
+  const least = 10 * SECOND;
+  zoom = span && span[1] - span[0] < endMs ? [Math.max(0, span[0]), Math.min(endMs, Math.max(span[1], span[0] + least))] : null;
+  $("whole").hidden = zoom === null;
+  for (const chart of charts.values()) fit(chart.plot);
 }
 
-const boxOf = (width, height) => ({ left: 40, right: width - 10, top: 6, bottom: height - 18 });
-
-// Draws lines over mission time, kept as a picture by `key`. `series` gives [{values, colour, width, step, dash}], or
-// [{low, high, colour, alpha}] for a band, drawn in order; null is a gap.
-function drawLines(canvas, key, timesMs, nowMs, series, options) {
-  const whole = [key, timesMs.length, timesMs[timesMs.length - 1], options.max, document.documentElement.dataset.theme].join();
-  const { ctx, width, height } = picture(canvas, whole, (inner, w, h) => drawChart(inner, w, h, timesMs, series(), options));
-  drawNow(ctx, boxOf(width, height), nowMs, timesMs[timesMs.length - 1] || 1);
+// Shows `factor` times as long a span, around the time shown.
+function zoomBy(factor) {
+  const [from, to] = zoom || [0, endMs], half = (to - from) * factor / 2;
+  zoomTo(half * 2 >= endMs ? null : [nowMs - half, nowMs + half]);
 }
 
-function drawNow(ctx, box, nowMs, endMs) {
-  const x = box.left + (box.right - box.left) * Math.min(1, nowMs / endMs);
-  ctx.lineWidth = 1.5;
-  stroke(ctx, INK, [[x, box.top - 4], [x, box.bottom]]);
+function fit(plot) {
+  plot.setScale("x", { min: zoom ? zoom[0] : 0, max: zoom ? zoom[1] : endMs || 1 });
 }
 
-function drawChart(ctx, width, height, timesMs, series, { min, max, format, threshold }) {
-  const box = boxOf(width, height);
-  const endMs = timesMs[timesMs.length - 1] || 1;
-  const x = (ms) => box.left + (box.right - box.left) * ms / endMs;
-  const y = (value) => box.bottom - (box.bottom - box.top) * (value - min) / (max - min || 1);
-  ctx.lineWidth = 1;
-  ctx.textBaseline = "middle";
-  ctx.textAlign = "right";
-  const step = niceStep((max - min || 1) / Math.max(2, Math.floor((box.bottom - box.top) / 24)));
-  for (let value = Math.ceil(min / step) * step; value <= max + step * 1e-6; value += step) {
-    stroke(ctx, LINE, [[box.left, y(value)], [box.right, y(value)]]);
-    ctx.fillStyle = SOFT;
-    ctx.fillText(format(value), box.left - 5, y(value));
+// Draws a chart. `shape` names what it has, `key` its values: it is built anew or filled anew only when these change.
+// `of` gives {lines: [{times, values, stroke, width, dash, step}], min, max, format, rows, under, over}; null is a gap. The
+// values on the left are those of `format`, or the names in `rows`. `under` and `over` draw below and above the lines.
+function drawChart(id, shape, key, of) {
+  const element = $(id), size = sizeOf(element), whole = [key, endMs, document.documentElement.dataset.theme].join();
+  let chart = charts.get(id);
+  if (!size.width) return;
+  if (chart && chart.shape === shape && chart.whole === whole && chart.size === size) return;
+  const content = of();
+  if (!chart || chart.shape !== shape) {
+    if (chart) chart.plot.destroy();
+    chart = { shape, content };
+    charts.set(id, chart);
+    chart.plot = new uPlot(chartOptions(chart, size), valuesOf(content.lines), element);
+    chart.mark = Object.assign(document.createElement("div"), { className: "mark" });
+    chart.plot.over.append(chart.mark);
+    chart.plot.over.addEventListener("click", () => { leaveEnd(); show(chart.plot.posToVal(chart.plot.cursor.left, "x")); writeAddress(); });
+  } else {
+    chart.content = content;
+    if (chart.size !== size) chart.plot.setSize(size);
+    chart.plot.setData(valuesOf(content.lines), false);
   }
-  ctx.textAlign = "center";
-  for (const [ms, label] of timeTicks(endMs)) {
-    ctx.fillStyle = SOFT;
-    ctx.fillText(label, Math.min(x(ms), box.right - 8), height - 7);
-  }
-  if (threshold !== undefined) {
-    ctx.setLineDash([5, 4]);
-    stroke(ctx, SOFT, [[box.left, y(threshold)], [box.right, y(threshold)]]);
-    ctx.setLineDash([]);
-  }
-  for (const { values, low, high, alpha, colour, width: lineWidth, step: stepped, dash } of series) {
-    if (low) { fillBand(ctx, timesMs.map(x), low.map((it) => it === null ? null : y(it)), high.map(y), colour, alpha); continue; }
-    ctx.setLineDash(dash || []);
-    ctx.strokeStyle = colour;
-    ctx.lineWidth = lineWidth;
-    ctx.beginPath();
-    let before = null;
-    values.forEach((value, i) => {
-      if (value === null) { before = null; return; }
-      if (before === null) ctx.moveTo(x(timesMs[i]), y(value));
-      else {
-        if (stepped) ctx.lineTo(x(timesMs[i]), y(before));
-        ctx.lineTo(x(timesMs[i]), y(value));
-      }
-      before = value;
-    });
-    ctx.stroke();
-  }
-  ctx.setLineDash([]);
+  Object.assign(chart, { whole, size });
+  fit(chart.plot);
+}
+
+// Shows a chart's lines with other widths and colours, without new values.
+function restyle(id) {
+  const chart = charts.get(id);
+  if (!chart) return;
+  chart.plot.series.forEach((it, n) => { if (n) it.width = chart.content.lines[n - 1].width(); });
+  chart.plot.redraw(false);
+}
+
+const call = (value) => (typeof value === "function" ? value() : value);
+
+// Lines of one run share their times; those of several are put on the times of all.
+function valuesOf(lines) {
+  if (!lines.length) return [[0], [null]];
+  const { times } = lines[0];
+  if (lines.every((it) => it.times === times)) return [times, ...lines.map((it) => it.values)];
+  return uPlot.join(lines.map((it) => [it.times, it.values]));
+}
+
+function chartOptions(chart, { width, height }) {
+  const axis = { font: FONT, stroke: () => SOFT, ticks: { show: false } };
+  const rows = () => chart.content.rows;
+  const left = chart.content.rows
+    ? { grid: { show: false }, size: 124, splits: () => rows().map((_, n) => n + 0.5), values: () => rows() }
+    : { grid: { stroke: () => LINE, width: 1 }, size: 44, space: 24, values: (plot, splits) => splits.map((it) => chart.content.format(it)) };
+  const lines = chart.content.lines.length ? chart.content.lines : [{ width: 0, stroke: LINE }];
+  return {
+    width, height, padding: [6, 22, 0, 0], legend: { show: false },
+    cursor: { y: false, points: { show: false }, drag: { setScale: false }, bind: { dblclick: () => () => zoomTo(null) } },
+    scales: { x: { time: false, range: (plot, from, to) => [from, to] }, y: { range: () => [chart.content.min, chart.content.max] } },
+    axes: [{ ...axis, grid: { show: false }, size: 22, gap: 3, space: 64, incrs: TIME_STEPS, values: timeLabels }, { ...axis, ...left }],
+    series: [{}, ...lines.map((line, n) => ({
+      stroke: (plot) => { const now = chart.content.lines[n] || line; return typeof now.stroke === "function" ? now.stroke(plot) : now.stroke; },
+      width: call(line.width), dash: line.dash, points: { show: false },
+      ...(line.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}),
+    }))],
+    hooks: {
+      drawClear: [(plot) => inside(plot, chart.content.under)],
+      draw: [(plot) => inside(plot, chart.content.over)],
+      setScale: [(plot, name) => { if (name === "x" && chart.mark) moveMark(chart); }],
+      setSelect: [(plot) => {
+        if (!plot.select.width) return;
+        const span = [plot.select.left, plot.select.left + plot.select.width].map((it) => plot.posToVal(it, "x"));
+        plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+        zoomTo(span);
+      }],
+    },
+  };
+}
+
+// Draws within a chart's frame; `x` and `y` of a value are in pixels of its canvas, `pixel` is one of the page.
+function inside(plot, draw) {
+  if (!draw) return;
+  const { ctx, bbox } = plot;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  draw(ctx, (ms) => plot.valToPos(ms, "x", true), (value) => plot.valToPos(value, "y", true), uPlot.pxRatio);
+  ctx.restore();
+}
+
+// Moves each chart's mark to the time shown: elements over the canvases, so that a frame draws no chart.
+function moveMarks() {
+  for (const chart of charts.values()) moveMark(chart);
+}
+
+function moveMark({ plot, mark }) {
+  const { min, max } = plot.scales.x;
+  mark.style.transform = `translateX(${((nowMs - min) / (max - min || 1) * plot.bbox.width / uPlot.pxRatio).toFixed(1)}px)`;
+}
+
+// A line's colours over time as a gradient with sharp ends: `of` gives the colour's number at each time.
+function timeColours(plot, times, of, colours) {
+  const { min, max } = plot.scales.x, { left, width } = plot.bbox;
+  const gradient = plot.ctx.createLinearGradient(left, 0, left + width, 0);
+  let before = null;
+  times.forEach((ms, i) => {
+    if (of[i] === before) return;
+    const at = Math.max(0, Math.min(1, (ms - min) / (max - min || 1)));
+    if (before !== null) gradient.addColorStop(at, colours[before]);
+    gradient.addColorStop(before === null ? 0 : at, colours[of[i]]);
+    before = of[i];
+  });
+  return gradient;
 }
 
 // Fills the band between two rows of heights; where `low` is null there is a gap.
-function fillBand(ctx, xs, low, high, colour, alpha) {
-  ctx.fillStyle = colour;
+function fillBand(ctx, xs, low, high, style, alpha) {
+  ctx.fillStyle = style;
   ctx.globalAlpha = alpha;
   for (let from = 0; from < xs.length; from++) {
     if (low[from] === null) continue;
@@ -146,7 +234,7 @@ function fillBand(ctx, xs, low, high, colour, alpha) {
 // Draws vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.
 function drawBars(canvas, bars, marked) {
   const { ctx, width, height } = fresh(canvas);
-  const box = boxOf(width, height);
+  const box = { left: 44, right: width - 22, top: 6, bottom: height - 18 };
   const y = (percent) => box.bottom - (box.bottom - box.top) * percent / 100;
   ctx.textBaseline = "middle";
   for (const percent of [0, 25, 50, 75, 100]) {

@@ -5,12 +5,14 @@ Charges come from the anchors in closed form, not from samples.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
 from apad_bridge.analysis.replay.history import History, PlanView
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line
@@ -19,6 +21,7 @@ from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import Area, Scenario
 from firmware_model.power.charge import fraction
+from firmware_model.power.rails import Rail
 from firmware_model.states import State
 
 MAX_SAMPLES = 600
@@ -66,6 +69,10 @@ class _Agent:
     """The charge of the other battery."""
     state: list[int | None]
     """The board's state by its number, true or believed."""
+    taken: list[int | None]
+    """The number of samples in its log that it ever took."""
+    acknowledged: list[int | None]
+    """Those of them whose receipt it knows."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[int]:
@@ -83,6 +90,25 @@ def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, A
     for now_ms in sample_times(view.end_ms, view.agent_count):
         view.sample(now_ms)
     return view.data(summary)
+
+
+def add_rails(data: dict[str, Any], rails: Mapping[int, Sequence[tuple[int, int]]]) -> None:
+    """Adds each aMussel's column `rails`: the set of its board's rails that were on at any moment since the sample before.
+
+    `rails` has (agent ms, set of rails) after each switch; an aMussel without has no such column.
+    """
+    for agent in data["agents"]:
+        if agent["id"] not in rails:
+            continue
+        switches, column, at, on = rails[agent["id"]], [], 0, 0
+        for now_ms in data["times_ms"]:
+            seen = on
+            while at < len(switches) and switches[at][0] <= data["theta"] * now_ms:
+                on = switches[at][1]
+                seen |= on
+                at += 1
+            column.append(seen)
+        agent["rails"] = column
 
 
 class RunView:
@@ -172,11 +198,14 @@ class RunView:
             "dropped_lines": self._dropped,
             "summary": summary,
             "trace": _thinned(self._history.trace),
+            "thinned": {"track_m": round(_left_out_m(self._history.trace), 2)},
             "events": [list(it) for it in self._history.events],
             "plans": [_reasons(it) for it in self._history.plans],
             "packets": self._history.packets[-MAX_PACKETS:],
             "earlier_packets": max(0, len(self._history.packets) - MAX_PACKETS),
             "states": [state.name.lower().replace("_", " ") for state in State],
+            "rails": [rail.name.lower().replace("_", " ") for rail in Rail],
+            "timeslots": _timeslots(scenario),
             **self._sampler.columns(),
         }
 
@@ -246,6 +275,9 @@ class _Sampler:
         agent.high.append(_rounded(believed.get("high"), 4))
         agent.secondary.append(_rounded(other, 3))
         agent.state.append(state)
+        has_log = truth is not None and truth.physical.samples > 0
+        agent.taken.append(truth.physical.samples if truth is not None and has_log else None)
+        agent.acknowledged.append(truth.physical.acknowledged if truth is not None and has_log else None)
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:
@@ -298,7 +330,7 @@ class _Sampler:
         }
 
 
-_OFTEN_EMPTY = ("believed", "low", "high")
+_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged")
 COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "secondary", "state")
 """An aMussel's columns, by their names on the page."""
 
@@ -338,8 +370,32 @@ def _reasons(line: Line) -> dict[str, Any]:
 
 
 def _thinned(trace: list[tuple[int, float, float]]) -> list[list[float]]:
-    every = -(-len(trace) // MAX_TRACE) or 1
-    return [[t, round(north, 2), round(east, 2)] for t, north, east in trace[::every]]
+    every = _every(trace)
+    kept = trace[::every] if (len(trace) - 1) % every == 0 else [*trace[::every], trace[-1]]
+    return [[t, round(north, 2), round(east, 2)] for t, north, east in kept]
+
+
+def _every(trace: Sequence[object]) -> int:
+    return -(-len(trace) // MAX_TRACE) or 1
+
+
+def _left_out_m(trace: list[tuple[int, float, float]]) -> float:
+    """The greatest distance of a point that `_thinned` leaves out from the straight way between its neighbours."""
+    every, farthest = _every(trace), 0.0
+    for first in range(0, len(trace) - 1, every):
+        last = min(first + every, len(trace) - 1)
+        (begun_ms, *begin), (end_ms, *end) = trace[first], trace[last]
+        for at_ms, north, east in trace[first + 1 : last]:
+            share = (at_ms - begun_ms) / max(1, end_ms - begun_ms)
+            there = [a + share * (b - a) for a, b in zip(begin, end, strict=True)]
+            farthest = max(farthest, math.dist(there, (north, east)))
+    return farthest
+
+
+def _timeslots(scenario: Scenario) -> dict[str, int] | None:
+    """The boards' timeslots in ms of agent time; None for boards without any."""
+    found = flight_config(scenario).timeslots
+    return None if found is None else {"frame_ms": found.frame_ms, "slot_ms": found.slot_ms}
 
 
 def _unless_empty(column: list[float | None]) -> list[float | None] | None:

@@ -1,6 +1,7 @@
 """Tests the page's data on journals written by hand, whose figures can be computed on paper."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from scenario_files import POOL_FILE
@@ -10,9 +11,11 @@ from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import (
     MAX_SAMPLES,
+    MAX_TRACE,
     MAX_VALUES,
     RunView,
     Status,
+    add_rails,
     page_data,
     sample_times,
 )
@@ -21,8 +24,10 @@ from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.scenario.loader import load
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains
+from firmware_model.power.rails import Rail, bits
 from firmware_model.states import State
 
+ROOT = Path(__file__).parents[4]
 SCENARIO = replace(load(POOL_FILE), theta=10)
 
 
@@ -236,12 +241,17 @@ def test_no_text_of_a_scenario_ends_the_pages_script():
     hostile = "</script><script>alert(1)</script><!--SCRIPT-->"
     data = {**data_of(run_line(1)), "name": hostile, "description": hostile}
     page = render([data])
-    assert page.count("</script>") == 2
+    assert page.count("</script>") == 3
     assert "alert(1)</script>" not in page and "&lt;/script&gt;" in page
 
 
 def test_the_page_needs_no_network():
     page = render([data_of(run_line(1))])
+    named = (
+        "/*! https://github.com/leeoniya/uPlot (v1.6.32) */"  # the library's name, in a comment of its own
+    )
+    assert page.count(named) == 1
+    page = page.replace(named, "")
     for reference in ("http://", "https://", "src=", "@import", "url(", "<link"):
         assert reference not in page
 
@@ -311,9 +321,9 @@ def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
     assert newest["t"] == 4000 and newest["docks"] == [2, None, None, None]
     assert newest["trace"] == [[3000, 5.0, 0.0]]
     assert newest["events"] == [
-        [1000, "dock", "dock 1 closed around aMussel 2"],
-        [3000, "remark", "Anna: a <b>boat"],
-        [4000, "end", "the mission ended: mission time"],
+        [1000, "dock", "dock 1 closed around aMussel 2", 2],
+        [3000, "remark", "Anna: a <b>boat", None],
+        [4000, "end", "the mission ended: mission time", None],
     ]
     for name in ("trace", "events", "plans", "packets"):
         assert view.newest(view.counts)[name] == []
@@ -343,7 +353,7 @@ def test_packets_and_plans_are_those_of_the_journal():
         "bytes": 4,
         "began_ms": 20_000,
         "lasted_ms": 200,
-        "timeslot": None,
+        "timeslot": 7,
         "unsent": None,
         "heard": [[0, "received", 1.0, 1, 1.0, 1.0], [1, "noise", 1.0, 1, 1.0, 1.0]],
         "data": "",
@@ -351,7 +361,7 @@ def test_packets_and_plans_are_those_of_the_journal():
     plan = {"t": 2000, "kind": "plan", "what": "collect", "strategy": "exact", "steps": [], "costs": {}}
     plan |= {"beliefs": [], "runner_up": {"strategy": "greedy"}}
     data = data_of(run_line(1, 2), *truth_lines(truth(0, 1, 0.5, secondary=0.25)), plan, packet)
-    assert data["packets"] == [(2000, 200, 2, "ping", None, None, ((0, "received"),), 1)]
+    assert data["packets"] == [(2000, 200, 2, "ping", None, None, ((0, "received"),), 1, 7)]
     assert data["earlier_packets"] == 0
     # Whatever a version writes of a plan's reasons goes along.
     assert [it["runner_up"] for it in data["plans"]] == [{"strategy": "greedy"}]
@@ -361,3 +371,39 @@ def test_packets_and_plans_are_those_of_the_journal():
 
 def test_the_page_without_its_data_is_small():
     assert len(render([{"name": "x"}]).encode()) < 400_000
+
+
+def test_a_sample_has_each_module_that_was_on_since_the_one_before():
+    """Of switches between two samples none is lost, however short it was on."""
+    data = data_of(run_line(1, 2), *truth_lines(truth(0, 1, 0.9)), {"t": 3000, "kind": "tick"})
+    wifi, motors = bits(Rail.WIFI), bits(Rail.MOTORS)
+    # Ten times faster: 10 000 ms of the board are a sample's second.
+    add_rails(data, {1: [(0, wifi), (12_000, wifi | motors), (12_001, wifi), (25_000, 0)]})
+    assert [agent.get("rails") for agent in data["agents"]] == [[wifi, wifi, wifi | motors, wifi], None]
+    assert data["rails"][Rail.MOTORS] == "motors"
+
+
+def test_samples_of_the_log_are_counted_where_a_board_has_one():
+    logged = truth(10_000, 1, 0.9)
+    logged = replace(logged, physical=replace(logged.physical, samples=7, acknowledged=3))
+    lines = truth_lines(truth(0, 1, 0.9), logged, truth(0, 2, 0.9))
+    first, second = data_of(run_line(1, 2), *lines, {"t": 2000, "kind": "tick"})["agents"]
+    assert (first["taken"], first["acknowledged"]) == ([None, 7, 7], [None, 3, 3])
+    assert (second["taken"], second["acknowledged"]) == (None, None)
+
+
+def test_a_thinned_track_keeps_its_ends_and_says_how_far_off_it_is():
+    straight = [apad(1000 * n, float(n)) for n in range(2 * MAX_TRACE)]
+    assert data_of(run_line(1), *straight)["thinned"]["track_m"] == 0
+    bent = [*straight[:4001], {**straight[4001], "east_m": 2.5}, *straight[4002:]]
+    data = data_of(run_line(1), *bent)
+    assert data["thinned"]["track_m"] == 2.5
+    assert len(data["trace"]) <= MAX_TRACE + 1
+    assert (data["trace"][0][0], data["trace"][-1][0]) == (0, 1000 * (2 * MAX_TRACE - 1))
+
+
+def test_boards_with_timeslots_state_them():
+    assert data_of(run_line(1))["timeslots"] is None
+    scenario = load(ROOT / "launch_scripts" / "scenarios" / "sound-12.yaml")
+    slots = page_data(scenario, JournalContents([run_line(1)], 0), None)["timeslots"]
+    assert slots == {"frame_ms": 300_000, "slot_ms": 5000}
