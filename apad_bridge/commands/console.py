@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.console.process import Address, serve
 
     if not 0 <= arguments.port < 65536:
-        raise UserError(f"--port is 0 to 65535, not {arguments.port}")
+        raise UserError(f"--port must be 0 to 65535, not {arguments.port}")
 
     def tell(url: str) -> None:
         print(json.dumps({"url": url}) if arguments.json else url, flush=True)

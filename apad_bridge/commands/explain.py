@@ -20,9 +20,9 @@ from apad_bridge.runs.exits import Exit, UserError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "explain",
-        help="why the mission planned what it did at a time",
-        description="Prints the plan that was in force at a mission time: its candidates and what was believed of "
-        "them, the cost of each part, and what else the strategy weighed, the runner-up first. Reads the journal, "
+        help="the reasons of the mission's plan at a time",
+        description="Prints the plan in force at a mission time: its candidates with their beliefs, the cost of each "
+        "part, and the other plans that the strategy weighed, the runner-up first. Reads the journal, "
         "also of a run that is still flying.",
         epilog=ending(
             "musselbed explain runs/pool-12-20260504T101500Z --at 600",

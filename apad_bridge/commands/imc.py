@@ -31,8 +31,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "imc",
         help="show a run live on a console that speaks IMC (Neptus), and take its orders",
-        description="Sends the aPad and the aMussels to consoles that speak IMC: places, batteries, states, events; and "
-        "writes what is sent and received into an LSF log in the run's directory. A console that is listed with its IMC "
+        description="Sends the aPad and the aMussels to consoles that speak IMC: places, batteries, states and events. "
+        "Writes all its packets into an LSF log in the run's directory. A console that is listed with its IMC "
         f"id may order go-to, station keeping, stop and abort. {_NO_AUTHENTICATION}. Ctrl-C ends this and not the run.",
         epilog=ending(
             "musselbed imc runs/pool-12-1",
@@ -90,7 +90,7 @@ def _add_gateway_arguments(parser: Any, prefix: str) -> None:
         action="append",
         default=[],
         metavar="[ID@]HOST:PORT",
-        help="a console; its orders count with its IMC id alone, as 0x4001@127.0.0.1:6001; may be said again "
+        help="a console; its orders count with its IMC id alone, as 0x4001@127.0.0.1:6001; repeatable "
         f"(default: {LOOPBACK}:{NEPTUS_PORT}, which is shown the run)",
     )
     parser.add_argument(
@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
     if port is None:
         port = NEPTUS_PORT + apad_number(_apad_name(arguments.directory))
     if not 0 <= port < 65536:
-        raise UserError(f"--port is 0 to 65535, not {port}")
+        raise UserError(f"--port must be 0 to 65535, not {port}")
 
     def tell(data: dict[str, Any], text: str) -> None:
         print(json.dumps(data) if arguments.json else text, flush=True)
@@ -178,7 +178,9 @@ def _interface(text: str) -> str:
     try:
         address = ipaddress.IPv4Address(text)
     except ValueError as error:
-        raise UserError(f"--host {text}: it is the IPv4 address of one interface of this machine") from error
+        raise UserError(
+            f"--host {text}: must be the IPv4 address of one interface of this machine"
+        ) from error
     if address.is_unspecified or address.is_multicast:
         raise UserError(
             f"--host {text}: name the address of one interface, by which consoles reach this machine"

@@ -32,10 +32,10 @@ def add_parser(commands: Any) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     merging = actions.add_parser(
         "merge",
-        help="one bag of two, with what each lacks",
+        help="merge two bags, and list the gaps of each",
         description="Finds the messages that two bags have in common, and from them the offset of their clocks as a "
-        "function of time, also where one of them was set meanwhile. Lists what is missing where, and writes one bag "
-        "with all of it by the clock of A. Counts the run's figures from either bag alone and from both.",
+        "function of time, also where one of them was set meanwhile. Lists the gaps of each bag, and writes one bag "
+        "with all messages by the clock of A. Counts the run's figures from either bag alone and from both.",
         epilog=_ENDING,
     )
     merging.add_argument("first", type=Path, metavar="A.bag", help="the bag whose clock counts")
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     first, second = arguments.first, arguments.second
     out = arguments.out or first.with_name(f"{first.stem}-merged.bag")
     if out.exists():
-        raise UserError(f"{out} exists already: say a new file with --out")
+        raise UserError(f"{out} exists already: name a new file with --out")
     try:
         merged = merge(first, second, out)
     except BagUnreadable as error:

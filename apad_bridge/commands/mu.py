@@ -30,8 +30,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "mu",
         help="run one MU board by itself: Table I, an energy budget, its states",
-        description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad; `energy` sums what "
-        "the boards of a run drew.",
+        description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad. `energy` sums "
+        "the energy that the boards of a run drew.",
         epilog=ending("musselbed mu table1", "musselbed mu run night.yaml --trace"),
     )
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
@@ -66,9 +66,9 @@ def add_parser(commands: Any) -> None:
     budget.set_defaults(run=run_script)
     energy = parts.add_parser(
         "energy",
-        help="what the boards of a run drew, by module and by state",
-        description="Runs the aMussels of a run again, from their starts and from what reached them, and sums what their "
-        "boards drew so far. Docked, a part of that came from the charger.",
+        help="the energy that the boards of a run drew, by module and by state",
+        description="Runs the aMussels of a run again, from their starts and the stimuli in the journal, and sums the "
+        "energy of their boards so far. Docked, a part of that came from the charger.",
         epilog=ending(
             "musselbed mu energy runs/pool-12-1", "musselbed mu energy runs/pool-12-1 --agent 3 --json"
         ),

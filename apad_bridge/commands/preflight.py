@@ -71,7 +71,7 @@ def add_parser(commands: Any) -> None:
         "--lookout",
         metavar="NAME",
         default="",
-        help="who looks out, with the vehicle's own switch in the hand",
+        help="the person who looks out, with the vehicle's own switch at hand",
     )
     parser.add_argument(
         "--prove-stop",
@@ -154,7 +154,7 @@ def _ask_for_hands(*, confirmed: bool) -> None:
     if confirmed:
         return
     if not sys.stdin.isatty():
-        raise UserError("docks open and close: a person has to say --hands-clear")
+        raise UserError("docks open and close: a person must confirm by --hands-clear")
     if input("The docks will open and close. Hands clear? Type yes: ").strip().lower() != "yes":
         raise UserError("hands are not clear: nothing was ordered")
 
@@ -232,7 +232,7 @@ def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Fin
     check = f"{apad} docks opened"
     if flown.returncode != Exit.DONE:
         return [fail(check, lines[-1], "see the docks' node on the vehicle, or lower apad.docks")]
-    return [ok(check, f"{lines[-1]}: a person has to have seen it")]
+    return [ok(check, f"{lines[-1]}: a person must have watched it")]
 
 
 def _show(report: Report, red: dict[str, list[Finding]], path: Path) -> None:

@@ -152,8 +152,8 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CHECK",
         action="append",
         default=[],
-        help="start a real aPad although this check of its preflight is red; never fence, position, pilot or stop; may be "
-        "said again",
+        help="start a real aPad although this check of its preflight is red; never fence, position, pilot or stop; "
+        "repeatable",
     )
     parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
@@ -191,19 +191,21 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     if time is TimeSource.ROS and apad is APadKind.SIM:
         raise UserError("--time ros follows another master's /clock: it needs --apad ros")
     if arguments.speed != 1 and time is TimeSource.ASAP:
-        raise UserError("--speed is of --time wall: leave it out, asap flies as fast as the machine goes")
+        raise UserError(
+            "--speed works with --time wall only: leave it out; asap flies as fast as the machine goes"
+        )
     if arguments.speed != 1 and (apad is APadKind.ROS or time is not TimeSource.WALL):
         raise UserError("--speed needs --time wall and the simulated aPad: a real vehicle moves in real time")
     manual, dry_run = getattr(arguments, "manual", False), getattr(arguments, "dry_run", False)
     if manual and time is TimeSource.ASAP:
-        raise UserError("--manual needs ROS, by which the aPad is called: use --time wall, or a script")
+        raise UserError("--manual needs ROS, which carries the calls: use --time wall, or a script")
     if manual and dry_run:
         raise UserError("--manual plans nothing: there is no first plan to print")
     for remapping in arguments.remap:
         if not _REMAPPING.fullmatch(remapping):
             raise UserError(f"--remap {remapping}: use FROM:=TO, two names of ROS, as /a/b:=/c")
     if arguments.remap and time is TimeSource.ASAP:
-        raise UserError("--remap names things of ROS, which --time asap does without")
+        raise UserError("--remap renames topics and services of ROS, and --time asap has none: leave it out")
     return RunOptions(
         namespace="" if time is TimeSource.ASAP else namespace_of_shell(),
         remappings=tuple(arguments.remap),
@@ -224,7 +226,7 @@ def namespace_of_shell() -> str:
     """The namespace in ROS_NAMESPACE, which roslaunch sets for the nodes of a group."""
     namespace = os.environ.get("ROS_NAMESPACE", "")
     if not _NAMESPACE.fullmatch(namespace):
-        raise UserError(f"ROS_NAMESPACE={namespace}: it is a name of ROS, as basin or /lab/basin")
+        raise UserError(f"ROS_NAMESPACE={namespace}: must be a name of ROS, such as basin or /lab/basin")
     return namespace.strip("/")
 
 

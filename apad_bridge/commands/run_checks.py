@@ -135,7 +135,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
             "--open-modem needs a fleet: a mission alone has no aMussels; use it with `musselbed fleet`"
         )
     if options.time is TimeSource.ASAP:
-        raise UserError("--open-modem needs real time, which a driver lives in: use --time wall")
+        raise UserError("--open-modem needs real time, as your driver does: use --time wall")
     if options.modem:
         raise UserError("--open-modem and --modem exclude each other: simulated sound, or real sound")
     if scenario.water is None:

@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.runs.studies.table_two import apad_energy, contradictions, table_two
 
     if find_spec("pyarrow") is None:
-        raise UserError("pyarrow is missing, which writes the results: run launch_scripts/install")
+        raise UserError("pyarrow, which writes the results, is missing: run launch_scripts/install")
     plan = _plan_of(arguments)
     workers = _workers(arguments)
     is_table_two = arguments.study == TABLE_TWO
@@ -129,7 +129,9 @@ def _plan_of(arguments: argparse.Namespace) -> Plan:
         if arguments.study == TABLE_TWO:
             return table_two_study(arguments.seeds or 200, arguments.theta or THETA)
         if arguments.theta is not None:
-            raise UserError(f"--theta is of {TABLE_TWO} alone: give a study `parameters: {{theta: [...]}}`")
+            raise UserError(
+                f"--theta works with {TABLE_TWO} only: give a study `parameters: {{theta: [...]}}`"
+            )
         plan = load_study(Path(arguments.study))
         return plan if arguments.seeds is None else with_seeds(plan, arguments.seeds)
     except ScenarioError as error:

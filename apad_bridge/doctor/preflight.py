@@ -237,7 +237,7 @@ def check_pilot(apad: str, *, hears_pilot: bool, steers: bool | None) -> Finding
     if steers is None:
         return warn(
             check,
-            "nobody publishes manual: a pilot who takes the aPad over is not noticed",
+            "no node publishes manual: the bench cannot notice a pilot who takes the aPad over",
             "start the joystick's node; or remap manual to what tells of your pilot",
         )
     return ok(check, "nobody steers (manual is false)")
@@ -251,7 +251,7 @@ def check_watchdog(apad: str, *, drifts: bool, word: str | None) -> Finding:
         return ok(check, f"it runs, and says {word}")
     if drifts:
         return fail(check, "none: on a lost link this aPad drifts as soon as a primitive ends", mend)
-    return warn(check, "none: on a lost link this aPad goes on to where it was sent last", mend)
+    return warn(check, "none: on a lost link this aPad continues to its last goal", mend)
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,7 +291,7 @@ def check_lookout(name: str) -> Finding:
         return ok("lookout", f"{name}, with the vehicle's own switch in the hand")
     return warn(
         "lookout",
-        "nobody is named: there is no collision avoidance, and no order of ours is an emergency stop",
+        "no lookout is named: there is no collision avoidance, and no order of ours is an emergency stop",
         "--lookout NAME: who looks out and holds the vehicle's hardware switch",
     )
 

@@ -179,7 +179,9 @@ def not_suspended() -> Iterator[None]:
     def say(*_: object) -> None:
         # Not print: this may interrupt a print.
         with suppress(OSError):
-            os.write(2, b"\r\nCtrl-Z suspends no mission: it goes on, and Ctrl-C ends it in order\r\n")
+            os.write(
+                2, b"\r\nCtrl-Z does not suspend a mission: it continues, and Ctrl-C ends it in order\r\n"
+            )
 
     before = signal.signal(signal.SIGTSTP, say)
     try:

@@ -115,7 +115,9 @@ def test_ctrl_z_suspends_no_parent() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and done.stdout == "goes on\n"
-    assert done.stderr.strip() == "Ctrl-Z suspends no mission: it goes on, and Ctrl-C ends it in order"
+    assert (
+        done.stderr.strip() == "Ctrl-Z does not suspend a mission: it continues, and Ctrl-C ends it in order"
+    )
 
 
 def test_a_run_that_is_refused_leaves_no_directory(
