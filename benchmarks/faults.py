@@ -16,6 +16,7 @@ import resource
 import select
 import signal
 import socket
+import statistics
 import struct
 import subprocess
 import sys
@@ -38,8 +39,10 @@ from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
 from agents.mussel.outputs import Truth
+from apad_bridge.analysis.invariants import check_run
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line, read_journal
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.firmware_config import charge_models
@@ -59,6 +62,8 @@ _GONE_S = 10.0
 """The time that a run's processes have to be gone, once its command has ended."""
 _END_S = 240.0
 """The longest time that a command may take; it takes some seconds, and a busy machine longer."""
+_UPTIME_POINTS = 1.0
+"""Percent points of uptime that deaths with restarts may cost."""
 _TRACEBACK = "Traceback (most recent call last)"
 _WALL = ("--time", "wall", "--speed", "20")
 _NURSERY, _SUPERVISOR = "agents.nursery", "runs.supervisor_process"
@@ -434,6 +439,68 @@ def _killing_agents(attempt: Try, period_s: float) -> Iterator[list[str]]:
         thread.join()
 
 
+def _killed_at_random(attempt: Try) -> str | None:
+    """A random agent every two seconds and the supervisor three times; compared with the same mission undisturbed."""
+    duration_s = 60 * 20 * attempt.minutes
+    calm_dir = attempt.folder / "undisturbed"
+    calm = attempt.run("--time", "asap", duration_s=duration_s, run_dir=calm_dir)
+    if (lost := _expect(calm, {0}, within_s=600.0)) is not None:
+        return lost
+    flying = attempt.run(*_WALL, "--on-supervisor-death", "resume", duration_s=duration_s)
+    attempt.has_flown(5)
+    supervisors_due_ms = [1000 * duration_s * number / 4 for number in (1, 2, 3)]
+    supervisors, back_s = 0, list[float]()
+    while flying.code is None:
+        attempt.wait(2.0)
+        if supervisors < len(supervisors_due_ms) and attempt.flown_ms() >= supervisors_due_ms[supervisors]:
+            os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
+            supervisors += 1
+            _flies_on(attempt)
+        elif agents := attempt.agents:
+            name = attempt.rng.choice(list(agents))
+            back_s += _back_s(attempt, name, agents[name])
+    attempt.figures |= {
+        "agents_killed": len(back_s),
+        "nurseries_killed": 0,
+        "supervisors_killed": supervisors,
+        "back_s_median": round(statistics.median(back_s), 3),
+        "back_s_worst": round(max(back_s), 3),
+    }
+    if (lost := _expect(flying, {0}) or _contradiction(attempt)) is not None:
+        return lost
+    uptimes = [
+        json.loads((folder / "summary.json").read_text())["uptime_paper"]["mean"]
+        for folder in (calm_dir, attempt.run_dir)
+    ]
+    attempt.figures |= {"uptime_undisturbed": uptimes[0], "uptime": uptimes[1]}
+    if abs(uptimes[0] - uptimes[1]) > _UPTIME_POINTS:
+        return f"the uptime is {uptimes[1]:.2f} %, and {uptimes[0]:.2f} % undisturbed"
+    broken = check_run(RunDirectory.open(attempt.run_dir))
+    return str(broken[0]) if broken else None
+
+
+def _flies_on(attempt: Try) -> None:
+    """Returns when another supervisor has flown on for five seconds of mission time."""
+    before_ms = attempt.flown_ms()
+    attempt.wait_for(lambda: attempt.flown_ms() >= before_ms + 5000 or None, "a resumed flight")
+
+
+def _back_s(attempt: Try, name: str, pid: int) -> list[float]:
+    """Kills an agent; the wall seconds until it lives again. None of them for an agent or a flight that had just ended."""
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return []
+    killed_s = time.monotonic()
+    while attempt.agents.get(name, pid) == pid:
+        attempt.wait(0.01)
+        if attempt.terminals[-1].code is not None:
+            return []
+        if time.monotonic() > killed_s + _END_S:
+            raise TimeoutError(f"{name} did not live again within {_END_S:g} s")
+    return [time.monotonic() - killed_s]
+
+
 def _resumed(attempt: Try, first: Terminal, pilot: Terminal, callers: int) -> tuple[Terminal, str | None]:
     """Kills the supervisor and has the run resumed; returns the command that flies it now, and what was lost."""
     os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
@@ -649,6 +716,7 @@ FAULTS = (
     Fault("master stopped and continued", _master_stopped),
     Fault("silent TCP connections", _silent_connections),
     Fault("agents, nursery and supervisor killed again and again", _killed_again_and_again),
+    Fault("a random agent killed every two seconds, the supervisor three times", _killed_at_random),
 )
 
 

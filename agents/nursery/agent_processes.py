@@ -1,4 +1,4 @@
-"""Forks the nursery's agents, keeps their links, reaps them, and refuses to restart one that dies again and again at once."""
+"""Forks the nursery's agents, keeps their links, reaps them, and lets one that dies at once, again and again, stay dead."""
 
 from __future__ import annotations
 
