@@ -54,19 +54,22 @@ class Feed:
             raise RunDirectoryError(f"{self._directory.journal}: cannot be shown: {error}") from error
         for now_ms in sample_times(self._view.end_ms, self._view.agent_count):
             self._view.sample(now_ms)
+        self._told = self._state()
 
     def poll(self) -> dict[str, Any]:
         """The run's state now, and `sample`: the newest sample where there is a new one, else null."""
         self._view.add(self._journal.read_new())
-        return {"sample": self._new_sample(), **self._state()}
+        sample = self._new_sample()
+        self._told = self._state()
+        return {"sample": sample, **self._told}
 
     def since(self, counts: Counts) -> dict[str, Any]:
-        """The run's state at the last poll, for a page that has so much."""
-        return {"sample": self._view.newest(counts), **self._state()}
+        """The run's state at the last poll, for a page that has so much. However many ask, the supervisor is not asked."""
+        return {"sample": self._view.newest(counts), **self._told}
 
     def page_data(self) -> dict[str, Any]:
-        """The page's data so far. `live` tells the page to follow, and from where."""
-        state = self._state()
+        """The page's data at the last poll. `live` tells the page to follow, and from where."""
+        state = self._told
         orders = {"ping": self._has_water, "faults": list(Fault) if self._takes_faults else []}
         live = {
             "orders": orders,

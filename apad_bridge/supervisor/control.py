@@ -170,6 +170,8 @@ def listens(run_dir: Path) -> bool:
             return True
     except NobodyListens:
         return False
+    except BlockingIOError:  # the queue of a supervisor that is there is full
+        return True
 
 
 def ask(run_dir: Path, request: AnyRequest) -> Answer:

@@ -223,3 +223,15 @@ def test_a_refused_go_to_leaves_the_mission_flying(
     assert flying.phase is Phase.GO_COLLECT
     assert flying.events("override") == [] and flying.events("operator") == []
     assert [it["guard"] for it in flying.events("refused")] == (["fence"] if why == "fence" else [])
+
+
+def test_a_supervisor_whose_queue_is_full_still_listens(run_dir: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as supervisor:
+        descriptor = os.open(run_dir, os.O_DIRECTORY)
+        supervisor.bind(f"/proc/self/fd/{descriptor}/{SOCKET_NAME}")
+        os.close(descriptor)
+        supervisor.listen(0)
+        with control._connected(run_dir, 1.0):  # the one that waits in its queue
+            assert control.listens(run_dir)
+    (run_dir / SOCKET_NAME).unlink()
+    assert not control.listens(run_dir)

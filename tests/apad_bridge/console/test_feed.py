@@ -1,0 +1,65 @@
+"""What a console reads and asks for its pages."""
+
+import os
+import socket
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from scenario_files import POOL_FILE
+
+from apad_bridge.console.feed import Feed
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.flying import journal_start
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.control import SOCKET_NAME
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path) -> Path:
+    scenario = load(POOL_FILE)
+    directory = RunDirectory.create("pool", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
+    starts = starts_of(scenario)
+    directory.write_inputs(scenario, starts)
+    RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
+    recorder = Recorder(directory, scenario, {it.agent_id: (it.north_m, it.east_m) for it in starts})
+    journal_start(recorder, scenario, starts)
+    recorder.close()
+    return directory.path
+
+
+def test_however_many_pages_open_the_supervisor_is_asked_once_a_poll(run_dir: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as supervisor:
+        descriptor = os.open(run_dir, os.O_DIRECTORY)
+        supervisor.bind(f"/proc/self/fd/{descriptor}/{SOCKET_NAME}")
+        os.close(descriptor)
+        supervisor.listen(256)
+        supervisor.setblocking(False)
+        feed = Feed(run_dir)
+        try:
+            assert feed.poll()["supervisor"]
+            asked = waiting(supervisor)
+            for _ in range(100):
+                assert feed.since((0, 0, 0, 0))["supervisor"]
+                feed.page_data()
+            assert (asked, waiting(supervisor)) == (2, 0)  # at its begin, and by the poll
+        finally:
+            feed.close()
+    (run_dir / SOCKET_NAME).unlink()
+    feed = Feed(run_dir)
+    assert not feed.poll()["supervisor"] and not feed.since((0, 0, 0, 0))["supervisor"]
+    feed.close()
+
+
+def waiting(listener: socket.socket) -> int:
+    """Takes all connections that wait, and counts them."""
+    count = 0
+    while True:
+        try:
+            listener.accept()[0].close()
+        except BlockingIOError:
+            return count
+        count += 1
