@@ -7,6 +7,8 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,11 +24,16 @@ from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from apad_bridge.runs.studies.report import Comparison
+    from apad_bridge.runs.studies.runner import Fly
+    from apad_bridge.runs.studies.sleep_schedules import Schedule
     from apad_bridge.runs.studies.specification import Plan
 
 TABLE_TWO = "table2"
+SLEEP = "sleep"
 _OUT = Path("studies")
 _BETWEEN_COLUMNS = 3
+_SLEEP_SEEDS = 5
+"""Whole boards are flown tick by tick: twelve schedules on one configuration take some minutes of a processor."""
 
 
 def add_parser(commands: Any) -> None:
@@ -35,22 +42,27 @@ def add_parser(commands: Any) -> None:
         help="compare strategies on many random configurations, with confidence intervals",
         description="Flies strategies x scenarios x seeds x parameters, each strategy on the same configurations, and "
         "prints means, paired differences and upper bounds. After an interruption the same command continues the study. "
-        f"`musselbed study {TABLE_TWO}` repeats the paper's Table II. Results: "
+        f"`musselbed study {TABLE_TWO}` repeats the paper's Table II, and `musselbed study {SLEEP}` compares schedules of "
+        "sleep and recommends one. Results: "
         "results.parquet with a row for each mission, report.html with figures.",
         epilog=ending(
             "musselbed study launch_scripts/studies/pool.yaml",
             "musselbed study launch_scripts/studies/pool.yaml --seeds 1000 --json",
             f"musselbed study {TABLE_TWO} --theta 1 --seeds 50",
+            f"musselbed study {SLEEP} --seeds 10",
             note="See docs/studies.md.",
         ),
     )
-    parser.add_argument("study", metavar="STUDY.yaml", help=f"the study's file, or {TABLE_TWO}")
+    parser.add_argument("study", metavar="STUDY.yaml", help=f"the study's file, or {TABLE_TWO}, or {SLEEP}")
     parser.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N, instead of the study's")
     parser.add_argument(
         "--theta", type=int, metavar="N", help=f"theta of {TABLE_TWO}, instead of the paper's 30"
     )
     parser.add_argument(
         "--workers", type=int, metavar="N", help="number of processes (default: one for each processor)"
+    )
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="fly on the Dask cluster with this scheduler, as tcp://host:8786"
     )
     parser.add_argument(
         "--out",
@@ -75,12 +87,13 @@ def run(arguments: argparse.Namespace) -> int:
         write_report,
     )
     from apad_bridge.runs.studies.runner import AnotherStudy, StudyFailed, fly_study
+    from apad_bridge.runs.studies.sleep_schedules import reason_of, schedules_of
     from apad_bridge.runs.studies.table_two import apad_energy, contradictions, table_two
 
     if find_spec("pyarrow") is None:
         raise UserError("pyarrow, which writes the results, is missing: run launch_scripts/install")
     plan = _plan_of(arguments)
-    workers = _workers(arguments)
+    workers = _workers(arguments) if arguments.dask is None else _on_dask(arguments)
     is_table_two = arguments.study == TABLE_TWO
     stem = (
         plan.study.name
@@ -106,20 +119,29 @@ def run(arguments: argparse.Namespace) -> int:
     write_parquet(directory / RESULTS, plan, rows)
     write_report(directory / REPORT, plan, rows, found)
     compared = table_two(plan, rows) if is_table_two else []
+    schedules = schedules_of(plan, rows) if arguments.study == SLEEP else []
     if arguments.json:
+        slept = (
+            {"schedules": [asdict(it) for it in schedules], "reason": reason_of(schedules)}
+            if schedules
+            else {}
+        )
         paper = {"table2": compared, "contradictions": contradictions()} if is_table_two else {}
-        print(json.dumps({**as_data(plan, found), **paper, "files": str(directory)}))
+        print(json.dumps({**as_data(plan, found), **paper, **slept, "files": str(directory)}))
         return Exit.DONE
     console = Console(markup=False, highlight=False)
     if is_table_two:
         _print_table_two(console, compared, contradictions(), apad_energy(plan, rows))
-    for each in found:
+    if schedules:
+        _print_schedules(console, schedules, reason_of(schedules))
+    for each in () if schedules else found:
         _print_comparison(console, each, plan.baseline)
     console.print(f"results: {directory / RESULTS}, {directory / REPORT}", soft_wrap=True)
     return Exit.DONE
 
 
 def _plan_of(arguments: argparse.Namespace) -> Plan:
+    from apad_bridge.runs.studies.sleep_schedules import sleep_study
     from apad_bridge.runs.studies.specification import load_study, with_seeds
     from apad_bridge.runs.studies.table_two import THETA, table_two_study
 
@@ -132,6 +154,8 @@ def _plan_of(arguments: argparse.Namespace) -> Plan:
             raise UserError(
                 f"--theta works with {TABLE_TWO} only: give a study `parameters: {{theta: [...]}}`"
             )
+        if arguments.study == SLEEP:
+            return sleep_study(arguments.seeds or _SLEEP_SEEDS)
         plan = load_study(Path(arguments.study))
         return plan if arguments.seeds is None else with_seeds(plan, arguments.seeds)
     except ScenarioError as error:
@@ -144,6 +168,16 @@ def _workers(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         raise UserError(f"--workers {arguments.workers}: must be 1 or more")
     return int(arguments.workers)
+
+
+def _on_dask(arguments: argparse.Namespace) -> Fly:
+    if arguments.workers is not None:
+        raise UserError("--workers is of this machine: a cluster has its own, leave it out with --dask")
+    if find_spec("distributed") is None:
+        raise UserError("--dask needs Dask: pip install 'musselbed[studies]'")
+    from apad_bridge.runs.studies.dask_cluster import fly_on_dask
+
+    return partial(fly_on_dask, address=arguments.dask)
 
 
 def _progress(is_quiet: bool) -> Progress:
@@ -208,6 +242,20 @@ def _print_table_two(
     if energy is not None:
         console.print(energy, soft_wrap=True)
     console.print()
+
+
+def _print_schedules(console: Console, schedules: Sequence[Schedule], reason: str) -> None:
+    title = "schedules of sleep, the recommended one first: means over the configurations"
+    headings = ("wake every min", "sensors s", "processing s", "lost", "samples", "longest gap h", "dead h")
+    table = _table(title, [*headings, "metres", "sustained"])
+    for it in schedules:
+        table.add_row(
+            *(f"{it.alarm_s / 60:g}", f"{it.sample_s:g}", f"{it.processing_s:g}", f"{it.amussels_lost:.2f}"),
+            *(f"{it.samples_taken:.0f}", f"{it.longest_gap_h:.1f}", f"{it.dead_time_h:.1f}"),
+            *(f"{it.metres:.0f}", f"{it.sustained:.1f}"),
+        )
+    console.print(table)
+    console.print(f"Recommended: {schedules[0].text}. {reason}", soft_wrap=True)
 
 
 def _that_fit(cells: dict[str, list[str]], width: int) -> Iterator[list[str]]:

@@ -11,7 +11,7 @@ import fcntl
 import os
 import pickle
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -28,6 +28,10 @@ from apad_bridge.runs.studies.specification import Plan, write_study
 JOURNAL = "trials.jsonl"
 Row = dict[str, Any]
 """One mission: setting (its index), strategy, seed, and the fields of `Figures`."""
+Block = tuple[int, int]
+"""(index of the setting, seed)."""
+Fly = Callable[[Plan, Sequence[Block]], Iterator[tuple[Block, list[Row]]]]
+"""Flies blocks somewhere; yields each when it is done, in any order."""
 Worker = Popen[bytes]
 _WORKER = "apad_bridge.runs.studies.worker"
 
@@ -41,19 +45,21 @@ class AnotherStudy(ValueError):
 
 
 def fly_study(
-    plan: Plan, directory: Path, workers: int, on_flown: Callable[[int], None] = lambda missions: None
+    plan: Plan, directory: Path, workers: int | Fly, on_flown: Callable[[int], None] = lambda missions: None
 ) -> list[Row]:
     """Flies the missions that the directory does not hold yet; returns the rows of all, in the study's order.
 
-    `on_flown` is told the number of missions of each finished block, and first of those that were there. Raises
-    AnotherStudy, or StudyFailed for a strategy that fails and for a worker that is killed.
+    `workers` is the number of processes here, or what flies blocks elsewhere. `on_flown` is told the number of missions of
+    each finished block, and first of those that were there. Raises AnotherStudy, or StudyFailed for a strategy that fails
+    and for a worker that is killed.
     """
     with _opened(directory, plan.fingerprint) as (journal, rows_of):
         write_study(plan, directory)
         wanted = list(plan.blocks)
         on_flown(len(plan.strategies) * sum(block in rows_of for block in wanted))
         missing = [block for block in wanted if block not in rows_of]
-        for block, rows in _fly_blocks(plan, missing, workers):
+        flown = _fly_blocks(plan, missing, workers) if isinstance(workers, int) else workers(plan, missing)
+        for block, rows in flown:
             journal.append({"block": block, "rows": rows})
             journal.flush()
             rows_of[block] = rows
@@ -74,7 +80,7 @@ def is_flying(directory: Path) -> bool:
 
 
 @contextmanager
-def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[LineFile, dict[tuple[int, int], list[Row]]]]:
+def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[LineFile, dict[Block, list[Row]]]]:
     """The journal, for the one process that holds the directory's lock, and the rows in it by block."""
     directory.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
     path = directory / JOURNAL
@@ -116,9 +122,7 @@ def fly_block(plan: Plan, setting: int, seed: int) -> list[Row]:
     return rows
 
 
-def _fly_blocks(
-    plan: Plan, blocks: list[tuple[int, int]], workers: int
-) -> Iterator[tuple[tuple[int, int], list[Row]]]:
+def _fly_blocks(plan: Plan, blocks: list[Block], workers: int) -> Iterator[tuple[Block, list[Row]]]:
     """Flies blocks as processes become free; yields each when it is done."""
     if workers == 1 or len(blocks) == 1:
         for block in blocks:
@@ -126,7 +130,7 @@ def _fly_blocks(
         return
     waiting = blocks[::-1]
     with _started_workers(plan, min(workers, len(blocks))) as processes, DefaultSelector() as selector:
-        flying: dict[int, tuple[int, int]] = {}
+        flying: dict[int, Block] = {}
         for process in processes:
             selector.register(process.stdout, EVENT_READ, process)  # type: ignore[arg-type]
             flying[process.pid] = _order(process, waiting.pop())
@@ -139,7 +143,7 @@ def _fly_blocks(
                 yield block, rows
 
 
-def _order(process: Worker, block: tuple[int, int]) -> tuple[int, int]:
+def _order(process: Worker, block: Block) -> Block:
     assert process.stdin is not None
     with suppress(BrokenPipeError):  # its missing answer tells of its end
         pickle.dump(block, process.stdin)

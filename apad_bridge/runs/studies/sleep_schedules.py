@@ -1,0 +1,102 @@
+"""Sleep schedules as a study: samples taken against aMussels lost, and the schedule to recommend.
+
+The paper leaves open how long aMussels should sleep and how active they should be. Here the sleep period, the sampling and
+the length of a wake vary for a fleet that one aPad can sustain with some schedules and not with others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Any
+
+from apad_bridge.runs.studies.capacity import bounds_of
+from apad_bridge.runs.studies.models import Model
+from apad_bridge.runs.studies.runner import Row
+from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.runs.studies.table_two import SCENARIOS
+
+AMUSSELS = 24
+"""More than the law allows for the longest wakes of the most frequent schedules, and fewer than for all others."""
+_ALARM, _SAMPLE, _PROCESSING = (f"board.whole.cycle.{key}" for key in ("alarm_s", "sample_s", "processing_s"))
+_SCHEDULES: dict[str, list[float]] = {
+    _ALARM: [900.0, 1800.0, 3600.0],
+    _SAMPLE: [10.0, 60.0],
+    _PROCESSING: [0.0, 240.0],
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """A sleep schedule's outcome: means over the configurations, of the whole fleet. Seconds and hours are agent time."""
+
+    alarm_s: float
+    """From one wake to the next."""
+    sample_s: float
+    """In each wake the sensors are on for so long."""
+    processing_s: float
+    """Then the Pi computes for so long."""
+    sustained: float
+    """aMussels that the docks sustain for ever, by the law of `capacity`."""
+    amussels_lost: float
+    samples_taken: float
+    longest_gap_h: float
+    dead_time_h: float
+    metres: float
+
+    @property
+    def text(self) -> str:
+        return (
+            f"a wake every {self.alarm_s / 60:g} min, sensors on for {self.sample_s:g} s, "
+            f"processing for {self.processing_s:g} s"
+        )
+
+
+def sleep_study(seeds: int) -> Plan:
+    """The study of sleep: `AMUSSELS` whole boards in the pool, five days of their time, served by Cautious."""
+    data = {
+        "name": "sleep",
+        "scenarios": ["whole-board-12.yaml"],
+        "strategies": ["cautious"],
+        "seeds": seeds,
+        "parameters": {"fleet.count": [AMUSSELS], **_SCHEDULES},
+        "model": Model.MISSION.value,
+    }
+    return plan_of(data, "sleep", SCENARIOS)
+
+
+def schedules_of(plan: Plan, rows: Sequence[Row]) -> list[Schedule]:
+    """The schedules, the recommended one first: fewest lost, then most samples, longest sampling, fewest dead hours."""
+    found = []
+    for index, setting in enumerate(plan.settings):
+        own = [row for row in rows if row["setting"] == index]
+        values: dict[str, Any] = dict(setting.parameters)
+        bounds = bounds_of([plan.scenario(index, 0, plan.seeds[0])])
+        means = {
+            key: fmean(row[key] for row in own)
+            for key in ("amussels_lost", "samples_taken", "longest_gap_h", "dead_time_h", "metres")
+        }
+        found.append(
+            Schedule(values[_ALARM], values[_SAMPLE], values[_PROCESSING], bounds.sustained, **means)
+        )
+    return sorted(found, key=lambda it: (it.amussels_lost, -it.samples_taken, -it.sample_s, it.dead_time_h))
+
+
+def reason_of(schedules: Sequence[Schedule]) -> str:
+    """Why the first of `schedules_of` is recommended, in two sentences for people."""
+    best, others = schedules[0], schedules[1:]
+    alike = sum(it.amussels_lost == best.amussels_lost for it in schedules)
+    loses = "lose none" if best.amussels_lost == 0 else f"lose the fewest, {best.amussels_lost:.2f} aMussels"
+    why = (
+        f"Of the {len(schedules)} schedules {alike} {loses}; it takes the most samples of these, {best.samples_taken:.0f}, "
+        f"and its docks sustain {best.sustained:.1f} aMussels."
+    )
+    more = [it for it in others if it.samples_taken > best.samples_taken]
+    if not more:
+        return f"{why} None takes more samples."
+    most = max(more, key=lambda it: (it.samples_taken, -it.amussels_lost))
+    return (
+        f"{why} The most samples, {most.samples_taken:.0f}, come from {most.text}, which loses "
+        f"{most.amussels_lost:.2f} aMussels and sustains {most.sustained:.1f}."
+    )

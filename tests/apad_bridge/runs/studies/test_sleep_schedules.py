@@ -1,0 +1,90 @@
+"""The study of sleep: what it flies, and which schedule it recommends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from apad_bridge.commands.main import main
+from apad_bridge.runs.studies import runner
+from apad_bridge.runs.studies.sleep_schedules import AMUSSELS, reason_of, schedules_of, sleep_study
+from apad_bridge.runs.studies.specification import Plan
+
+
+def rows_of(plan: Plan, lost_above_samples: float) -> list[dict[str, Any]]:
+    """Made-up rows: a schedule takes all its samples, and loses two aMussels where they are more than the limit."""
+    rows = []
+    for index, setting in enumerate(plan.settings):
+        samples = 1e6 / dict(setting.parameters)["board.whole.cycle.alarm_s"]
+        for seed in plan.seeds:
+            figures = dict.fromkeys(("longest_gap_h", "dead_time_h", "metres"), 1.0)
+            lost = 2 if samples > lost_above_samples else 0
+            rows.append(
+                {
+                    "setting": index,
+                    "strategy": "cautious",
+                    "seed": seed,
+                    "amussels_lost": lost,
+                    "samples_taken": samples,
+                    **figures,
+                }
+            )
+    return rows
+
+
+def test_it_varies_the_period_the_sampling_and_the_wake_around_what_the_docks_sustain() -> None:
+    plan = sleep_study(2)
+    schedules = schedules_of(plan, rows_of(plan, 0))
+    assert len({(it.alarm_s, it.sample_s, it.processing_s) for it in schedules}) == 12 == len(plan.settings)
+    assert all(len(plan.scenario(it, 0, 1).fleet.ids) == AMUSSELS for it in range(12))
+    assert min(it.sustained for it in schedules) < AMUSSELS < max(it.sustained for it in schedules)
+
+
+def test_it_recommends_the_most_samples_without_a_loss_and_says_what_more_would_cost() -> None:
+    plan = sleep_study(2)
+    schedules = schedules_of(plan, rows_of(plan, 600.0))
+    assert (schedules[0].alarm_s, schedules[0].sample_s) == (1800.0, 60.0)
+    reason = reason_of(schedules)
+    assert reason.startswith("Of the 12 schedules 8 lose none; it takes the most samples of these, 556,")
+    assert "The most samples, 1111, come from a wake every 15 min" in reason and "loses 2.00" in reason
+
+
+def test_if_all_lose_some_it_says_so() -> None:
+    plan = sleep_study(1)
+    reason = reason_of(schedules_of(plan, rows_of(plan, 0)))
+    assert "12 lose the fewest, 2.00 aMussels" in reason and "None takes more samples." in reason
+
+
+def test_the_command_prints_the_schedules_and_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figures = runner.fly_block(_short_study(), 0, 1)[0]
+
+    def fly_study(plan: Plan, *arguments: Any) -> list[dict[str, Any]]:
+        tmp_path.joinpath("out").mkdir(exist_ok=True)
+        return [{**figures, **row} for row in rows_of(plan, 600.0)]
+
+    monkeypatch.setattr(runner, "fly_study", fly_study)
+    assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out")]) == 0
+    assert "Recommended: a wake every 30 min, sensors on for 60 s" in capsys.readouterr().out
+    assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out"), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["schedules"][0]["alarm_s"] == 1800 and "lose none" in printed["reason"]
+
+
+def _short_study() -> Plan:
+    from scenario_files import POOL_FILE
+
+    from apad_bridge.runs.studies.specification import plan_of
+
+    study = {
+        "name": "one",
+        "scenarios": [str(POOL_FILE)],
+        "strategies": ["cautious"],
+        "seeds": 1,
+        "parameters": {"duration_s": [60.0]},
+    }
+    return plan_of(study, "test", Path("/"))
