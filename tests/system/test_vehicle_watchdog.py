@@ -62,3 +62,12 @@ def test_it_says_how_it_is_used_and_imports_nothing_of_ours() -> None:
             ["/usr/bin/python3", str(WATCHDOG), *words], capture_output=True, text=True, timeout=60
         )
         assert refused.returncode == 2 and told in refused.stderr
+
+
+def test_a_shell_without_ros_gets_the_help_and_one_line_with_the_mend() -> None:
+    bare = ["/usr/bin/python3", "-I", "-S", str(WATCHDOG)]
+    helped = subprocess.run([*bare, "--help"], capture_output=True, text=True, timeout=60)
+    assert helped.returncode == 0 and "--silence-s" in helped.stdout
+    refused = subprocess.run(bare, capture_output=True, text=True, timeout=60)
+    assert refused.returncode == 2
+    assert "this shell has no ROS (No module named 'roslib'): source the setup.bash" in refused.stderr
