@@ -46,6 +46,7 @@ _COMMANDS = (
     "explain",
     "mu",
     "fit",
+    "calibrate",
     "study",
     "branch",
     "pack",

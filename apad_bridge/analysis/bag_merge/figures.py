@@ -14,13 +14,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
-
-from apad_bridge.records.bag import RecordedConnection, recorded_messages
+from apad_bridge.records.bag import recorded_messages
 from apad_bridge.records.bag_messages import BELIEFS, EVENT, TRUTH
-from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.recorded_types import RecordedTypes
 from firmware_model.state_groups import DOCKED
 
 _SAMPLES = {"truth": TRUTH, "beliefs": BELIEFS}
@@ -96,7 +93,7 @@ class _Events:
 
 def figures_of(path: Path) -> RunFigures | None:
     """The figures of the run in a bag; None for a bag without one. BagUnreadable for a definition that makes no sense."""
-    events, stores = _Events(), dict[str, Typestore]()
+    events, types = _Events(), RecordedTypes(str(path))
     uptimes = {
         TRUTH: _Uptimes(lambda row: not row.docked and row.primary > 0),
         BELIEFS: _Uptimes(lambda row: row.state not in DOCKED and row.charge > 0),
@@ -105,9 +102,7 @@ def figures_of(path: Path) -> RunFigures | None:
         connection = message.connection
         if connection.kind not in (*uptimes, EVENT):
             continue
-        if connection.md5 not in stores:
-            stores[connection.md5] = _store(path, connection)
-        read = stores[connection.md5].deserialize_ros1(message.data, connection.kind)
+        read = types.read(message)
         (events if connection.kind == EVENT else uptimes[connection.kind]).take(read)
     name = next((name for name, kind in _SAMPLES.items() if uptimes[kind].seen), None)
     if name is None and not events.events:
@@ -137,13 +132,3 @@ def _missing(times_ms: set[int]) -> int:
         return 0
     period_ms, _ = spans.most_common(1)[0]
     return sum(count * (span // period_ms - 1) for span, count in spans.items())
-
-
-def _store(path: Path, connection: RecordedConnection) -> Typestore:
-    store = get_typestore(Stores.ROS1_NOETIC)
-    try:
-        types = get_types_from_msg(connection.definition, connection.kind)
-    except Exception as error:
-        raise BagUnreadable(f"{path}: its definition of {connection.kind} makes no sense") from error
-    store.register({name: fields for name, fields in types.items() if name not in store.types})
-    return store

@@ -1,0 +1,298 @@
+"""Days at sea of a simulated aPad whose numbers only the test knows, as its own topics tell them, GPS noise included."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import get_types_from_msg
+from rosbags.typesys.store import Typestore
+
+from apad_bridge.records.bag import RecordedConnection, RecordedMessage
+from apad_bridge.records.bag_messages import typestore
+from apad_bridge.scenario.schema import APad
+from apad_bridge.vehicle.generation_a import messages as of_a
+from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+from apad_bridge.vehicle.generation_b import messages as of_b
+from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.misses import Misses
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished
+
+EPOCH_S = 1.7e9
+RADIUS_M = 0.5
+_ACTION = {
+    "actionlib_msgs/msg/GoalID": "time stamp\nstring id\n",
+    "actionlib_msgs/msg/GoalStatus": "GoalID goal_id\nuint8 status\nstring text\n",
+    "apad/msg/aPadGoal": "int16 id\ngeometry_msgs/Pose pose\nstring object\ngeometry_msgs/Pose pose_offset\n",
+    "apad/msg/aPadResult": "int16 id\nint16 status\ngeometry_msgs/Pose pose\n",
+    "apad/msg/aPadActionGoal": "std_msgs/Header header\nactionlib_msgs/GoalID goal_id\naPadGoal goal\n",
+    "apad/msg/aPadActionResult": "std_msgs/Header header\nactionlib_msgs/GoalStatus status\naPadResult result\n",
+}
+_CODES = {of_a.Outcome.SUCCEEDED: 3, of_a.Outcome.ABORTED: 4, of_a.Outcome.PREEMPTED: 2}
+
+
+@cache
+def types() -> Typestore:
+    store = typestore()
+    found: dict[str, Any] = {}
+    for name, text in _ACTION.items():
+        found.update(get_types_from_msg(text, name))
+    store.register({name: fields for name, fields in found.items() if name not in store.types})
+    return store
+
+
+@cache
+def _connection(topic: str, kind: str) -> RecordedConnection:
+    return RecordedConnection(topic, kind, *types().generate_msgdef(kind))
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """The numbers that the tool is to find."""
+
+    speed_m_s: float
+    config: APad
+
+    @property
+    def stopping_m(self) -> float:
+        return self.speed_m_s**2 / (2 * self.config.max_acceleration_m_s2)
+
+
+def drawn(config: APad, seed: int) -> Vehicle:
+    draw = np.random.default_rng(seed)
+    battery = replace(
+        config.battery, hotel_w=float(draw.uniform(15, 40)), charging_w_per_dock=float(draw.uniform(5, 20))
+    )
+    return Vehicle(
+        float(draw.uniform(0.5, 0.9)),
+        replace(
+            config,
+            max_acceleration_m_s2=float(draw.uniform(0.15, 0.35)),
+            thruster_w_per_n=float(draw.uniform(3, 9)),
+            drift_m_s=(float(draw.uniform(-0.1, 0.1)), float(draw.uniform(-0.1, 0.1))),
+            dock_miss_probability=float(draw.uniform(0.05, 0.4)),
+            battery=battery,
+        ),
+    )
+
+
+class _Recorder:
+    """What `rosbag record` would have, with a GPS of this deviation and a battery read in tenths of a percent."""
+
+    def __init__(self, apad: str, draw: np.random.Generator, deviation_m: float) -> None:
+        self.messages: list[RecordedMessage] = []
+        self._apad = apad
+        self._draw = draw
+        self._deviation_m = deviation_m
+        self._held: dict[str, bool] = {}
+
+    def take(self, published: list[Any]) -> list[Any]:
+        for it in published:
+            match it:
+                case PosePublished(at_ms, pose):
+                    noise = self._draw.normal(0, self._deviation_m, 2)
+                    place = pose.north_m + float(noise[0]), pose.east_m + float(noise[1])
+                    self.put(
+                        at_ms, f"/{self._apad}/position", "auv_msgs/msg/NavSts", self._nav(at_ms, place, 0)
+                    )
+                case of_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
+                    told = self._nav(at_ms, (north_m, east_m), int(released))
+                    self.put(at_ms, f"/{name}/position_static", "auv_msgs/msg/NavSts", told)
+                case of_a.BatteryAndProgressPublished(at_ms, percent):
+                    self._battery(at_ms, percent)
+                case of_b.BatteryPublished() | BatteryReceived():
+                    self._battery(it.at_ms, it.percent)
+                case of_a.GoalEnded(at_ms, key, outcome):
+                    self._result(at_ms, key, _CODES[outcome])
+                case of_b.StatusPublished(at_ms, docking, status):
+                    name = "docking_status" if docking else "goto_status"
+                    self._std(at_ms, name, "Int32", int(status))
+                case of_b.ArmPublished(at_ms, arm):
+                    t = types().types
+                    layout = t["std_msgs/msg/MultiArrayLayout"]([], 0)
+                    self.put(
+                        at_ms,
+                        f"/{self._apad}/dock_out",
+                        "std_msgs/msg/Float32MultiArray",
+                        t["std_msgs/msg/Float32MultiArray"](
+                            layout, np.array([float(it) for it in arm.is_open], np.float32)
+                        ),
+                    )
+        return published
+
+    def _battery(self, at_ms: int, percent: float) -> None:
+        self._std(at_ms, "battery_level", "Float64", round(percent, 1))
+
+    def _std(self, at_ms: int, leaf: str, kind: str, value: Any) -> None:
+        name = f"std_msgs/msg/{kind}"
+        self.put(at_ms, f"/{self._apad}/{leaf}", name, types().types[name](value))
+
+    def put(self, at_ms: int, topic: str, kind: str, message: Any) -> None:
+        connection = _connection(topic, kind)
+        data = types().serialize_ros1(message, kind)
+        late_s = float(self._draw.exponential(0.005))
+        self.messages.append(
+            RecordedMessage(connection, round(1e9 * (EPOCH_S + at_ms / 1000 + late_s)), bytes(data))
+        )
+
+    def goal(self, at_ms: int, goal: of_a.Goal) -> None:
+        t = types().types
+        here = t["geometry_msgs/msg/Pose"](
+            t["geometry_msgs/msg/Point"](goal.north_m, goal.east_m, 0.0),
+            t["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+        )
+        inner = t["apad/msg/aPadGoal"](goal.kind, here, goal.name, here)
+        goal_id = t["actionlib_msgs/msg/GoalID"](self._time(at_ms), goal.key)
+        message = t["apad/msg/aPadActionGoal"](self._header(at_ms), goal_id, inner)
+        self.put(at_ms, f"/{self._apad}/action_server/goal", "apad/msg/aPadActionGoal", message)
+
+    def _result(self, at_ms: int, key: str, code: int) -> None:
+        t = types().types
+        goal_id = t["actionlib_msgs/msg/GoalID"](self._time(at_ms), key)
+        here = t["geometry_msgs/msg/Pose"](
+            t["geometry_msgs/msg/Point"](0.0, 0.0, 0.0), t["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        )
+        status = t["actionlib_msgs/msg/GoalStatus"](goal_id, code, "")
+        message = t["apad/msg/aPadActionResult"](
+            self._header(at_ms), status, t["apad/msg/aPadResult"](0, 0, here)
+        )
+        self.put(at_ms, f"/{self._apad}/action_server/result", "apad/msg/aPadActionResult", message)
+
+    def _time(self, at_ms: int) -> Any:
+        whole_ms = round(EPOCH_S) * 1000 + at_ms
+        return types().types["builtin_interfaces/msg/Time"](whole_ms // 1000, whole_ms % 1000 * 1_000_000)
+
+    def _header(self, at_ms: int) -> Any:
+        return types().types["std_msgs/msg/Header"](0, self._time(at_ms), "local")
+
+    def _nav(self, at_ms: int, place: tuple[float, float], status: int) -> Any:
+        t = types().types
+        ned, rpy = t["auv_msgs/msg/NED"], t["auv_msgs/msg/RPY"]
+        degrees, point = (
+            t["auv_msgs/msg/DecimalLatLon"](0.0, 0.0),
+            t["geometry_msgs/msg/Point"](0.0, 0.0, 0.0),
+        )
+        angles, nothing = rpy(0.0, 0.0, 0.0), ned(0.0, 0.0, 0.0)
+        return t["auv_msgs/msg/NavSts"](
+            self._header(at_ms), degrees, degrees, ned(*place, 0.0), 0.0, point, point,
+            angles, angles, nothing, angles, status,
+        )  # fmt: skip
+
+
+def of_generation_a(
+    vehicle: Vehicle, seed: int, go_tos: int = 24, deviation_m: float = 0.05
+) -> list[RecordedMessage]:
+    """Go-tos over a pool; at every second one it docks an aMussel, until two are held, and then releases both."""
+    draw = np.random.default_rng(seed)
+    recorder = _Recorder("apad1", draw, deviation_m)
+    misses = Misses(seed, vehicle.config.dock_miss_probability)
+    apad = GenerationAVehicle(SimulatedAPad(vehicle.config), vehicle.speed_m_s, RADIUS_M, misses=misses)
+    now_ms, number = 0, 0
+
+    def order(kind: int, north_m: float = 0.0, east_m: float = 0.0, name: str = "") -> bool:
+        nonlocal number, now_ms
+        number += 1
+        key = f"goal {number}"
+        goal = of_a.Goal(key, kind, north_m, east_m, name)
+        recorder.goal(now_ms, goal)
+        told = recorder.take(apad.receive(goal, now_ms))
+        for _ in range(6000):
+            ends = [it for it in told if isinstance(it, of_a.GoalEnded) and it.key == key]
+            if ends:
+                return ends[0].outcome is of_a.Outcome.SUCCEEDED
+            now_ms += 50
+            told = recorder.take(apad.advance(now_ms))
+        raise AssertionError("a goal never ended")
+
+    def wait(seconds: float) -> None:
+        nonlocal now_ms
+        until_ms = now_ms + round(1000 * seconds) // 50 * 50
+        while now_ms < until_ms:
+            now_ms += 50
+            recorder.take(apad.advance(now_ms))
+
+    for n in range(go_tos):
+        order(of_a.GO_TO, *_goal(draw, apad.pose.north_m, apad.pose.east_m))
+        wait(draw.uniform(10, 40))
+        while len(apad.held) < 2 and n % 2 and not order(of_a.PERCH, name=f"amussel{n}"):
+            wait(2)
+        if len(apad.held) == 2 and n % 4 == 1:
+            for name in apad.held:
+                order(of_a.RELEASE, name=name)
+                wait(2)
+    return recorder.messages
+
+
+def of_generation_b(
+    vehicle: Vehicle, seed: int, go_tos: int = 24, deviation_m: float = 0.05
+) -> list[RecordedMessage]:
+    """Go-tos over a pool, and at every third one the vehicle's own docking, which stands still at first."""
+    draw = np.random.default_rng(seed)
+    recorder = _Recorder("apad1", draw, deviation_m)
+    apad = GenerationBVehicle(SimulatedAPad(vehicle.config))
+    now_ms = 0
+
+    def until(ended: bool | None, limit_s: float) -> None:
+        """`ended`: that a docking (True) or a go-to (False) has ended; None for the time alone."""
+        nonlocal now_ms
+        until_ms = now_ms + round(1000 * limit_s) // 100 * 100
+        while now_ms < until_ms:
+            now_ms += 100
+            told = recorder.take(apad.advance(now_ms))
+            if ended is not None and any(
+                isinstance(it, of_b.StatusPublished)
+                and it.docking == ended
+                and it.status != of_b.Status.RUNNING
+                for it in told
+            ):
+                return
+
+    def hold() -> None:
+        recorder.take(apad.receive(of_b.PositionOrder(apad.pose.north_m, apad.pose.east_m), now_ms))
+
+    for n in range(go_tos):
+        goal = of_b.GoToOrder(*_goal(draw, apad.pose.north_m, apad.pose.east_m), vehicle.speed_m_s, RADIUS_M)
+        recorder.take(apad.receive(goal, now_ms))
+        until(False, 300)
+        hold()
+        until(None, draw.uniform(10, 40))
+        if n % 3 == 0:
+            recorder.take(apad.receive(of_b.DockingOrder(True, 0, 0.2, 0.3, 0.3, 0.2), now_ms))
+            until(None, 27.5)
+            recorder.take(apad.detect(0.0, 0.85, now_ms))
+            until(True, 10)
+            hold()
+            until(None, 10)
+    return recorder.messages
+
+
+def _goal(draw: np.random.Generator, north_m: float, east_m: float) -> tuple[float, float]:
+    """Some 8 to 25 m away, within 30 m of the start."""
+    while True:
+        bearing, metres = draw.uniform(0, math.tau), draw.uniform(8, 25)
+        goal = north_m + metres * math.cos(bearing), east_m + metres * math.sin(bearing)
+        if math.hypot(*goal) < 30:
+            return goal
+
+
+def write_bag(path: Path, messages: Iterator[RecordedMessage] | list[RecordedMessage]) -> Path:
+    with Writer(path) as writer:
+        connections: dict[tuple[str, str], Any] = {}
+        for it in messages:
+            key = it.connection.topic, it.connection.md5
+            if key not in connections:
+                connections[key] = writer.add_connection(
+                    it.connection.topic,
+                    it.connection.kind,
+                    msgdef=it.connection.definition,
+                    md5sum=it.connection.md5,
+                )
+            writer.write(connections[key], it.stamp_ns, it.data)
+    return path
