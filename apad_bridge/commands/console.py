@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import webbrowser
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.children import served_beside
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.vehicle.errors import PeerFailed
 
 LOOPBACK = "127.0.0.1"
 _LAST_PAGE_S = 2.0
@@ -25,12 +27,18 @@ def add_parser(commands: Any) -> None:
         help="show a run live in a browser, and give it orders from there",
         description="Serves the replay page of a run with live data: the map, the batteries, the events, and buttons for "
         "stop, continue, abort and remarks. Ctrl-C ends the console and not the run. Each console prints an address with "
-        "its own token. Anybody with the address may give orders.",
-        epilog=ending(
-            "musselbed console runs/pool-12-1 --open", "musselbed console runs/pool-12-1 --port 8080"
-        ),
+        "its own token. Anybody with the address may give orders. Without RUN it shows the run on the master at "
+        "ROS_MASTER_URI, which may fly on another machine.",
+        epilog=ending("musselbed console runs/pool-12-1 --open", "musselbed console --port 8080"),
     )
-    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "directory",
+        type=Path,
+        nargs="?",
+        metavar="RUN",
+        help="the run's directory (default: the run on the master at ROS_MASTER_URI)",
+    )
+    parser.add_argument("--apad", metavar="NAME", help="without RUN: which of several aPads on that master")
     parser.add_argument(
         "--host",
         default=LOOPBACK,
@@ -61,8 +69,11 @@ def run(arguments: argparse.Namespace) -> int:
             json.dumps({"ended_by": reason}) if arguments.json else f"the run has ended: {reason}", flush=True
         )
 
+    if arguments.directory is not None and arguments.apad is not None:
+        raise UserError("--apad chooses a run on the master: leave out RUN")
     try:
-        serve(arguments.directory, Address(arguments.host, arguments.port), tell, tell_end)
+        with _directory_of(arguments) as directory:
+            serve(directory, Address(arguments.host, arguments.port), tell, tell_end)
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
     except OSError as error:
@@ -70,6 +81,24 @@ def run(arguments: argparse.Namespace) -> int:
             f"cannot listen on {arguments.host} port {arguments.port}: {error.strerror}"
         ) from error
     return Exit.DONE
+
+
+@contextmanager
+def _directory_of(arguments: argparse.Namespace) -> Iterator[Path]:
+    """The run's directory, or a copy of the one on another machine that lasts while it is entered."""
+    if arguments.directory is not None:
+        yield arguments.directory
+        return
+    from apad_bridge.console.mirror import mirrored
+    from apad_bridge.ros.remote_run import Unheard, find_run
+
+    with ExitStack() as stack:
+        try:
+            copy = stack.enter_context(mirrored(find_run(arguments.apad), Unheard))
+        except (PeerFailed, Unheard) as error:
+            print(f"musselbed console: {error}", file=sys.stderr)
+            raise SystemExit(Exit.PEER_FAILED) from error
+        yield copy
 
 
 @contextmanager

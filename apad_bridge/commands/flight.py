@@ -16,6 +16,7 @@ from apad_bridge.commands.check import broken_laws, exit_of_laws, print_laws
 from apad_bridge.commands.console import console_beside
 from apad_bridge.commands.imc import imc_beside
 from apad_bridge.commands.outcome import print_plan, report
+from apad_bridge.commands.preflight_checks import recording_commands
 from apad_bridge.commands.run_checks import check_run
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
@@ -28,7 +29,7 @@ from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.summary import Flown, combined_summary
 from apad_bridge.scenario.end_by import with_end_by_in_seconds
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
 from apad_bridge.scripting.program import Program, ScriptSource
@@ -107,6 +108,9 @@ def fly(
         print(_allocation_text(all_members), flush=True)
     if options.time is not TimeSource.ASAP and not options.dry_run and not as_json:
         print(f"run: {whole.path}   (pause it: musselbed stop {whole.path})", flush=True)
+        if options.apad is APadKind.ROS and options.part is not Part.FLEET:
+            for command in recording_commands(scenario, options.namespace):
+                print(f"on the vehicle's computer: {command}", flush=True)
     title = scenario.name if script is None else script.file.name
     with peers_may_fail():
         with ExitStack() as stack:

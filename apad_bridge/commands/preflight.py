@@ -28,6 +28,7 @@ from apad_bridge.commands.preflight_checks import (
     names_in_full,
     now,
     proofs,
+    recording_commands,
     report_path,
 )
 from apad_bridge.doctor.finding import Finding, Status, fail, ok, run_check
@@ -130,6 +131,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(path.read_text(), end="")
     else:
         _show(report, red, path)
+        for command in recording_commands(scenario, options.namespace):
+            print(f"on the vehicle's computer: {command}")
     return Exit.PEER_FAILED if red else Exit.DONE
 
 

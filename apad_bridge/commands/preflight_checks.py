@@ -19,7 +19,8 @@ from apad_bridge.doctor.network import Unreachable
 from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, at_sea, not_proven, red_keys
 from apad_bridge.records.run_directory import RUNS
 from apad_bridge.ros.system.route import environment_for
-from apad_bridge.ros_names.names import in_full
+from apad_bridge.ros_names.names import in_full, plain
+from apad_bridge.ros_names.namespaces import is_one_of_several
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.loader import write_atomically
 from apad_bridge.scenario.run_options import Part, RunOptions
@@ -62,6 +63,21 @@ class Report:
 
 def names_in_full(scenario: Scenario, namespace: str) -> list[str]:
     return [in_full(namespace, it) for it in (scenario.apad.name, *(other.name for other in scenario.apads))]
+
+
+def recording_commands(scenario: Scenario, namespace: str) -> list[str]:
+    """For each aPad, what records its topics and the mission on the vehicle's own computer, by its own rosbag.
+
+    It leaves the aMussels' topics, ten messages a second each, on this side of the Wi-Fi.
+    """
+    commands = []
+    for name in (scenario.apad.name, *(other.name for other in scenario.apads)):
+        apad, bench = in_full(namespace, name), in_full(namespace, "musselbed")
+        if is_one_of_several(scenario):
+            bench = f"{bench}/{plain(name)}"
+        topics = f"{apad}/.*|{bench}/(apad|beliefs|heartbeat|mission)"
+        commands.append(f"rosbag record -O {plain(name)}.bag -e '{topics}'")
+    return commands
 
 
 def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions) -> Iterator[Finding]:

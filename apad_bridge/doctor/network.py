@@ -12,7 +12,8 @@ from http.client import HTTPConnection, HTTPException
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-TIMEOUT_S = 2.0
+TIMEOUT_S = 5.0
+"""A poor Wi-Fi that takes 0.2 s each way may lose two packets in a row: TCP then needs 4 s for a call that arrives."""
 CALLER = f"/musselbed_doctor_{os.getpid()}"
 """A node name of this process's own, because a master ends the older of two nodes with one name."""
 T = TypeVar("T")

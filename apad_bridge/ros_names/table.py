@@ -186,6 +186,18 @@ OURS_OF_APAD = Section(
             _service(f"musselbed/{{apad}}/{name}", "std_srvs/Trigger", "supervisor", "of a mission by hand")
             for name in ("pause", "resume", "end", "take_over", "give_back")
         ),
+        _service(
+            "musselbed/{apad}/read_run",
+            "musselbed_msgs/ReadRun",
+            "supervisor",
+            "a run's files, for `musselbed console` on another machine",
+        ),
+        _service(
+            "musselbed/{apad}/give_order",
+            "musselbed_msgs/GiveOrder",
+            "supervisor",
+            "stop, continue, abort, remark from there",
+        ),
     ),
 )
 OF_AMUSSEL = Section(

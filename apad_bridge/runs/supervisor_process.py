@@ -24,6 +24,7 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
+from apad_bridge.ros.gateway.run_services import run_offered
 from apad_bridge.ros.system.ros_time import await_master, stamp_ms
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
@@ -83,6 +84,7 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
                 calls = stack.enter_context(primitives_offered(run.config.scenario, run.options))
                 if calls is not None:
                     context = _under_control(stack, context, run, calls)
+                    stack.enter_context(run_offered(run.path, run.config.scenario.apad.name))
             summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.

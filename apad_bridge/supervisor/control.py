@@ -149,7 +149,7 @@ def control_offered(
 
     For the process that holds the run's lock: a socket that is there already is a dead supervisor's.
     """
-    with _short_path(run_dir) as path:
+    with short_path(run_dir) as path:
         with suppress(FileNotFoundError):
             os.unlink(path)
         server = _Server(path, calls, gate, amussels)
@@ -196,13 +196,30 @@ def answer_of(run_dir: Path, request: AnyRequest) -> Answer:
         return Answer(False, str(error))
 
 
+def answered_line(run_dir: Path, line: bytes) -> bytes:
+    """The answer's line to a request's line that came by another road than the run's socket."""
+    try:
+        request = _REQUEST.validate_json(line)
+    except ValidationError as error:
+        return refused_line(_unreadable(error))
+    return _ANSWER.dump_json(answer_of(run_dir, request))
+
+
+def refused_line(why: str) -> bytes:
+    return _ANSWER.dump_json(Answer(False, why))
+
+
+def _unreadable(error: ValidationError) -> str:
+    return f"the request cannot be read: {error.errors()[0]['msg']}"
+
+
 @contextmanager
 def _connected(run_dir: Path, timeout_s: float) -> Iterator[socket.socket]:
     """A link to the run's supervisor; NobodyListens without one."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
         link.settimeout(timeout_s)
         try:
-            with _short_path(run_dir) as path:
+            with short_path(run_dir) as path:
                 link.connect(path)
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise NobodyListens(str(run_dir)) from error
@@ -210,7 +227,7 @@ def _connected(run_dir: Path, timeout_s: float) -> Iterator[socket.socket]:
 
 
 @contextmanager
-def _short_path(run_dir: Path) -> Iterator[str]:
+def short_path(run_dir: Path) -> Iterator[str]:
     """A path within a Unix socket's 107 bytes; a run directory's may be longer."""
     directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -251,7 +268,7 @@ class _Handler(socketserver.StreamRequestHandler):
                 request = _REQUEST.validate_json(self.rfile.readline(LONGEST_LINE))
             except ValidationError as error:
                 self.server.dropped["orders that cannot be read"] += 1
-                answer = Answer(False, f"the request cannot be read: {error.errors()[0]['msg']}")
+                answer = Answer(False, _unreadable(error))
             else:
                 answer = carry_out(request, self.server.calls, self.server.gate, self.server.amussels)
             self.wfile.write(_ANSWER.dump_json(answer) + b"\n")

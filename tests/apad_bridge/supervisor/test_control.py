@@ -156,7 +156,7 @@ def test_a_supervisor_that_does_not_tick_is_told_of_and_the_order_withdrawn(
 def connected(run_dir: Path) -> socket.socket:
     link = socket.socket(socket.AF_UNIX)
     link.settimeout(30)
-    with control._short_path(run_dir) as path:
+    with control.short_path(run_dir) as path:
         link.connect(path)
     return link
 
