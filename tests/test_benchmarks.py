@@ -7,6 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.records.run_directory import RunDirectory
+from benchmarks import chaos
 
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
@@ -56,3 +61,27 @@ def test_one_prints_json_and_refuses_what_it_has_no_use_for(run: Path) -> None:
     refused = flown(run, "good", "--minutes", "1")
     assert refused.returncode == 2 and "leave out --minutes" in refused.stderr
     assert flown(run, "all").returncode == 2
+
+
+@given(st.sets(st.integers(0, 40), min_size=1), st.data())
+def test_what_breaks_a_law_is_shrunk_to_what_is_needed(items: set[int], data: st.DataObject) -> None:
+    needed = data.draw(st.sets(st.sampled_from(sorted(items))))
+    assert chaos.shrunk(sorted(items), lambda part: needed <= set(part)) == sorted(needed)
+
+
+def test_a_flight_with_faults_is_checked_by_the_laws_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    resets = [chaos.Injection(5, 3, chaos.Fault.BROWN_OUT), chaos.Injection(7, 4, chaos.Fault.COIL_SLIP)]
+    assert chaos.flown(resets, flight_s=10) == chaos.Outcome(1, ())  # none is in a dock yet
+    real = chaos.check_run
+
+    def without_a_charge(directory: RunDirectory) -> list[object]:
+        """Of a run with a defect: aMussel 3 loses the charge that its reset should leave."""
+        lines = [json.loads(it) for it in directory.journal.read_text().splitlines()]
+        last = [it for it in lines if it["kind"] == "truth" and it["id"] == 3][-1]
+        last["primary"][1] //= 2
+        directory.journal.write_text("".join(json.dumps(it) + "\n" for it in lines))
+        return real(directory)
+
+    monkeypatch.setattr(chaos, "check_run", without_a_charge)
+    (broken,) = chaos.flown(resets, flight_s=10).broken
+    assert broken.startswith("energy is neither made nor lost: aMussel 3")
