@@ -84,10 +84,14 @@ function timeLabels(plot, times, axis, space, step) {
 // The charts by their elements' ids, and the span of mission time that all of them show; null: the whole run.
 const charts = new Map();
 let zoom = null;
+const LEAST_ZOOM = 10 * SECOND;
 
 function zoomTo(span) {
-  const least = 10 * SECOND;
-  zoom = span && span[1] - span[0] < endMs ? [Math.max(0, span[0]), Math.min(endMs, Math.max(span[1], span[0] + least))] : null;
+  zoom = null;
+  if (span) {
+    const wide = Math.min(endMs, Math.max(LEAST_ZOOM, span[1] - span[0])), from = Math.max(0, Math.min(endMs - wide, span[0]));
+    if (wide < 0.999 * endMs) zoom = [from, from + wide];
+  }
   $("whole").hidden = zoom === null;
   for (const chart of charts.values()) fit(chart.plot);
 }
@@ -95,7 +99,7 @@ function zoomTo(span) {
 // Shows `factor` times as long a span, around the time shown.
 function zoomBy(factor) {
   const [from, to] = zoom || [0, endMs], half = (to - from) * factor / 2;
-  zoomTo(half * 2 >= endMs ? null : [nowMs - half, nowMs + half]);
+  zoomTo([nowMs - half, nowMs + half]);
 }
 
 function fit(plot) {
