@@ -169,7 +169,12 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, run_dir: P
         cause.click()
         browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
         wait_until(lambda: text(browser, "answer") == "cause a fault (aMussel 6): done")
-        assert [(line["id"], line["fault"]) for line in journalled(run_dir, "fault")] == [(6, "watchdog")]
+        (fault,) = journalled(run_dir, "fault")
+        assert (fault["id"], fault["fault"]) == (6, "watchdog")
+        # It is among the events, and its effect on the page: the board begins anew, and works again.
+        wait_until(lambda: "fault of aMussel 6: watchdog" in text(browser, "events"))
+        wait_until(lambda: states_since(run_dir, fault) >= {"BOOTING", "ACTIVE"})
+        wait_until(lambda: text(browser, "one-now").startswith("6: active"))
 
         browser.find_element(By.CSS_SELECTOR, "[data-act='hand over']").click()
         browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
@@ -182,6 +187,15 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, run_dir: P
         browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
         wait_until(lambda: "is real: faults are for simulated ones" in text(browser, "answer"))
         assert len(journalled(run_dir, "fault")) == 1
+
+
+def states_since(run_dir: Path, fault: dict[str, Any]) -> set[str]:
+    """The true states of the fault's aMussel after it."""
+    return {
+        it["state"]
+        for it in journalled(run_dir, "truth")
+        if it["id"] == fault["id"] and it["t"] >= fault["t"]
+    }
 
 
 def journalled_first(run_dir: Path) -> float:
