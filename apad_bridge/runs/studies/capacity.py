@@ -17,7 +17,11 @@ so one aPad sustains D (1 + c / d) aMussels. A fleet that sleeps needs kf times 
 the number is D (1 + (c / d) / kf). For the paper's aMussels, always awake, and four docks it is 15.2 when only the fast end
 of the curve is used, and 11.9 when each charge begins at empty.
 
-Travel, docking, surfacing and waiting are left out, so every flight stays below.
+Each service costs a surfacing and a sinking, e of a battery. A dock that charges from x to y in t(x, y) minutes gives the
+aMussel (y - x - e) / d minutes of work. So the docks sustain at most D (1 + max (y - x - e) / (d t(x, y))), and because the
+curve is piecewise linear the maximum lies at two of its breakpoints. Without e that is D (1 + c / d) again.
+
+Travel, docking and waiting are left out, and for whole boards the motors too, so every flight stays below.
 """
 
 from __future__ import annotations
@@ -45,6 +49,8 @@ class Rates:
     """On the steepest part of the curve."""
     full_charge_min: float
     """The minutes from empty to full."""
+    gain: float = 0.0
+    """The greatest gain of charge a docked minute, less `surfacing`, over whole services."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,7 @@ class Bounds:
     samples: float | None
     """None for boards with a low level, at which they take samples besides their schedule."""
     sustained: float
-    """aMussels that the docks keep from ever being empty, each charge on the steepest part of the curve."""
+    """aMussels that the docks keep from ever being empty, each charge on the best part of the curve."""
     sustained_from_empty: float
     """The same if each charge goes from empty to full."""
     uptime_for_ever_percent: float
@@ -87,7 +93,7 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None)
     active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
     each = [rates for fleet in fleets for rates in fleet]
-    drain, charge = min(it.drain for it in each), max(it.charge for it in each)
+    drain, gain = min(it.drain for it in each), max(it.gain for it in each)
     slow = 1 / min(it.full_charge_min for it in each)
     without_start = [replace(it, start=0.0) for it in fleets[0]]
     return Bounds(
@@ -96,7 +102,7 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         100 * active / amussels,
         active,
         _samples(scenario, active, mission_s),
-        docks * (1 + charge / drain),
+        docks * (1 + max(0.0, gain) / drain),
         docks * (1 + slow / drain),
         100 * active_minutes(without_start, 1.0, docks) / amussels,
         _cycles_per_apad_charge(scenario, fmean(it.full_charge_min for it in each), amussels),
@@ -136,8 +142,23 @@ def rates_of(scenario: Scenario) -> list[Rates]:
         ends = [0.0, *(end for end, _ in per_min)]
         full_min = sum((end - low) / rate for (end, rate), low in zip(per_min, ends, strict=False))
         drain = drain_per_min_of(board, scenario.fleet.all_ids)
-        found.append(Rates(start.primary, drain, max(rate for _, rate in per_min), full_min))
+        surfacing = 2 * scenario.board.motor_run_charge
+        gain = _best_gain(per_min, surfacing)
+        found.append(Rates(start.primary, drain, max(rate for _, rate in per_min), full_min, gain))
     return found
+
+
+def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float) -> float:
+    """The greatest (y - x - `surfacing`) / t(x, y) of the curve, whose segments are (end, rate a minute)."""
+    starts = [0.0, *(end for end, _ in per_min)]
+    found = []
+    for first in range(len(per_min)):
+        minutes = 0.0
+        for index in range(first, len(per_min)):
+            end, rate = per_min[index]
+            minutes += (end - starts[index]) / rate
+            found.append((end - starts[first] - surfacing) / minutes)
+    return max(found)
 
 
 def _docks_of(scenario: Scenario) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 from scipy.optimize import linprog
 
-from apad_bridge.runs.studies.capacity import Rates, active_minutes, bounds_of, rates_of
+from apad_bridge.runs.studies.capacity import Rates, _best_gain, active_minutes, bounds_of, rates_of
 from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -36,6 +37,37 @@ def test_the_paper_s_fleet_by_hand() -> None:
     assert found.sustained_from_empty == pytest.approx(4 * (1 + 1 / full_min / D))  # 11.9
     assert found.uptime_for_ever_percent == pytest.approx(100 * 4 * C / D / 24)  # 11.17 of 24 active
     assert bounds_of([pool(count=12)]).uptime_for_ever_percent == pytest.approx(100 * C / (C + D))  # 73.6 %
+
+
+def test_surfacing_lowers_what_the_docks_sustain_by_hand() -> None:
+    for motor, gained in ((0.01, 0.4366 - 0.02), (0.025, 0.4366 - 0.05), (0.045, 0.4366 - 0.09)):
+        scenario = resolve(pool(count=24))
+        scenario["board"]["motor_run_charge"] = motor
+        found = bounds_of([from_data(scenario, "test")])
+        above_knee_min = 0.4366 / C  # from 0.5634 to 1
+        assert found.sustained == pytest.approx(4 * (1 + gained / above_knee_min / D), rel=1e-3)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.01, 1), st.floats(1e-4, 1e-2)), min_size=1, max_size=4), st.floats(0, 0.1)
+)
+def test_no_charge_between_two_levels_gains_more_than_the_best(
+    lengths: list[tuple[float, float]], surfacing: float
+) -> None:
+    """Against a search of levels on a grid, which need not be breakpoints."""
+    total = sum(length for length, _ in lengths)
+    ends = [sum(length for length, _ in lengths[: it + 1]) / total for it in range(len(lengths))]
+    curve = [(end, rate) for end, (_, rate) in zip(ends, lengths, strict=True)]
+
+    def minutes_to(level: float) -> float:
+        parts = zip([0.0, *ends], curve, strict=False)
+        return sum(max(0.0, min(level, end) - low) / rate for low, (end, rate) in parts)
+
+    best = _best_gain(curve, surfacing)
+    levels = [it / 12 for it in range(13)]
+    for low, high in itertools.combinations(levels, 2):
+        gain = (high - low - surfacing) / (minutes_to(high) - minutes_to(low))
+        assert gain <= best + 1e-9 or gain <= 0
 
 
 def test_a_mission_by_hand() -> None:
