@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol
@@ -122,10 +123,13 @@ def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
 class FlightProgress:
     """A context manager; `show_status` takes each status. It writes to stderr, so that stdout is for the result alone.
 
-    A `quiet` one shows nothing, and keeps its `messages` like any other.
+    A `quiet` one shows nothing, and keeps its `messages` like any other. `clock` gives seconds of real time, of which it
+    tells how many are left.
     """
 
-    def __init__(self, name: str, duration_ms: int, quiet: bool = False) -> None:
+    def __init__(
+        self, name: str, duration_ms: int, quiet: bool = False, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.messages: list[str] = []
         """The lines for people, in order, without the status lines."""
         # No markup: the text comes from others, and a script that prints "[lat, lon]" means just that.
@@ -139,6 +143,7 @@ class FlightProgress:
             TimeRemainingColumn(),
             console=self._console,
             refresh_per_second=8,
+            get_time=clock,
             disable=not self._console.is_terminal or quiet,
         )
         self._name = name
@@ -164,7 +169,7 @@ class FlightProgress:
         clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"
         reports = f"{status.active}/{status.agents} active" if status.agents else "waiting for first reports"
         doing = (
-            f"{status.phase}: {reports}, {_docked_text(status.docked)}, "
+            f"{_apad_text(status)}: {reports}, {_docked_text(status.docked)}, "
             f"{status.services} served, {status.cost_m:.0f} m"
         )
         if status.apad_fraction is not None:
@@ -176,10 +181,22 @@ class FlightProgress:
             self._progress.update(self._task, completed=status.now_ms, clock=clock, doing=doing)
         if self._progress.disable and status.now_ms - self._last_line_ms >= _LINE_EVERY_MS:
             self._last_line_ms = status.now_ms
-            self._print(f"{clock}  {doing}")
+            self._print(f"{clock}  {doing}{self._left()}")
+
+    def _left(self) -> str:
+        """The real time left, once the flight's pace is known."""
+        (task,) = self._progress.tasks
+        left_s = task.time_remaining
+        return "" if left_s is None else f"; {_clock(round(1000 * left_s))} left"
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
+
+
+def _apad_text(status: Status) -> str:
+    """The mission's phase, and the aPad's primitive where the phase does not say it."""
+    known = status.primitive in ("", "none") or status.primitive in status.phase
+    return status.phase if known else f"{status.phase} ({status.primitive})"
 
 
 def _forecast_text(forecast: Forecast | None) -> str:

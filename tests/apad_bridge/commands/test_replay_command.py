@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import shutil
 from datetime import UTC, datetime
 
 import pytest
@@ -77,3 +78,13 @@ def test_a_damaged_line_is_said_by_file_and_number(run_dir, line):
     with pytest.raises(UserError) as raised:
         command(run_dir)
     assert str(raised.value).startswith(f"{journal}, line {number}: ") and "\n" not in str(raised.value)
+
+
+def test_a_second_run_is_put_beside_the_first(run_dir, tmp_path, capsys):
+    other = tmp_path / "other"
+    shutil.copytree(run_dir, other)
+    assert command(run_dir, other, "--json") == 0
+    page = run_dir / "compared-with-other.html"
+    assert json.loads(capsys.readouterr().out) == {"page": str(page), "bytes": page.stat().st_size}
+    with pytest.raises(UserError, match="gone"):
+        command(run_dir, tmp_path / "gone")
