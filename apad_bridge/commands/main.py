@@ -47,6 +47,7 @@ _COMMANDS = (
     "mu",
     "fit",
     "calibrate",
+    "shadow",
     "study",
     "branch",
     "pack",

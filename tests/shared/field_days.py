@@ -83,7 +83,7 @@ def drawn(config: APad, seed: int) -> Vehicle:
     )
 
 
-class _Recorder:
+class Recorder:
     """What `rosbag record` would have, with a GPS of this deviation and a battery read in tenths of a percent."""
 
     def __init__(self, apad: str, draw: np.random.Generator, deviation_m: float) -> None:
@@ -100,10 +100,10 @@ class _Recorder:
                     noise = self._draw.normal(0, self._deviation_m, 2)
                     place = pose.north_m + float(noise[0]), pose.east_m + float(noise[1])
                     self.put(
-                        at_ms, f"/{self._apad}/position", "auv_msgs/msg/NavSts", self._nav(at_ms, place, 0)
+                        at_ms, f"/{self._apad}/position", "auv_msgs/msg/NavSts", self.nav(at_ms, place, 0)
                     )
                 case of_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
-                    told = self._nav(at_ms, (north_m, east_m), int(released))
+                    told = self.nav(at_ms, (north_m, east_m), int(released))
                     self.put(at_ms, f"/{name}/position_static", "auv_msgs/msg/NavSts", told)
                 case of_a.BatteryAndProgressPublished(at_ms, percent):
                     self._battery(at_ms, percent)
@@ -172,7 +172,7 @@ class _Recorder:
     def _header(self, at_ms: int) -> Any:
         return types().types["std_msgs/msg/Header"](0, self._time(at_ms), "local")
 
-    def _nav(self, at_ms: int, place: tuple[float, float], status: int) -> Any:
+    def nav(self, at_ms: int, place: tuple[float, float], status: int) -> Any:
         t = types().types
         ned, rpy = t["auv_msgs/msg/NED"], t["auv_msgs/msg/RPY"]
         degrees, point = (
@@ -191,7 +191,7 @@ def of_generation_a(
 ) -> list[RecordedMessage]:
     """Go-tos over a pool; at every second one it docks an aMussel, until two are held, and then releases both."""
     draw = np.random.default_rng(seed)
-    recorder = _Recorder("apad1", draw, deviation_m)
+    recorder = Recorder("apad1", draw, deviation_m)
     misses = Misses(seed, vehicle.config.dock_miss_probability)
     apad = GenerationAVehicle(SimulatedAPad(vehicle.config), vehicle.speed_m_s, RADIUS_M, misses=misses)
     now_ms, number = 0, 0
@@ -235,7 +235,7 @@ def of_generation_b(
 ) -> list[RecordedMessage]:
     """Go-tos over a pool, and at every third one the vehicle's own docking, which stands still at first."""
     draw = np.random.default_rng(seed)
-    recorder = _Recorder("apad1", draw, deviation_m)
+    recorder = Recorder("apad1", draw, deviation_m)
     apad = GenerationBVehicle(SimulatedAPad(vehicle.config))
     now_ms = 0
 

@@ -47,7 +47,7 @@ _AMUSSEL_TOPIC = re.compile(rf"{AMUSSEL}(\d+)/(position|battery_level|position_s
 _NUMBER = re.compile(r"\d+$", re.ASCII)
 _OPEN = 0.5
 """`dock_out`: 1 for an open arm, 0 for a closed one."""
-_HELD_SILENT_S = 1.0
+_HELD_SILENT_S = 3.0
 """`position_static` comes at 20 Hz; this long without it, a dock has let go, as the published release never says so."""
 _RECEIVED = Outcome.RECEIVED.name.lower()
 _DEAF = frozenset(it.name.lower() for it in (Outcome.CUT, Outcome.IN_AIR, Outcome.TRANSMITTING))

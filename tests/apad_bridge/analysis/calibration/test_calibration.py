@@ -8,8 +8,9 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
-from field_days import Vehicle, drawn, of_generation_a, of_generation_b, write_bag
+from field_days import Recorder, Vehicle, drawn, of_generation_a, of_generation_b, write_bag
 from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.calibration.calibration import Calibration, Recording, calibrate
@@ -137,15 +138,12 @@ def test_a_named_span_adrift_gives_the_drift_of_generation_a(
     (last,) = [it for it in reader.read(positions[-1]) if isinstance(it, Posed)]
     begin_s = positions[0].stamp_ns / 1e9
     from_s = last.at_s - begin_s
-    import numpy as np
-    from field_days import _Recorder
-
-    recorder = _Recorder("apad1", np.random.default_rng(1), 0.05)
+    recorder = Recorder("apad1", np.random.default_rng(1), 0.05)
     sent_ms = round((last.at_s - 1.7e9) * 1000) // 100 * 100
     for n in range(1, 2400):
         place = last.place_m[0] + 0.05 * n / 10, last.place_m[1] - 0.03 * n / 10
         at_ms = sent_ms + 100 * n
-        recorder.put(at_ms, "/apad1/position", "auv_msgs/msg/NavSts", recorder._nav(at_ms, place, 0))
+        recorder.put(at_ms, "/apad1/position", "auv_msgs/msg/NavSts", recorder.nav(at_ms, place, 0))
     bag = write_bag(tmp_path / "day.bag", [*messages, *recorder.messages])
     words = ["calibrate", str(bag), "--scenario", str(POOL_FILE), "--json"]
     assert main.main([*words, "--adrift", f"{from_s + 1}:{from_s + 238}"]) == 0

@@ -1,0 +1,458 @@
+"""Somebody else's mission beside ours: at each of their decisions, what our strategy would have done on our beliefs.
+
+The shadow only reads facts: of a bag, or of a graph that it listens to. It keeps beliefs as a supervisor does, from the
+packets of their aMussels, from those aMussels' own topics, or from a supervisor's fresh beliefs where a bag has nothing
+else. Each later packet tells how far the estimate had gone wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from math import dist, sqrt
+from typing import Any
+
+from apad_bridge.analysis.field_log.facts import (
+    AmusselCharged,
+    AmusselPlaced,
+    BeliefsTold,
+    Fact,
+    Held,
+    PacketHeard,
+    Place,
+    Posed,
+    Teller,
+    Work,
+    WorkBegan,
+    WorkEnded,
+)
+from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.parts import fleet_beliefs
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.measurement import Docked, Released
+from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.dispatch import dispatch_of
+from apad_bridge.mission.plans import plan_or_reason
+from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
+from apad_bridge.mission.state import MissionState, with_new_homes
+from apad_bridge.planning import registry
+from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.scenario.schema import Dispatch, Scenario
+from firmware_model.packets import ShortStatus, Status, StatusPacket, basic_of
+from firmware_model.packets.codec import load_codec
+from firmware_model.states import State
+
+_TOPIC_PERIOD_MS = 1000
+"""An aMussel's own topics come at 10 Hz: as its packets would, they count once a second."""
+_FRESH_S = 1.0
+"""A supervisor's belief no older than this is what a packet said."""
+_SAME_MS = 2000
+"""The vehicle and a supervisor tell of one go-to within this time."""
+_ESTIMATED_S = 10.0
+"""A belief that is older than this is an estimate, and not the last report."""
+WAIT = "wait"
+ELSEWHERE = "elsewhere"
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """`kind` is collect, deploy, wait, or elsewhere for a go-to without an aMussel; `agent_id` is None for the last two."""
+
+    kind: str
+    agent_id: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Our belief of one aMussel. The errors, believed minus told, are by the first packet after it, None before one."""
+
+    age_s: float
+    charge: float
+    place_m: Place
+    charge_error: float | None = None
+    place_error_m: float | None = None
+    told_after_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """A decision of theirs, beside ours at the same time. Times are seconds since the first fact."""
+
+    at_s: float
+    theirs: Move
+    ours: Move
+    estimate: Estimate | None
+    """Of the aMussel that they chose."""
+
+    @property
+    def agrees(self) -> bool:
+        return self.theirs == self.ours
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self) | {"agrees": self.agrees}
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """How far estimates older than 10 s lay from the packet that ended the silence."""
+
+    packets: int
+    charge_rms: float | None
+    place_rms_m: float | None
+    inside: float | None
+    """The share of charges within our interval of 95 %; None for an estimator that gives none."""
+
+
+@dataclass(slots=True)
+class _Pending:
+    """A decision of theirs, from its begin on: a go-to whose purpose is not known yet, until `theirs` is.
+
+    Our choice waits for all that was said at the same time as their order.
+    """
+
+    at_ms: int
+    goal_m: Place | None = None
+    theirs: Move | None = None
+    ours: Move | None = None
+    beliefs: dict[int, Belief] | None = None
+
+
+class Shadow:
+    """`take` returns the decisions that a fact completes, and `end` the last ones. Facts come in the order heard."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """ScenarioError, or ValueError, for a scenario whose board or strategy cannot be loaded."""
+        mission = scenario.mission
+        config = flight_config(scenario)
+        self.decisions: list[Decision] = []
+        self._mission = mission
+        self._theta = scenario.theta
+        self._codec = load_codec(scenario.hearing.codec)
+        self._beliefs = fleet_beliefs(config)
+        self._ids = frozenset(config.ids)
+        self._collection = registry.collection(mission.collection, mission.costs)
+        self._redeployment = registry.redeployment(mission.redeployment)
+        self._model = energy_model(scenario)
+        self._pool = ChargingPool(mission, self._beliefs)
+        self._charging = ChargingWatch(mission)
+        self._dispatch = dispatch_of(mission, self._charging, self._pool.batch_of)
+        self._state = MissionState(dock_count=scenario.apad.docks)
+        self._place_m: Place | None = None
+        self._pose_teller = Teller.SUPERVISOR
+        self._has_supervisor = False
+        """A supervisor tells what the docks hold. The vehicle's own silence about one may be a busy network's."""
+        self._begin_s: float | None = None
+        self._now_ms = 0
+        self._pending: _Pending | None = None
+        self._plan: tuple[Step, ...] = ()
+        """The rest of our plan, as long as they follow it."""
+        self._last: Move | None = None
+        """Their last decision."""
+        self._collects = False
+        """Their last decision was to collect: the batch is under way."""
+        self._works: dict[str, WorkBegan] = {}
+        self._sends: set[int] = set()
+        """aMussels whose packets are heard: their topics, and others' beliefs of them, say nothing more."""
+        self._believed: set[int] = set()
+        """aMussels of which a supervisor tells its beliefs, and so their states, which their topics lack."""
+        self._topics: dict[int, tuple[Place | None, float | None, int]] = {}
+        self._errors: list[tuple[float, float, bool | None]] = []
+
+    def take(self, fact: Fact) -> list[Decision]:
+        if self._begin_s is None:
+            self._begin_s = fact.at_s
+        done = len(self.decisions)
+        now_ms = max(self._now_ms, round(1000 * (fact.at_s - self._begin_s)))
+        if now_ms > self._now_ms:
+            self._choose()  # with all that was said at the same time as their order
+            self._now_ms = now_ms
+            self._beliefs.advance(now_ms)
+        self._learn(fact)
+        return self.decisions[done:]
+
+    def end(self) -> list[Decision]:
+        """Completes the go-to under way."""
+        done = len(self.decisions)
+        self._choose()
+        self._resolve_by_place()
+        return self.decisions[done:]
+
+    @property
+    def accuracy(self) -> Accuracy:
+        count = len(self._errors)
+        known = [inside for _, _, inside in self._errors if inside is not None]
+        return Accuracy(
+            count,
+            sqrt(sum(charge**2 for charge, _, _ in self._errors) / count) if count else None,
+            sqrt(sum(place_m**2 for _, place_m, _ in self._errors) / count) if count else None,
+            sum(known) / len(known) if known else None,
+        )
+
+    def _learn(self, fact: Fact) -> None:
+        match fact:
+            case Posed(_, teller, _, place_m):
+                self._has_supervisor |= teller is Teller.SUPERVISOR
+                if teller is Teller.VEHICLE or self._pose_teller is Teller.SUPERVISOR:
+                    self._pose_teller, self._place_m = teller, place_m
+            case PacketHeard(_, agent_id, _, data):
+                self._sends.add(agent_id)
+                packet = self._codec.decode(data)
+                if isinstance(packet, ShortStatus):
+                    self._beliefs.hear_short(packet, self._now_ms)
+                elif isinstance(packet, Status):
+                    self._hear(basic_of(packet))
+            case AmusselPlaced(_, agent_id, place_m):
+                self._of_topics(agent_id, place_m, None)
+            case AmusselCharged(_, agent_id, charge):
+                self._of_topics(agent_id, None, charge)
+            case BeliefsTold():
+                self._of_others(fact)
+            case Held(_, teller, agent_id, is_held):
+                if teller is Teller.SUPERVISOR or not self._has_supervisor:
+                    self._held(agent_id, is_held=is_held)
+            case WorkBegan():
+                self._began(fact)
+            case WorkEnded(_, _, key, is_done):
+                self._ended(key, is_done=is_done)
+            case _:
+                pass
+
+    # What we believe.
+
+    def _hear(self, packet: StatusPacket) -> None:
+        agent_id = packet.agent_id
+        before = self._beliefs.get(agent_id) if agent_id in self._ids else None
+        if self._beliefs.hear(packet, self._now_ms) is not None:
+            return
+        self._state = replace(self._state, homes=with_new_homes(self._state.homes, self._beliefs.all()))
+        if before is None:
+            return
+        place_error_m = dist((before.north_m, before.east_m), (packet.north_m, packet.east_m))
+        if before.age_s(self._now_ms) >= _ESTIMATED_S:
+            low, high = before.charge_interval() if before.is_predicted else (0.0, 0.0)
+            inside = low <= packet.primary <= high if before.is_predicted else None
+            self._errors.append((before.primary - packet.primary, place_error_m, inside))
+        self._tell_error(packet)
+
+    def _tell_error(self, packet: StatusPacket) -> None:
+        """Completes the estimates of the aMussel's decisions, which this packet is the first to check."""
+        for n, it in enumerate(self.decisions):
+            estimate = it.estimate
+            if it.theirs.agent_id != packet.agent_id or estimate is None or estimate.told_after_s is not None:
+                continue
+            after_s = self._now_ms / 1000 - it.at_s
+            told = replace(
+                estimate,
+                charge_error=estimate.charge - packet.primary,
+                place_error_m=dist(estimate.place_m, (packet.north_m, packet.east_m)),
+                told_after_s=after_s,
+            )
+            self.decisions[n] = replace(it, estimate=told)
+
+    def _of_topics(self, agent_id: int, place_m: Place | None, charge: float | None) -> None:
+        """Their topics carry no state: such an aMussel is taken to float, and to charge while a dock holds it."""
+        if agent_id in self._sends or agent_id in self._believed or agent_id not in self._ids:
+            return
+        place_before, charge_before, told_ms = self._topics.get(agent_id, (None, None, -_TOPIC_PERIOD_MS))
+        place_m, charge = place_m or place_before, charge_before if charge is None else charge
+        is_due = place_m is not None and charge is not None and self._now_ms >= told_ms + _TOPIC_PERIOD_MS
+        self._topics[agent_id] = place_m, charge, self._now_ms if is_due else told_ms
+        if is_due and place_m is not None and charge is not None:
+            state = State.CHARGING if agent_id in self._docked else State.FLOATING
+            stamp_ms = self._now_ms * self._theta
+            self._hear(StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, 0.0, stamp_ms))
+
+    def _of_others(self, told: BeliefsTold) -> None:
+        """A supervisor's fresh belief is what the packet said; nothing else of it counts here."""
+        for row in told.rows:
+            self._believed.add(row.id)
+            if row.id in self._sends or row.age_s > _FRESH_S:
+                continue
+            stamp_ms = round(self._theta * (told.mission_ms - 1000 * float(row.age_s)))
+            self._hear(
+                StatusPacket(
+                    row.id,
+                    0,
+                    State(row.state),
+                    min(1.0, max(0.0, float(row.charge))),
+                    min(1.0, max(0.0, float(row.secondary))),
+                    row.north,
+                    row.east,
+                    0.0,
+                    stamp_ms,
+                )
+            )
+
+    # What they do.
+
+    @property
+    def _docked(self) -> dict[int, int]:
+        return {agent_id: dock_index for dock_index, agent_id in self._state.docked}
+
+    def _held(self, agent_id: int, *, is_held: bool) -> None:
+        docked = self._docked
+        if is_held == (agent_id in docked) or agent_id not in self._ids:
+            return
+        move = Move(StepKind.COLLECT if is_held else StepKind.DEPLOY, agent_id)
+        if move != self._last:
+            self._resolve(move)
+        if is_held:
+            free = set(range(self._state.dock_count)) - set(docked.values())
+            if not free:
+                return
+            docked[agent_id] = min(free)
+            self._beliefs.learn(agent_id, Docked(self._now_ms))
+            self._charging.begin(docked, self._now_ms)
+        else:
+            del docked[agent_id]
+            if self._place_m is not None:
+                self._beliefs.learn(agent_id, Released(self._now_ms, *self._place_m))
+            released = dict(self._state.released) | {agent_id: self._now_ms}
+            self._state = replace(self._state, released=tuple(sorted(released.items())))
+        self._state = replace(
+            self._state, docked=tuple(sorted((index, agent) for agent, index in docked.items()))
+        )
+
+    def _began(self, began: WorkBegan) -> None:
+        self._works[began.key] = began
+        agent_id = began.agent_id
+        if began.work is Work.DOCK and agent_id is not None and agent_id not in self._docked:
+            self._resolve(Move(StepKind.COLLECT, agent_id))
+        elif began.work is Work.UNDOCK and agent_id is not None and agent_id in self._docked:
+            self._resolve(Move(StepKind.DEPLOY, agent_id))
+        elif began.work is Work.GO_TO and not self._is_same(began.goal_m):
+            self._resolve_by_place()
+            self._pending = _Pending(self._now_ms, began.goal_m)
+
+    def _is_same(self, goal_m: Place | None) -> bool:
+        """A hold, or a go-to that another teller or another try repeats, is no decision."""
+        near_m = 2 * self._mission.victory_radius_m
+        pending = None if self._pending is None or self._pending.theirs is not None else self._pending
+        is_new = pending is not None and pending.at_ms >= self._now_ms - _SAME_MS
+        if goal_m is None:
+            return is_new
+        if pending is not None and pending.goal_m is None and is_new:
+            pending.goal_m = goal_m
+            return True
+        places = [self._place_m, None if pending is None else pending.goal_m]
+        return any(it is not None and dist(goal_m, it) <= near_m for it in places)
+
+    def _ended(self, key: str, *, is_done: bool) -> None:
+        began = self._works.pop(key, None)
+        if began is None or began.work is not Work.GO_TO or self._pending is None:
+            return
+        if is_done and self._pending.goal_m is None:
+            self._pending.goal_m = self._place_m
+
+    # Theirs beside ours.
+
+    def _choose(self) -> None:
+        pending = self._pending
+        if pending is None:
+            return
+        if pending.ours is None:
+            pending.ours = self._our_move()
+            pending.beliefs = {it.agent_id: it for it in self._beliefs.all()}
+        if pending.theirs is not None:
+            self._pending = None
+            self._note(pending, pending.theirs, pending.ours)
+
+    def _our_move(self) -> Move:
+        """The first step of our plan as long as they follow it; else of a plan that we make now."""
+        if not self._plan and self._place_m is not None:
+            self._plan = self._planned(self._place_m)
+        if not self._plan:
+            return Move(WAIT)
+        return Move(self._plan[0].kind, self._plan[0].agent_id)
+
+    def _planned(self, place_m: Place) -> tuple[Step, ...]:
+        held, now_ms = self._docked, self._now_ms
+        docked = {agent_id: self._beliefs.get(agent_id) for agent_id in held}
+        pool = [it for it in self._pool.candidates(now_ms) if it.agent_id not in held]
+        waiting = self._dispatch.to_collect(pool, {}, self._state.dock_count)
+        free = self._state.dock_count - len(held)
+        count = self._dispatch.to_collect(pool, docked, free)
+        if released := list(self._dispatch.to_release(docked, lambda: waiting)):
+            known = [docked[it] or placeholder_belief(it, place_m) for it in released]
+            others = [it for it in self._beliefs.all() if it.agent_id not in released]
+            situation = situation_of(self._state, place_m, known, held, now_ms, others, self._model)
+            return self._steps(
+                plan_or_reason(
+                    self._mission.redeployment,
+                    lambda: self._redeployment.plan(situation),
+                    situation,
+                    StepKind.DEPLOY,
+                )
+            )
+        if held and self._collects and self._mission.dispatch is Dispatch.BATCH:
+            # Their batch is under way, and we have another opinion of its rest.
+            count = min(self._mission.batch - len(held), len(pool), free)
+        if count <= 0:
+            return ()
+        wanted = {it.agent_id for it in pool}
+        others = [it for it in self._beliefs.all() if it.agent_id not in wanted]
+        situation = situation_of(self._state, place_m, pool, {}, now_ms, others, self._model)
+        return self._steps(
+            plan_or_reason(
+                self._mission.collection,
+                lambda: self._collection.plan(situation, count),
+                situation,
+                StepKind.COLLECT,
+            )
+        )
+
+    def _steps(self, solution: Solution | str) -> tuple[Step, ...]:
+        if isinstance(solution, str):
+            raise StrategyFailed(solution)
+        return solution.steps
+
+    def _resolve_by_place(self) -> None:
+        """A go-to that came to no docking: whom they went to is told by the place alone."""
+        self._choose()
+        pending = self._pending
+        if pending is None:
+            return
+        goal_m, beliefs = pending.goal_m, pending.beliefs or {}
+        if goal_m is None:
+            self._pending = None
+            return
+        homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self._state.homes}
+        docked = self._docked
+        moves = {
+            Move(StepKind.COLLECT, it.agent_id): (it.north_m, it.east_m)
+            for it in beliefs.values()
+            if it.agent_id not in docked
+        } | {Move(StepKind.DEPLOY, agent_id): homes[agent_id] for agent_id in docked if agent_id in homes}
+        nearest = min(moves, key=lambda it: dist(goal_m, moves[it]), default=None)
+        is_near = nearest is not None and dist(goal_m, moves[nearest]) <= self._mission.docking.catch_radius_m
+        self._resolve(nearest if nearest is not None and is_near else Move(ELSEWHERE))
+
+    def _resolve(self, theirs: Move) -> None:
+        """Their decision was taken when the go-to under way began; without one, it is taken now.
+
+        What repeats the last decision is another try, or another go-to after an aMussel that has drifted.
+        """
+        if theirs == self._last and theirs.kind != ELSEWHERE:
+            self._pending = None
+            return
+        self._last = theirs
+        if self._pending is None:
+            self._pending = _Pending(self._now_ms)
+        self._pending.theirs = theirs
+        if self._pending.at_ms < self._now_ms:
+            self._choose()
+
+    def _note(self, pending: _Pending, theirs: Move, ours: Move) -> None:
+        belief = None if theirs.agent_id is None else (pending.beliefs or {}).get(theirs.agent_id)
+        estimate = None
+        if belief is not None:
+            place_m = belief.north_m, belief.east_m
+            estimate = Estimate(belief.age_s(pending.at_ms), belief.primary, place_m)
+        self.decisions.append(Decision(pending.at_ms / 1000, theirs, ours, estimate))
+        self._plan = self._plan[1:] if theirs == ours else ()
+        if theirs.kind != ELSEWHERE:
+            self._collects = theirs.kind == StepKind.COLLECT
+
+
+class StrategyFailed(Exception):
+    """The strategy raised, or made a plan that cannot be flown; the text is one line."""

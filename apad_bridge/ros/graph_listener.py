@@ -1,0 +1,58 @@
+"""Listens to topics of somebody's graph and does nothing else: no publisher, no call of a service, no goal.
+
+The messages are handed on as a recorder has them, with their publishers' own definitions. The log stays off the graph,
+for /rosout would be a publisher of ours.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any
+
+import rospy
+
+from apad_bridge.records.bag import RecordedConnection, RecordedMessage
+from apad_bridge.ros.system.handshakes import bound_handshakes
+from apad_bridge.ros.system.inbox import Inbox
+
+NODE = "musselbed_shadow"
+
+
+class GraphListener:
+    """A node that subscribes to `topics`. The master at ROS_MASTER_URI must answer: rospy waits for it for ever."""
+
+    def __init__(self, topics: Iterable[str]) -> None:
+        bound_handshakes()
+        rospy.init_node(NODE, argv=[], anonymous=True, disable_signals=True, disable_rosout=True)
+        self._inbox: Inbox[RecordedMessage] = Inbox()
+        self._connections: dict[tuple[str, str], RecordedConnection] = {}
+        self._subscribers = [
+            rospy.Subscriber(topic, rospy.AnyMsg, self._put, topic, tcp_nodelay=True) for topic in topics
+        ]
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._inbox.dropped
+
+    def take(self, wait_s: float) -> list[RecordedMessage]:
+        """The messages since the last call, in the order heard; waits so long for the first."""
+        return self._inbox.take(wait_s)
+
+    def close(self) -> None:
+        """Leaves the graph. The process cannot listen again."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        rospy.signal_shutdown("it has heard enough")
+
+    def _put(self, message: Any, topic: str) -> None:
+        header, at_ns = message._connection_header, rospy.Time.now().to_nsec()
+        if at_ns == 0:
+            return  # a simulated clock that has not been heard yet
+        key = topic, header["md5sum"]
+        if key not in self._connections:
+            kind = header["type"].replace("/", "/msg/", 1)
+            self._connections[key] = RecordedConnection(
+                topic, kind, header["message_definition"], header["md5sum"]
+            )
+        self._inbox.put(RecordedMessage(self._connections[key], at_ns, bytes(message._buff)))

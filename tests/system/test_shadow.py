@@ -1,0 +1,126 @@
+"""The shadow beside a mission that flies over ROS: it sees their decisions, and nothing of it is on the graph but ears."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from xmlrpc.client import ServerProxy
+
+import pytest
+import yaml
+from scenario_files import POOL_FILE
+
+from apad_bridge.records.journal import read_journal
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
+from apad_bridge.ros.system.master import loopback_environment, start_master
+
+pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 300.0
+SPEED = 4
+NODE = "/musselbed_shadow"
+
+
+class Observer:
+    """Asks the master, again and again, what nodes of the shadow's name publish, subscribe to and serve."""
+
+    def __init__(self, uri: str) -> None:
+        self.published: set[str] = set()
+        self.heard: set[str] = set()
+        self.served: set[str] = set()
+        self._uri = uri
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._watch)
+
+    def __enter__(self) -> Observer:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_over.set()
+        self._thread.join(PATIENCE_S)
+
+    def _watch(self) -> None:
+        while not self._is_over.wait(0.1):
+            self._look()
+
+    def _look(self) -> None:
+        with ServerProxy(self._uri) as master:
+            _, _, state = master.getSystemState("/observer")  # type: ignore[misc]
+        for names, found in zip(state, (self.published, self.heard, self.served), strict=True):  # type: ignore[arg-type]
+            found |= {name for name, nodes in names if any(it.startswith(NODE) for it in nodes)}
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    data = yaml.safe_load(POOL_FILE.read_text())
+    data.update(name="shadowed", duration_s=150, theta=600)
+    data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
+    data["area"]["polygon_m"] = [[0, 0], [8, 0], [8, 8], [0, 8]]
+    data["apad"]["start_m"] = [4, 4]
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"]["float_timeout_s"] = 432000
+    path = tmp_path / "shadowed.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+@pytest.fixture
+def graph(scenario: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
+    """Somebody's master with an aPad on it, and a /clock `SPEED` times as fast as the wall's; gives the environment."""
+    master = start_master(tmp_path / "ros", 20)
+    environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
+    node = start_apad_node(scenario, master.uri, tmp_path / "apad.log")
+    clock = subprocess.Popen(
+        [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(SPEED)], env=environment
+    )
+    yield environment
+    clock.terminate()
+    clock.wait(10)
+    stop_apad_node(node)
+    master.stop()
+
+
+def start(words: list[str], environment: dict[str, str]) -> subprocess.Popen[str]:
+    pipe = subprocess.PIPE
+    return subprocess.Popen(
+        [*MUSSELBED, *words, "--json"], stdout=pipe, stderr=pipe, text=True, env=environment, cwd=ROOT
+    )
+
+
+def test_it_hears_a_mission_and_is_heard_by_nobody(
+    scenario: Path, graph: dict[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "mission-run"
+    with Observer(graph["ROS_MASTER_URI"]) as observer:
+        shadow = start(["shadow", str(scenario)], graph)
+        assert shadow.stderr is not None
+        assert any("listening" in line for line in shadow.stderr)
+        fleet = start(["fleet", str(scenario), "--time", "ros", "--out", str(tmp_path / "fleet-run")], graph)
+        mission = start(["mission", str(scenario), "--time", "ros", "--out", str(out)], graph)
+        _, mistakes = mission.communicate(timeout=PATIENCE_S)
+        assert mission.returncode == 0, mistakes
+        said, mistakes = shadow.communicate(timeout=PATIENCE_S)
+        fleet.communicate(timeout=PATIENCE_S)
+    assert shadow.returncode == 0, mistakes
+
+    # Ears alone: rospy itself serves the two services of a node's own log.
+    assert observer.published == set()
+    assert all(it.startswith(NODE) for it in observer.served)
+    assert {"/apad1/position", "/musselbed/heard", "/musselbed/mission"} <= observer.heard
+
+    told = json.loads(said)
+    theirs = [it["theirs"]["agent_id"] for it in told["decisions"] if it["theirs"]["kind"] == "collect"]
+    lines = read_journal(out / "journal.jsonl").lines
+    collected = [line["agent"] for line in lines if line["kind"] == "dock" and line["closed"]]
+    # Of the first batch: later ones depend on what a busy machine lets surface in time.
+    assert len(collected) >= 4 and theirs[:4] == collected[:4]
+    assert told["agreed"] >= 1
+    assert all(it["estimate"] is not None for it in told["decisions"] if it["theirs"]["kind"] == "collect")
