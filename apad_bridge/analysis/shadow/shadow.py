@@ -46,6 +46,8 @@ _TOPIC_PERIOD_MS = 1000
 """An aMussel's own topics come at 10 Hz: as its packets would, they count once a second."""
 _FRESH_S = 1.0
 """A supervisor's belief no older than this is what a packet said."""
+_SETTLED_MS = 500
+"""Half a tick after their order all is heard that they knew: ROS keeps no order between topics."""
 _SAME_MS = 2000
 """The vehicle and a supervisor tell of one go-to within this time."""
 _ESTIMATED_S = 10.0
@@ -164,7 +166,8 @@ class Shadow:
         done = len(self.decisions)
         now_ms = max(self._now_ms, round(1000 * (fact.at_s - self._begin_s)))
         if now_ms > self._now_ms:
-            self._choose()  # with all that was said at the same time as their order
+            if self._pending is not None and now_ms > self._pending.at_ms + _SETTLED_MS:
+                self._choose()
             self._now_ms = now_ms
             self._beliefs.advance(now_ms)
         self._learn(fact)
@@ -296,6 +299,8 @@ class Shadow:
         move = Move(StepKind.COLLECT if is_held else StepKind.DEPLOY, agent_id)
         if move != self._last:
             self._resolve(move)
+        if self._pending is not None and self._pending.theirs is not None:
+            self._choose()  # as the docks were before
         if is_held:
             free = set(range(self._state.dock_count)) - set(docked.values())
             if not free:
@@ -439,7 +444,7 @@ class Shadow:
         if self._pending is None:
             self._pending = _Pending(self._now_ms)
         self._pending.theirs = theirs
-        if self._pending.at_ms < self._now_ms:
+        if self._pending.ours is not None:
             self._choose()
 
     def _note(self, pending: _Pending, theirs: Move, ours: Move) -> None:

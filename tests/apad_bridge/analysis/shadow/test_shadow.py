@@ -146,6 +146,12 @@ def test_who_a_go_to_is_for_is_told_by_the_docking_after_it() -> None:
     assert (decision.at_s, decision.theirs, decision.ours) == (1.0, COLLECT_7, COLLECT_7)
 
 
+def test_a_docking_without_a_go_to_is_judged_by_the_docks_before_it() -> None:
+    at_once: list[Fact] = [*HEARD, perch(5.0, 7), Held(5.05, Teller.VEHICLE, 7, True), at(6.0)]
+    (decision,) = decided(at_once).decisions
+    assert (decision.theirs, decision.ours) == (COLLECT_7, COLLECT_7)
+
+
 def test_who_a_go_to_without_a_docking_is_for_is_told_by_its_place() -> None:
     facts: list[Fact] = [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)]
     first, second = decided(facts).decisions
