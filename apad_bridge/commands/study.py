@@ -135,8 +135,9 @@ def run(arguments: argparse.Namespace) -> int:
     if schedules:
         _print_schedules(console, schedules, reason_of(schedules))
     for each in () if schedules else found:
-        _print_comparison(console, each, plan.baseline)
-    console.print(f"results: {directory / RESULTS}, {directory / REPORT}", soft_wrap=True)
+        _print_comparison(console, each, plan.baseline, plan.study.primary)
+    console.print(f"A row for each mission: {directory / RESULTS}", soft_wrap=True)
+    console.print(f"Tables and figures, for a browser: {directory / REPORT}", soft_wrap=True)
     return Exit.DONE
 
 
@@ -192,8 +193,11 @@ def _progress(is_quiet: bool) -> Progress:
     )
 
 
-def _print_comparison(console: Console, found: Comparison, baseline: str) -> None:
-    """Prints a line for each column, so that the strategies fit beside each other on a narrow terminal."""
+def _print_comparison(console: Console, found: Comparison, baseline: str, primary: str) -> None:
+    """Prints a line for each column, so that the strategies fit beside each other on a narrow terminal.
+
+    The planned comparison, of the primary column, follows as a sentence for each strategy.
+    """
     from apad_bridge.runs.studies.figures import COLUMNS
     from apad_bridge.runs.studies.report import HEADINGS, NO_ENERGY, difference_text, estimate_text
 
@@ -210,6 +214,12 @@ def _print_comparison(console: Console, found: Comparison, baseline: str) -> Non
             for row, column in enumerate(COLUMNS):
                 table.add_row(HEADINGS[column], *(cells[it][row] for it in strategies))
             console.print(table)
+    for it in found.standings:
+        if it.differences:
+            difference = difference_text(it.differences[primary])
+            console.print(
+                f"{primary}, as planned: {it.strategy} {difference} against {baseline}.", soft_wrap=True
+            )
     console.print(found.bounds.text, soft_wrap=True)
     if found.setting.theta != 1:
         console.print(f"{NO_ENERGY}.", soft_wrap=True)

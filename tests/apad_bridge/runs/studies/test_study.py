@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -79,7 +80,10 @@ def test_without_pyarrow_a_study_says_how_to_get_it_before_it_flies(
 ) -> None:
     monkeypatch.setattr("apad_bridge.commands.study.find_spec", lambda name: None)
     assert main(["study", "table2", "--out", str(tmp_path / "out")]) == 2
-    assert "pyarrow is missing" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert (
+        "pyarrow, which writes the results, is missing" in capsys.readouterr().err
+        and not (tmp_path / "out").exists()
+    )
 
 
 def test_a_study_multiplies_settings_strategies_and_seeds() -> None:
@@ -193,6 +197,15 @@ def test_the_command_writes_a_row_for_each_mission_and_a_report(
         for heading in ("lost", "samples", "longest gap h", "submerged %", "metres")
     ]
     assert places == sorted(places)
+    samples = {
+        name: sum(row["samples_taken"] for row in table if row["strategy"] == name) / 3
+        for name in ("cautious", "greedy")
+    }
+    less = samples["greedy"] - samples["cautious"]
+    planned = re.search(
+        r"^samples_taken, as planned: greedy (\S+) ± .* against cautious\.$", shown, re.MULTILINE
+    )
+    assert planned and float(planned[1]) == pytest.approx(less, abs=0.5)
 
 
 def test_a_strategy_of_a_package_is_flown_by_its_name(
