@@ -38,7 +38,7 @@ def test_it_goes_with_the_run(said: str, kept: str, tmp_path: Path, monkeypatch:
 @pytest.mark.parametrize("said", ["a b", "1a", "a//b", "~a"])
 def test_what_is_no_name_is_refused_in_a_line(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_NAMESPACE", said)
-    with pytest.raises(UserError, match=f"ROS_NAMESPACE={said}: it is a name of ROS"):
+    with pytest.raises(UserError, match=f"ROS_NAMESPACE={said}: must be a name of ROS"):
         options()
 
 

@@ -167,7 +167,7 @@ def test_the_command_serves_an_ended_run_once_and_says_why_it_ended(
         (["--neptus", "0x1ffff@127.0.0.1:6001"], "an IMC id 0 to 0xfffe"),
         (["--host", "0.0.0.0"], "name the address of one interface"),
         (["--host", "224.0.75.69"], "name the address of one interface"),
-        (["--port", "70000"], "--port is 0 to 65535"),
+        (["--port", "70000"], "--port must be 0 to 65535"),
         (["--host", "203.0.113.1"], "cannot listen on"),
     ],
 )
