@@ -13,8 +13,11 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
+from doc_blocks import EXCERPTS, Block, blocks
+from doc_blocks import PAGES as BLOCK_PAGES
 
 from apad_bridge.commands.main import parser
+from apad_bridge.runs.exits import EXITS, Exit
 from apad_bridge.scenario.schema import Scenario
 
 ROOT = Path(__file__).parents[1]
@@ -110,8 +113,8 @@ def test_every_command_parses(page: str, command: str, capsys: pytest.CaptureFix
         parser().parse_args(arguments)
     except SystemExit as ended:
         assert ended.code == 0, f"{page}: {command}: {capsys.readouterr().err}"
-    if (scenario := next((word for word in words if "/" in word), None)) is not None:
-        assert (ROOT / scenario).exists()
+    for path in words:
+        assert not path.startswith(ROOMS) or (ROOT / path).exists()
 
 
 def parsers(of: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -175,7 +178,8 @@ def test_the_index_lists_every_page_once_in_one_of_four_groups() -> None:
     index = ROOT / "docs" / "README.md"
     listed = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", index.read_text(), re.MULTILINE)
     pages = [page.name for page in index.parent.glob("*.md") if page != index]
-    assert sorted(listed) == sorted(pages), "add a line for the page to a group of docs/README.md"
+    whole = [link for link in listed if "#" not in link]
+    assert sorted(whole) == sorted(pages), "add a line for the page to a group of docs/README.md"
     assert re.findall(r"^## (.*)$", index.read_text(), re.MULTILINE) == [
         "Tutorials",
         "How-to guides",
@@ -194,9 +198,7 @@ def test_the_site_builds_without_a_warning_and_leads_to_every_page(tmp_path: Pat
         assert f'href="{page.stem}.html"' in index or page.name == "README.md"
 
 
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.name
-)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_no_sentence_is_long(page: Path) -> None:
     offenders = [
         f"{page.name}:{line}: {words} words: {text}" for line, words, text in long_sentences(page.read_text())
@@ -223,3 +225,59 @@ def test_launch_commands_name_launch_files() -> None:
     assert named
     for page, name in named:
         assert (ROOT / "launch_scripts" / name).exists(), page
+
+
+BLOCKS = [block for page in BLOCK_PAGES for block in blocks(page)]
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=str)
+def test_every_block_of_code_has_a_mark_or_is_an_excerpt(block: Block) -> None:
+    match block.mark:
+        case "run" | "run beside a flight":
+            assert block.kind in ("sh", "python")
+        case "file" | "not run":
+            assert block.argument
+        case "tested":
+            test = (ROOT / block.argument).read_text()
+            orders = re.findall(
+                r"^(?:musselbed|python) (\w+)|^(rosservice|roslaunch|ROS_NAMESPACE)", block.text, re.M
+            )
+            assert block.page.name in test or all(
+                any(word in test for word in order if word) for order in orders
+            )
+        case "":
+            assert block.kind in EXCERPTS, "mark the block: tests/shared/doc_blocks.py lists the marks"
+        case _:
+            raise AssertionError(f"no such mark: {block.mark}")
+
+
+def test_marks_belong_to_the_block_that_follows(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    marked = "<!-- run: --seeds 2 -->\n    one\n\n    two\n\n<!-- run -->\nText.\n\n```python\nx\n```\n"
+    page.write_text(f"Text\n    that continues.\n\n{marked}")
+    found = [(block.kind, block.text, block.mark, block.argument, block.line) for block in blocks(page)]
+    assert found == [("sh", "one\n\ntwo\n", "run", "--seeds 2", 5), ("python", "x\n", "", "", 13)]
+
+
+def test_the_page_of_commands_has_every_command_and_no_other() -> None:
+    page = (ROOT / "docs" / "commands.md").read_text()
+    table = "\n".join(re.findall(r"^\| (.*?) \|", page.partition("## Exit codes")[0], re.MULTILINE))
+    first = {each.prog.split()[1] for each in PARSERS if len(each.prog.split()) > 1}
+    assert set(re.findall(r"`(?:musselbed )?([a-z]\w*)[ `]", table)) == first
+
+
+def test_the_page_of_commands_has_the_exit_codes_of_every_help() -> None:
+    page = (ROOT / "docs" / "commands.md").read_text()
+    rows = dict(re.findall(r"^\| (\d+) \| (.*) \|$", page, re.MULTILINE))
+    assert {int(code) for code in rows} == {int(code) for code in Exit}
+    for code, meaning in rows.items():
+        words = re.split(r"[:,(]", meaning)[0].strip()
+        assert f"{code} {words}" in EXITS
+
+
+@pytest.mark.parametrize("room", ["apad_bridge", "agents", "firmware_model", "benchmarks"])
+def test_no_docstring_begins_with_a_clause(room: str) -> None:
+    clause = re.compile(r'^\s*"""(?:What|Of|Whether|Who|That|Where|How|As|To) ', re.MULTILINE)
+    assert [
+        str(path) for path in sorted((ROOT / room).rglob("*.py")) if clause.search(path.read_text())
+    ] == []

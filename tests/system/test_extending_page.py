@@ -1,33 +1,25 @@
-"""docs/extending.md, followed as printed: its packages are written, installed by its command, and flown."""
+"""docs/first-strategy.md and docs/extending.md as printed: packages are written, installed, flown and compared."""
 
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 import sysconfig
 from pathlib import Path
 
 import pytest
+from doc_blocks import blocks, file_of
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-STRATEGIES, _, CODECS = (ROOT / "docs" / "extending.md").read_text().partition("\n## Codecs\n")
+STRATEGY, CODEC = ROOT / "docs" / "first-strategy.md", ROOT / "docs" / "extending.md"
 POOL = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 
 
-def block(page: str, name: str) -> str:
-    """The fenced block that follows the line which names the file."""
-    found = re.search(rf"`{re.escape(name)}`:\n\n```\w*\n(.*?)```", page, re.DOTALL)
-    assert found, f"docs/extending.md shows no {name}"
-    return found[1]
-
-
-def command() -> str:
-    found = re.search(r"^```sh\n(.*?)^```", STRATEGIES, re.DOTALL | re.MULTILINE)
-    assert found
-    return found[1]
+def commands() -> list[str]:
+    """The page's commands: to install, to fly, and to compare."""
+    return [block.text for block in blocks(STRATEGY) if block.mark == "tested"]
 
 
 @pytest.fixture
@@ -67,17 +59,17 @@ def in_a_shell(script: str, folder: Path, environment: dict[str, str]) -> str:
     return done.stdout
 
 
-def install(page: str, module: str, folder: Path, environment: dict[str, str]) -> None:
+def install(page: Path, module: str, folder: Path, environment: dict[str, str]) -> None:
     folder.mkdir()
     for name in (f"{module}.py", "setup.cfg"):
-        (folder / name).write_text(block(page, name))
-    (folder / "pyproject.toml").write_text(block(STRATEGIES, "pyproject.toml"))
-    in_a_shell(command(), folder, environment)
+        (folder / name).write_text(file_of(page, name))
+    (folder / "pyproject.toml").write_text(file_of(STRATEGY, "pyproject.toml"))
+    in_a_shell(commands()[0], folder, environment)
 
 
 def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: dict[str, str]) -> None:
-    install(STRATEGIES, "lab_strategies", tmp_path / "strategies", environment)
-    install(CODECS, "lab_codec", tmp_path / "codec", environment)
+    install(STRATEGY, "lab_strategies", tmp_path / "strategies", environment)
+    install(CODEC, "lab_codec", tmp_path / "codec", environment)
     scenario = tmp_path / "lines.yaml"
     text = POOL.read_text().replace("hearing: {", "hearing: {codec: lines, ")
     scenario.write_text(text)
@@ -93,3 +85,11 @@ def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: 
         line for line in (tmp_path / "run" / "journal.jsonl").read_text().splitlines() if '"plan"' in line
     ]
     assert any('"farthest"' in line for line in plans)
+
+    (tmp_path / "farthest.yaml").write_text(
+        file_of(STRATEGY, "farthest.yaml").replace("seeds: 20", "seeds: 2")
+    )
+    (tmp_path / "launch_scripts").symlink_to(ROOT / "launch_scripts")
+    _, fly, compare = commands()
+    assert "no reasons given" in in_a_shell(fly, tmp_path, environment)
+    assert "farthest" in in_a_shell(compare, tmp_path, environment)

@@ -1,13 +1,13 @@
-"""Strategies by name, with a real distribution on sys.path: the example of docs/extending.md, word for
+"""Strategies by name, with a real distribution on sys.path: the example of docs/first-strategy.md, word for
 word.
 """
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
+from doc_blocks import file_of
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.cautious import Cautious
@@ -16,14 +16,11 @@ from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
 from apad_bridge.planning.no_collection import NoCollection
 from apad_bridge.planning.registry import collection, known_names, redeployment
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "extending.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "first-strategy.md"
 
 
 def block(name: str) -> str:
-    """Returns the fenced block of docs/extending.md that follows the line naming the file."""
-    found = re.search(rf"`{re.escape(name)}`:\n\n```\w*\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
-    assert found, f"docs/extending.md shows no {name}"
-    return found[1]
+    return file_of(DOCUMENT, name)
 
 
 def install(site: Path, distribution: str, entries: str, module: str, code: str) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import configparser
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from doc_blocks import file_of
 from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
@@ -26,16 +26,13 @@ from firmware_model.packets.codec import GROUP, Codec, load_codec
 from firmware_model.states import State
 
 ROOT = Path(__file__).parents[3]
-_SECTION = (ROOT / "docs" / "extending.md").read_text().partition("\n## Codecs\n")[2]
+DOCUMENT = ROOT / "docs" / "extending.md"
 STATUS = StatusPacket(7, 9, State.FLOATING, 0.5, 1.0, -3.25, 12.5, 0.0, 1_800_000)
 STATUS_LINE = b"$STATUS,7,9,FLOATING,0.50000,1.00000,-3.25,12.50,0.00,1800000*"
 
 
 def documented(name: str) -> str:
-    """The fenced block of the section that follows the line naming the file."""
-    found = re.search(rf"`{re.escape(name)}`:\n\n```\w*\n(.*?)```", _SECTION, re.DOTALL)
-    assert found, f"docs/extending.md shows no {name} under Codecs"
-    return found[1]
+    return file_of(DOCUMENT, name)
 
 
 @pytest.fixture
