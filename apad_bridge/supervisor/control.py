@@ -264,8 +264,10 @@ class _Handler(socketserver.StreamRequestHandler):
 
     def handle(self) -> None:
         with suppress(OSError):  # the client left: its order stands
+            if not (line := self.rfile.readline(LONGEST_LINE)):
+                return  # it looked whether anybody listens
             try:
-                request = _REQUEST.validate_json(self.rfile.readline(LONGEST_LINE))
+                request = _REQUEST.validate_json(line)
             except ValidationError as error:
                 self.server.dropped["orders that cannot be read"] += 1
                 answer = Answer(False, _unreadable(error))

@@ -137,6 +137,9 @@ def test_dropped_requests_are_counted_by_reason(run_dir: Path, pool: Scenario) -
             with connected(run_dir) as link:
                 link.sendall(b"stop\n")
                 assert b"cannot be read" in link.makefile("rb").readline()
+        with connected(run_dir) as link:  # as a console looks whether anybody listens
+            link.shutdown(socket.SHUT_WR)
+            assert link.makefile("rb").readline() == b""
         assert dropped == {"orders that cannot be read": 3}
 
 
