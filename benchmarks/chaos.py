@@ -48,7 +48,7 @@ class Injection:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a flight did with the faults: how many happened, and the laws that its records break."""
+    """A flight under the faults: the number that happened, and the laws that its records break."""
 
     happened: int
     broken: tuple[str, ...]

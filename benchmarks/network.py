@@ -47,7 +47,7 @@ PATIENCE_S = 600.0
 GUARDS = {"position_age_s": 5, "frozen_s": 8}
 """An order takes 2 s to this vehicle: five ways there and back. The scenario's own 2 s stop it at the start of each leg."""
 RECORDED = "/apad1/.*|/musselbed/(apad|beliefs|heartbeat|mission)"
-"""What the vehicle's recorder takes; the bench's takes everything."""
+"""The topics of the vehicle's recorder; the bench's takes everything."""
 DESPITE = ("delay", "loss", "clock", "gps", "nodes", "disk", "memory", "energy")
 LOOK_S = 1.0
 END_S = 10.0
@@ -227,7 +227,7 @@ def figures(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def told_by_journal(run: Path) -> dict[str, Any]:
-    """How often each guard stopped the aPad, the vehicle fell silent, and a person had to say that it may go on."""
+    """The counts of guard stops by cause, of silences of the vehicle, and of a person's words that it may go on."""
     tail = JournalTail(run / "journal.jsonl")
     lines = tail.read_new().lines
     tail.close()
@@ -244,7 +244,7 @@ def red(preflight: Path) -> list[str]:
 
 
 def merged(home: Path) -> dict[str, Any]:
-    """What `musselbed logs merge` makes of the two bags, and how many messages of either the merged one lacks."""
+    """The result of `musselbed logs merge` for the two bags, and the number of messages of either that it lacks."""
     bags = [home / "apad.bag", home / "station.bag"]
     out = home / "whole.bag"
     done = subprocess.run(

@@ -201,7 +201,7 @@ def _again(scenario: Scenario, at_ms: int, journals: Mapping[str, JournalContent
 
 
 def _stimuli(lines: Sequence[Line], at_ms: int) -> list[tuple[int, int, int, str]]:
-    """What the aMussels of the journal's lines felt before the moment, in one order."""
+    """The stimuli of the journal's lines before the moment, in one order."""
     return sorted(
         (line["t"], line["id"], line["agent_ms"], json.dumps(line.get("wire", "died")))
         for line in lines

@@ -40,7 +40,7 @@ class NotPacked(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class _Repeat:
-    """How a packed thing is flown again, in words and in the lines of a POSIX shell."""
+    """The way to fly a packed thing again, in words and in the lines of a POSIX shell."""
 
     promise: str
     fly: str

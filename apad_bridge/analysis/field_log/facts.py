@@ -1,4 +1,4 @@
-"""What the messages of a vehicle, its aMussels and its mission say, whoever sent them: plain facts in the order heard.
+"""Plain facts from the messages of a vehicle, its aMussels and its mission, in the order received.
 
 Times are seconds of the clock that recorded them. Places are local NED metres.
 """
@@ -15,7 +15,7 @@ Place = tuple[float, float]
 
 
 class Teller(Enum):
-    """Who said it: the vehicle by its own topics, or a supervisor of ours, which repeats what it ordered and heard."""
+    """The source: the vehicle by its own topics, or a supervisor of ours, which repeats its orders and the answers."""
 
     VEHICLE = auto()
     SUPERVISOR = auto()
@@ -127,7 +127,7 @@ class SoundEnded:
 
 @dataclass(frozen=True, slots=True)
 class BeliefsTold:
-    """What a supervisor published of its beliefs, row by row, as its own definition has them."""
+    """The beliefs that a supervisor published, row by row, as its own definition has them."""
 
     at_s: float
     mission_ms: int

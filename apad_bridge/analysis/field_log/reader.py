@@ -77,9 +77,9 @@ class FactReader:
         self._works = 0
         """Numbers works that have no key of their own."""
         self._keys: dict[Work, str] = {}
-        """Of generation B's works by the topic of their status."""
+        """Generation B's works by the topic of their status."""
         self._told_keys: dict[str, str] = {}
-        """Of a supervisor's primitives by name."""
+        """A supervisor's primitives by name."""
         self._held_s: dict[int, float] = {}
         """By aMussel in a dock by `position_static`, when that came last."""
         self._sample_held: frozenset[int] = frozenset()

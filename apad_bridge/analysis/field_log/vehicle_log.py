@@ -125,7 +125,7 @@ def vehicle_log(name: str, facts: Sequence[Fact], missing: Iterable[str] = ()) -
 
 
 def _better(told: list[Told]) -> list[Told]:
-    """What the vehicle itself said, or else what a supervisor did."""
+    """The vehicle's own word, or else that of a supervisor."""
     own = [it for it in told if it.teller is Teller.VEHICLE]
     return own or told
 

@@ -84,7 +84,7 @@ class Decision:
     theirs: Move
     ours: Move
     estimate: Estimate | None
-    """Of the aMussel that they chose."""
+    """Our estimate of the aMussel that they chose."""
 
     @property
     def agrees(self) -> bool:
@@ -96,7 +96,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """How far estimates older than 10 s lay from the packet that ended the silence."""
+    """The errors of estimates older than 10 s against the packet that ended the silence."""
 
     packets: int
     charge_rms: float | None

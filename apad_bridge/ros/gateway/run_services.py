@@ -28,7 +28,7 @@ from musselbed_msgs.srv import GiveOrder, GiveOrderResponse, ReadRun, ReadRunRes
 JOURNAL, SUMMARY = "journal.jsonl", "summary.json"
 FILES = ("scenario.yaml", "run.json", JOURNAL, SUMMARY)
 MOST_BYTES = 65_536
-"""Of one answer: a few seconds of a poor Wi-Fi, which then does not delay an order for longer."""
+"""One answer has so many: a few seconds of a poor Wi-Fi, which then does not delay an order for longer."""
 _FOLLOWED_S = 5.0
 """Wall seconds: a console that has read so recently still follows."""
 _END_S = 5.0

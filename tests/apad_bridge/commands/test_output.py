@@ -59,7 +59,7 @@ def test_a_full_disk_under_the_output_is_one_line(command: list[str]) -> None:
         (["run", POOL, "--time", "asap", "--apad", "ros"], "leave out --apad ros, or use --time wall"),
         (
             ["run", POOL, "--time", "asap", "--speed", "5"],
-            "leave it out, asap flies as fast as the machine goes",
+            "leave it out; asap flies as fast as the machine goes",
         ),
         (
             ["run", POOL, "--apad", "ros"],

@@ -32,5 +32,5 @@ def test_what_is_no_remapping_is_refused_in_a_line(word: str) -> None:
 
 
 def test_virtual_time_has_no_names_of_ros() -> None:
-    with pytest.raises(UserError, match="--time asap does without"):
+    with pytest.raises(UserError, match="--time asap has none"):
         options("--time", "asap", "--remap", "/a:=/b")
