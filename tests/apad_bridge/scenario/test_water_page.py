@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from textwrap import dedent
 from typing import Any
 
 import yaml
+from doc_blocks import blocks
 from scenario_files import SOUND_FILE
 
 from agents.water.topology import LinkRule, parse_topology
 from apad_bridge.scenario.loader import from_data, load, resolve
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "water.md").read_text()
-PIECES = [dedent(it) for it in re.findall(r"(?:^    .*\n)+", PAGE, re.MULTILINE)]
+PIECES = [it.text for it in blocks(ROOT / "docs" / "water.md")]
 
 
 def check_holds(flown: Any, written: Any) -> None:
@@ -31,9 +29,9 @@ def check_holds(flown: Any, written: Any) -> None:
 
 
 def test_its_scenario_s_blocks_can_be_flown() -> None:
-    blocks = [yaml.safe_load(piece) for piece in PIECES if piece.startswith("water:")]
-    assert len(blocks) >= 2
-    for block in blocks:
+    waters = [yaml.safe_load(piece) for piece in PIECES if piece.startswith("water:")]
+    assert len(waters) >= 2
+    for block in waters:
         if "current" in block["water"]:
             block["water"]["current"].pop("file")
         data = resolve(load(SOUND_FILE))
