@@ -2,7 +2,8 @@
 
 Both recorders hear the same messages, each at its own time: the difference is the offset, plus the difference of what the
 two ways took. Clocks drift a little, and step when one of them is set (a GPS that locks, NTP). So the offset is a straight
-line between steps. Steps are found in the order of the recording, which no clock can turn.
+line between steps. Steps are found in the order of the recording, which no clock can turn. A link that loses packets delays
+messages in bursts of seconds, which look like steps of some messages: then longer parts of the recording are compared.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ STEP_S = 0.25
 """The smallest step that is told from what the ways take."""
 _SIDE = 12
 """Common messages on each side of a step, at least."""
+_STEPS_AT_MOST = 3
+_STEPS_AN_HOUR = 6
+"""No clock is set more often than this, over `_STEPS_AT_MOST`: more steps are bursts of delayed messages."""
 _MOST_FITTED = 400
 _SHORTEST_S = 60.0
 """A drift is fitted to a stretch of at least this length; a shorter one has a constant offset."""
@@ -73,7 +77,7 @@ def clock_offset(places: Sequence[int], times_s: Sequence[float], offsets_s: Seq
     if not len(places):
         raise ValueError("the recordings have no message in common")
     offsets, times = np.asarray(offsets_s, dtype=float), np.asarray(times_s, dtype=float)
-    bounds = [0, *_steps(offsets), len(offsets)]
+    bounds = [0, *_steps_of_clocks(times, offsets), len(offsets)]
     stretches = []
     for begin, end in pairwise(bounds):
         first = 0 if begin == 0 else _place_of_step(places, begin)
@@ -81,8 +85,31 @@ def clock_offset(places: Sequence[int], times_s: Sequence[float], offsets_s: Seq
     return ClockOffset(tuple(stretches))
 
 
+def _steps_of_clocks(times_s: Floats, offsets: Floats) -> list[int]:
+    """The first message after each step, by the shortest parts of the recording in which no more steps are found than
+    clocks make."""
+    at_most = _STEPS_AT_MOST + _STEPS_AN_HOUR * float(np.ptp(times_s)) / 3600
+    block = 1
+    while len(found := _steps_by_blocks(offsets, block)) > at_most:
+        block *= 2
+    return found
+
+
+def _steps_by_blocks(offsets: Floats, block: int) -> list[int]:
+    """The steps between blocks of so many messages; each block counts as its median."""
+    if block == 1:
+        return _steps(offsets)
+    count = len(offsets) // block
+    medians = np.median(offsets[: count * block].reshape(count, block), axis=1)
+    found = []
+    for cut in _steps(medians):
+        first, last = (cut - 1) * block, min((cut + 1) * block, len(offsets) - 1)
+        found.append(_best_cut(offsets, first, last, _SIDE * block))
+    return found
+
+
 def _steps(offsets: Floats) -> list[int]:
-    """The first message after each step: the median of the next messages differs from that of the last ones."""
+    """The first value after each step: the median of the next values differs from that of the last ones."""
     count = len(offsets)
     if count < 2 * _SIDE:
         return []
@@ -99,14 +126,14 @@ def _steps(offsets: Floats) -> list[int]:
         end = place
         while end < len(contrast) and contrast[end] > STEP_S:
             end += 1
-        found.append(_best_cut(offsets, place + _SIDE, end - 1 + _SIDE))
+        found.append(_best_cut(offsets, place + _SIDE, end - 1 + _SIDE, _SIDE))
         place = end
     return found
 
 
-def _best_cut(offsets: Floats, first: int, last: int) -> int:
-    """The cut in [first, last] whose two sides lie closest to their medians."""
-    begin, end = first - _SIDE, min(len(offsets), last + _SIDE)
+def _best_cut(offsets: Floats, first: int, last: int, side: int) -> int:
+    """The cut in [first, last] whose two sides, of `side` values or more, lie closest to their medians."""
+    begin, end = max(0, first - side), min(len(offsets), last + side)
 
     def misfit(cut: int) -> float:
         before, after = offsets[begin:cut], offsets[cut:end]

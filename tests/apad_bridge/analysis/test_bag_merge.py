@@ -214,6 +214,32 @@ def test_steps_and_drift_are_found_from_common_messages(
         assert found.at(place, time_s) == pytest.approx(expected, abs=0.15)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_bursts_of_late_messages_are_no_steps_of_a_clock(seed: int) -> None:
+    """A link that loses packets: each way stands still ten times a minute for up to 6 s, and then gives all at once."""
+    draw = np.random.default_rng(seed)
+    count, seconds = 24_000, 1080.0
+    sent_s = np.sort(draw.uniform(0.0, seconds, count))
+    ways_s = np.full((2, count), 0.2)
+    for way_s in ways_s:
+        at_s = 0.0
+        while at_s < seconds:
+            at_s += draw.exponential(6.0)
+            lasts_s = draw.choice([0.4, 0.8, 1.6, 3.2, 6.4], p=[0.4, 0.3, 0.15, 0.1, 0.05])
+            late = (sent_s >= at_s) & (sent_s < at_s + lasts_s)
+            way_s[late] += at_s + lasts_s - sent_s[late]
+    from_vehicle = draw.random(count) < 0.8
+    offsets_s = np.where(sent_s < 400.0, -2.0, 1.0)  # the second clock is set once
+    measured_s = offsets_s + np.where(from_vehicle, ways_s[0], -ways_s[1])
+    recorded_s = sent_s + np.where(from_vehicle, ways_s[0], 0.0)
+    order = np.argsort(recorded_s, kind="stable")
+    times_s, offsets_s = (recorded_s + offsets_s)[order], offsets_s[order]
+    found = clock_offset(range(count), times_s, measured_s[order])
+    assert len(found.steps_s) <= 5 and any(it == pytest.approx(3.0, abs=0.1) for it in found.steps_s)
+    errors_s = [abs(found.at(n, times_s[n]) - offsets_s[n]) for n in range(0, count, 20)]
+    assert np.percentile(errors_s, 95) < 0.5
+
+
 @pytest.mark.parametrize("what", ["no bag", "nothing in it", "nothing in common", "no file"])
 def test_what_cannot_be_merged_is_one_line(
     run_dir: Path, tmp_path: Path, what: str, capsys: pytest.CaptureFixture[str]
