@@ -1,6 +1,7 @@
 """Each block of README and docs that is marked to run, in a fresh copy of the clone, a page at a time.
 
-The copy's scenarios last `MISSION_S` only. `RUN` stands for a whole flight of pool-12, or for one that flies meanwhile.
+The copy's scenarios last `MISSION_S` only. `RUN` stands for a whole flight of pool-12, or for one that flies meanwhile. The
+suite leaves these tests out, which take six minutes: launch_scripts/test -m docs_commands
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 
 from apad_bridge.supervisor.control import listens
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.docs_commands]
 MISSION_S = 120
 PATIENCE_S = 600.0
 OTHER_RUN = "runs/other"
