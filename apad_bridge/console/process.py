@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import threading
@@ -16,6 +17,8 @@ from apad_bridge.console.server import Ending, app_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
 _BACKLOG = 256
+_NICE = 5
+"""Above the supervisor's: a page may wait for its processor, and a tick of the flight may not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,7 @@ def serve(run_dir: Path, address: Address, tell: Callable[[str], None], ended: C
     """
     if not RunDirectory(run_dir).scenario.is_file():
         raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
+    os.nice(_NICE)
     token = secrets.token_urlsafe(16)
     asked_to_end = threading.Event()
     with socket.create_server((address.host, address.port), backlog=_BACKLOG) as listener:
