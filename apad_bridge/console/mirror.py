@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Protocol
 
 from agents.nursery.protocol import is_of_our_user
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.loader import write_atomically
 from apad_bridge.supervisor.control import LONGEST_LINE, SOCKET_NAME, refused_line, short_path
 
-JOURNAL, SUMMARY = "journal.jsonl", "summary.json"
 _FIXED = ("scenario.yaml", "run.json")
 _LOOK_S = 0.5
 _CLIENT_S = 5.0
@@ -40,6 +40,7 @@ class Mirror:
         """`unheard` is what `far` raises while the other machine does not answer."""
         self._far = far
         self._folder = folder
+        self._run = RunDirectory(folder)
         self._unheard = unheard
         self._copied = 0
         self._server: _Server | None = None
@@ -52,18 +53,18 @@ class Mirror:
     def update(self) -> bool:
         """True if the other machine answered."""
         try:
-            summary = None if (self._folder / SUMMARY).exists() else self._far.read(SUMMARY, 0)
-            new = self._far.read(JOURNAL, self._copied)
+            summary = None if self._run.summary.exists() else self._far.read(self._run.summary.name, 0)
+            new = self._far.read(self._run.journal.name, self._copied)
         except self._unheard:
             self.close()
             return False
         if new:
-            with (self._folder / JOURNAL).open("ab") as journal:
+            with self._run.journal.open("ab") as journal:
                 journal.write(new)
             self._copied += len(new)
         # Asked for before the journal: whoever sees the summary then has the whole journal.
         if summary is not None:
-            write_atomically(self._folder / SUMMARY, summary.decode())
+            write_atomically(self._run.summary, summary.decode())
         if self._server is None:
             with short_path(self._folder) as path:
                 self._server = _Server(path, self._answered)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -54,22 +54,14 @@ class Calibration:
     residuals: Residuals | None = None
 
     def to_json(self) -> dict[str, Any]:
-        residuals = self.residuals
         return {
-            "figures": {name: it.to_json() for name, it in self.figures.items()},
+            "figures": {name: asdict(it) for name, it in self.figures.items()},
             "unmeasured": self.unmeasured,
-            "loss_of_sound": [it.to_json() for it in self.sound],
-            "loss_of_wifi": [it.to_json() for it in self.wifi],
+            "loss_of_sound": [asdict(it) for it in self.sound],
+            "loss_of_wifi": [asdict(it) for it in self.wifi],
             "notes": self.notes,
             "scenario": self.block,
-            "residuals": None
-            if residuals is None
-            else {
-                "go_tos": residuals.go_tos,
-                "seconds": None if residuals.seconds is None else residuals.seconds.to_json(),
-                "rms_s": residuals.rms_s,
-                "mean_go_to_s": residuals.mean_go_to_s,
-            },
+            "residuals": None if self.residuals is None else asdict(self.residuals),
         }
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -29,9 +28,6 @@ class Figure:
         return Figure(
             factor * self.value, factor * self.low, factor * self.high, self.samples, unit, self.method
         )
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def mean(values: Sequence[float], unit: str, resolution: float = 0.0) -> Figure | None:

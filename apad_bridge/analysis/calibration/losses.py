@@ -6,7 +6,6 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import dist
-from typing import Any
 
 import numpy as np
 
@@ -29,9 +28,6 @@ class Loss:
     from_m: float
     to_m: float | None
     lost: Figure
-
-    def to_json(self) -> dict[str, Any]:
-        return {"from_m": self.from_m, "to_m": self.to_m, "lost": self.lost.to_json()}
 
 
 def by_range(packets: Iterable[tuple[float, bool]]) -> list[Loss]:

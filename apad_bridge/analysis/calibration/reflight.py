@@ -17,7 +17,8 @@ from apad_bridge.vehicle.simulated.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.vehicle.simulated.motion import Motion
 
 _LONGEST_S = 3600.0
-_AT_REST_STEPS = 200
+_START_STEPS = 10
+"""It is at rest at its start, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ def _flown(motion: Motion, done: Done, order: GoTo) -> Reflown:
         motion.end_step()
         if arrived_s is None and watch.has_arrived(motion.pose):
             arrived_s = (step + 1) * STEP_MS / 1000
-        if arrived_s is not None and motion.pose.speed_m_s == 0.0 and step > _AT_REST_STEPS // 20:
+        if arrived_s is not None and motion.pose.speed_m_s == 0.0 and step > _START_STEPS:
             break
     # A goal that was not named is a place on the way, so the arrival there says nothing.
     return Reflown(done, None if done.goal_m is None or not done.is_done else arrived_s, np.array(sums))

@@ -9,8 +9,10 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.console.mirror import JOURNAL, SUMMARY, Mirror
+from apad_bridge.console.mirror import Mirror
 from apad_bridge.supervisor.control import Act, Request, answer_of, listens
+
+JOURNAL, SUMMARY = "journal.jsonl", "summary.json"
 
 
 class Unheard(Exception):
