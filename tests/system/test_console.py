@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 import yaml
+from browsers import chromium
 from killing import kill_supervisor
 from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
 from stalled import stalled_s
@@ -53,13 +53,8 @@ FLAGS = (
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[webdriver.Chrome]:
-    options = webdriver.ChromeOptions()
-    for flag in FLAGS:
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
-    yield driver
-    driver.quit()
+    with chromium(FLAGS) as driver:
+        yield driver
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """A fleet without a mission and a mission without a fleet, two processes on somebody's master that follow its /clock."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -13,14 +12,12 @@ from typing import Any
 
 import pytest
 import yaml
+from graphs import served_pool, somebodys_graph
 from killing import kill_supervisor
 from rosbags.rosbag1 import Reader
-from scenario_files import POOL_FILE
 
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.records.journal import read_journal
-from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.ros.types.messages import generated_folder
 
 pytestmark = pytest.mark.system
@@ -34,32 +31,14 @@ SPEED = 4
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data.update(name="split", duration_s=130, theta=600)
-    data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
-    data["area"]["polygon_m"] = [[0, 0], [4, 0], [4, 4], [0, 4]]
-    data["apad"]["start_m"] = [2, 2]
-    data["mission"]["docking"].update(dock_s=3, undock_s=1)
-    data["board"]["float_timeout_s"] = 432000
-    path = tmp_path / "split.yaml"
-    path.write_text(yaml.safe_dump(data))
-    return path
+    return served_pool(tmp_path / "split.yaml", 4, 130)
 
 
 @pytest.fixture
 def graph(scenario: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
     """Somebody's master with an aPad on it and a /clock `SPEED` times as fast as the wall's; gives the environment."""
-    master = start_master(tmp_path / "ros", 20)
-    environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
-    node = start_apad_node(scenario, master.uri, tmp_path / "apad.log")
-    clock = subprocess.Popen(
-        [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(SPEED)], env=environment
-    )
-    yield environment
-    clock.terminate()
-    clock.wait(10)
-    stop_apad_node(node)
-    master.stop()
+    with somebodys_graph(scenario, tmp_path, SPEED) as environment:
+        yield environment
 
 
 def start(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import threading
@@ -12,12 +11,9 @@ from pathlib import Path
 from xmlrpc.client import ServerProxy
 
 import pytest
-import yaml
-from scenario_files import POOL_FILE
+from graphs import served_pool, somebodys_graph
 
 from apad_bridge.records.journal import read_journal
-from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.system.master import loopback_environment, start_master
 
 pytestmark = pytest.mark.system
 
@@ -60,32 +56,14 @@ class Observer:
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    data = yaml.safe_load(POOL_FILE.read_text())
-    data.update(name="shadowed", duration_s=150, theta=600)
-    data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
-    data["area"]["polygon_m"] = [[0, 0], [8, 0], [8, 8], [0, 8]]
-    data["apad"]["start_m"] = [4, 4]
-    data["mission"]["docking"].update(dock_s=3, undock_s=1)
-    data["board"]["float_timeout_s"] = 432000
-    path = tmp_path / "shadowed.yaml"
-    path.write_text(yaml.safe_dump(data))
-    return path
+    return served_pool(tmp_path / "shadowed.yaml", 8, 150)
 
 
 @pytest.fixture
 def graph(scenario: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
     """Somebody's master with an aPad on it, and a /clock `SPEED` times as fast as the wall's; gives the environment."""
-    master = start_master(tmp_path / "ros", 20)
-    environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
-    node = start_apad_node(scenario, master.uri, tmp_path / "apad.log")
-    clock = subprocess.Popen(
-        [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(SPEED)], env=environment
-    )
-    yield environment
-    clock.terminate()
-    clock.wait(10)
-    stop_apad_node(node)
-    master.stop()
+    with somebodys_graph(scenario, tmp_path, SPEED) as environment:
+        yield environment
 
 
 def start(words: list[str], environment: dict[str, str]) -> subprocess.Popen[str]:

@@ -1,0 +1,46 @@
+"""Somebody's ROS graph for a test's fleet and mission: a master, an aPad and a /clock; and a short scenario."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import yaml
+from scenario_files import POOL_FILE
+
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
+from apad_bridge.ros.system.master import loopback_environment, start_master
+
+
+def served_pool(path: Path, side_m: float, duration_s: float) -> Path:
+    """Writes a scenario of four low aMussels in a square, which an aPad in its middle serves in a short time."""
+    data = yaml.safe_load(POOL_FILE.read_text())
+    data.update(name=path.stem, duration_s=duration_s, theta=600)
+    data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
+    data["area"]["polygon_m"] = [[0, 0], [side_m, 0], [side_m, side_m], [0, side_m]]
+    data["apad"]["start_m"] = [side_m / 2, side_m / 2]
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"]["float_timeout_s"] = 432000
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+@contextmanager
+def somebodys_graph(scenario: Path, folder: Path, speed: float) -> Iterator[dict[str, str]]:
+    """A master with an aPad on it, and a /clock `speed` times as fast as the wall's; gives the shell's environment."""
+    with ExitStack() as stack:
+        master = start_master(folder / "ros", 20)
+        stack.callback(master.stop)
+        environment = {**os.environ, **loopback_environment(folder / "ros", master.uri)}
+        stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
+        clock = subprocess.Popen(
+            [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(speed)],
+            env=environment,
+        )
+        stack.callback(clock.wait, 10)
+        stack.callback(clock.terminate)
+        yield environment
