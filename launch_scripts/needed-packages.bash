@@ -13,3 +13,5 @@ debian_packages=(
 )
 # The extras of setup.cfg.
 extras=studies,export,imc
+# Prints the file of pinned versions and hashes, $1 being run or test; nothing on a processor for which none are pinned.
+pinned_versions() { [ "$(uname -m)" != x86_64 ] || echo "launch_scripts/requirements/$1.txt"; }

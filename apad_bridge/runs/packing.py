@@ -30,6 +30,8 @@ from firmware_model.packets.codec import GROUP as CODECS
 _PACKAGE = "musselbed"
 _EXTRAS = ("", "netcdf", "studies")
 """The extras that decide figures; "" stands for none."""
+_PINS = Path(__file__).parents[2] / "launch_scripts/requirements"
+"""The versions that the installer brings, with the hashes of their files; musselbed without its clone has none."""
 _NOT_PACKED = ("fleet", "modems", "checkpoint.jsonl", "supervisor.pid", "scenario.yaml")
 """Names of a run that belong to its processes; its scenario is written anew."""
 
@@ -127,7 +129,7 @@ def _copy(source: Path, folder: Path, left_out: tuple[str, ...]) -> None:
 
 def _describe(folder: Path, repeat: _Repeat) -> None:
     pins, own = pinned(), distribution(_PACKAGE).version
-    (folder / "requirements.txt").write_text("".join(f"{name}=={version}\n" for name, version in pins))
+    (folder / "requirements.txt").write_text("".join(f"{line}\n" for line in _with_hashes(pins)))
     (folder / "versions.json").write_text(json.dumps(versions(), indent=2) + "\n")
     (folder / "README.md").write_text(
         f"# {folder.name}\n\n"
@@ -143,6 +145,14 @@ def _describe(folder: Path, repeat: _Repeat) -> None:
         f'{repeat.fly}\n{repeat.compare}\necho "repeated: {repeat.promise}"\n'
     )
     script.chmod(0o755)
+
+
+def _with_hashes(pins: Sequence[tuple[str, str]]) -> list[str]:
+    """Lines of a requirements file, with hashes where the installer pins all of these versions: pip takes all or none."""
+    names = [f"{name}=={version}" for name, version in pins]
+    lines = (line for path in _PINS.glob("*.txt") for line in path.read_text().splitlines())
+    hashes = dict(line.split(" ", 1) for line in lines if " --hash=" in line)
+    return [f"{name} {hashes[name]}" for name in names] if hashes.keys() >= set(names) else names
 
 
 def pinned() -> list[tuple[str, str]]:
