@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from agents.hosting.started import outlive_starter
+from apad_bridge.records.event_texts import event_text, is_failure
 from apad_bridge.runs.parent_protocol import say, write
 from apad_bridge.runs.status import Status
 from apad_bridge.supervisor.forecast import Forecast
-from apad_bridge.vehicle.docking import PRE_EMPTED
 
 _LINE_EVERY_MS = 300_000
 _MOST_NAMED = 8
@@ -77,47 +77,9 @@ class _JointPart:
         self.joint.show_status(self.name, status)
 
 
-_NOT_DONE = {
-    "collect": "is not collected this time",
-    "deploy": "is not returned this time",
-    "charge": "is not charged any further",
-    "dock": "is not docked",
-}
-"""The fate of an aMussel whose step was given up, by the `what` of the journal's line `given_up`."""
-
-
-_REACTIONS = {
-    "hold": "the aPad holds where it is",
-    "stop": "the aPad's controllers go off",
-    "return": "the aPad goes back inside the fence",
-}
-"""The reaction to a danger, by the `reaction` of the journal's line `guard`."""
-
-
 def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
     """A line for a person about an event of the journal that is a failure; None for any other event."""
-    reason = data.get("reason")
-    match kind, data:
-        case "primitive", {"phase": "failed", "name": name} if reason != PRE_EMPTED:
-            at = ""
-            if "agent" in data:
-                at = f" (aMussel {data['agent']}, dock {data['dock'] + 1})"
-            elif "north_m" in data:
-                at = f" ({data['north_m']:.1f} m north, {data['east_m']:.1f} m east)"
-            text = f"{name}{at} failed"
-        case "given_up", {"agent": agent, "what": what}:
-            text = f"aMussel {agent} {_NOT_DONE[what]}"
-        case "left_alone", {"agent": agent, "tries": tries}:
-            text = f"aMussel {agent} is left alone from now on: {tries} tries in a row failed, the last one"
-        case "stuck", _:
-            text = "the aPad is stuck"
-        case "refused", {"order": "permit to surface", "agent": agent}:
-            text = f"aMussel {agent} is not permitted to surface"
-        case "guard", {"reaction": reaction, "calls_pilot": calls_pilot}:
-            text = f"PILOT, TAKE IT: {_REACTIONS[reaction]}" if calls_pilot else _REACTIONS[reaction]
-        case _:
-            return None
-    return f"{_clock(at_ms)}  {text}: {reason}"
+    return f"{_clock(at_ms)}  {event_text(kind, data)}" if is_failure(kind, data) else None
 
 
 class FlightProgress:

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from agents.mussel.outputs import Truth
 from agents.water.medium import Outcome
-from apad_bridge.analysis.replay.event_texts import event_text
 from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.event_texts import event_text
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
@@ -128,7 +128,7 @@ class History:
             handler = self._handlers.get(line["kind"])
             if handler is not None:
                 handler(line)
-            text = self._ping_text(line) or event_text(line)
+            text = self._ping_text(line) or event_text(line["kind"], line)
             if text is not None:
                 self.events.append(Event(line["t"], line["kind"], text, line.get("agent", line.get("id"))))
 

@@ -10,8 +10,8 @@ from apad_bridge.analysis.belief_scores.comparisons import best_record, comparis
 from apad_bridge.analysis.belief_scores.scores import Scores, scores_of
 from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
 from apad_bridge.analysis.replay.build import read_run
-from apad_bridge.analysis.replay.event_texts import event_text
 from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.event_texts import event_text
 from apad_bridge.records.journal import Line
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.firmware_config import charge_models
@@ -107,6 +107,6 @@ def _is_routine(line: Line) -> bool:
 
 
 def _told(line: Line) -> Told | None:
-    text = event_text(line)
+    text = event_text(line["kind"], line)
     agent_id = line.get("agent", line.get("id"))
     return None if text is None else Told(line["t"], line["kind"], agent_id, text)

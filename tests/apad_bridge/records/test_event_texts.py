@@ -2,8 +2,8 @@
 
 import pytest
 
-from apad_bridge.analysis.replay.event_texts import event_text
 from apad_bridge.records.event_kinds import fault_of
+from apad_bridge.records.event_texts import event_text
 
 TEXTS = [
     ({"kind": "dock", "dock": 0, "agent": 2, "closed": False}, "dock 1 let go aMussel 2"),
@@ -16,15 +16,15 @@ TEXTS = [
             "dock": 1,
             "reason": "it missed",
         },
-        "dock failed: it missed",
+        "dock (aMussel 3, dock 2) failed: it missed",
     ),
     (
         {"kind": "given_up", "agent": 3, "what": "collect", "reason": "it missed"},
-        "gave up to collect aMussel 3: it missed",
+        "aMussel 3 is not collected this time: it missed",
     ),
     (
         {"kind": "left_alone", "agent": 3, "tries": 5, "reason": "it missed"},
-        "aMussel 3 is left alone: it missed",
+        "aMussel 3 is left alone from now on: 5 tries in a row failed, the last one: it missed",
     ),
     ({"kind": "override", "taken": True}, "a person took the aPad over"),
     ({"kind": "operator", "order": "stop", "by": "Anna"}, "Anna ordered: stop"),
@@ -35,7 +35,7 @@ TEXTS = [
     ),
     (
         {"kind": "guard", "cause": "late", "reaction": "hold", "reason": "no position", "calls_pilot": True},
-        "in danger (late): hold, because no position",
+        "PILOT, TAKE IT: the aPad holds where it is: no position",
     ),
     ({"kind": "guard_over", "cause": "late"}, "no longer in danger (late)"),
     ({"kind": "tick"}, None),
@@ -45,4 +45,4 @@ TEXTS = [
 @pytest.mark.parametrize(("line", "text"), TEXTS)
 def test_an_event_has_its_text(line, text):
     assert fault_of(line["kind"], line) is None
-    assert event_text({"t": 0, **line}) == text
+    assert event_text(line["kind"], line) == text

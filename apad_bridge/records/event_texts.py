@@ -1,27 +1,64 @@
-"""Texts for people about lines of the journal: what happened, in one sentence."""
+"""Texts for people about events of the journal: what happened, in one sentence."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import Line
+from apad_bridge.vehicle.docking import PRE_EMPTED
+
+_NOT_DONE = {
+    "collect": "is not collected this time",
+    "deploy": "is not returned this time",
+    "charge": "is not charged any further",
+    "dock": "is not docked",
+}
+"""The fate of an aMussel whose step was given up, by the `what` of the event `given_up`."""
+
+_REACTIONS = {
+    "hold": "the aPad holds where it is",
+    "stop": "the aPad's controllers go off",
+    "return": "the aPad goes back inside the fence",
+}
+"""The reaction to a danger, by the `reaction` of the event `guard`."""
 
 
-def event_text(line: Line) -> str | None:
+def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
+    """Tells whether an event is a failure, which a person is told of at once."""
+    match kind, data:
+        case EventKind.PRIMITIVE, {"phase": "failed", "reason": reason}:
+            return bool(reason != PRE_EMPTED)
+        case EventKind.REFUSED, {"order": order}:
+            return bool(
+                order == "permit to surface"
+            )  # any other order that is refused fails as a primitive, too
+        case ((EventKind.GIVEN_UP | EventKind.LEFT_ALONE | EventKind.STUCK | EventKind.GUARD), _):
+            return True
+        case _:
+            return False
+
+
+def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
     """The text of an event that a person may look for in a run; None for lines of samples and for steps of routine."""
-    reason = line.get("reason")
-    match line["kind"], line:
+    reason = data.get("reason")
+    match kind, data:
         case EventKind.DOCK, {"agent": agent, "dock": dock, "closed": closed}:
             return f"dock {dock + 1} {'closed around' if closed else 'let go'} aMussel {agent}"
         case EventKind.PLAN, {"what": what, "strategy": strategy, "steps": steps}:
             return (
                 f"plan to {what} by {strategy}: {', '.join(str(step['agent']) for step in steps) or 'nobody'}"
             )
+        case EventKind.PRIMITIVE, {"phase": "failed", "name": name, "agent": agent, "dock": dock}:
+            return f"{name} (aMussel {agent}, dock {dock + 1}) failed: {reason}"
+        case EventKind.PRIMITIVE, {"phase": "failed", "name": name, "north_m": north_m, "east_m": east_m}:
+            return f"{name} ({north_m:.1f} m north, {east_m:.1f} m east) failed: {reason}"
         case EventKind.PRIMITIVE, {"phase": "failed", "name": name}:
             return f"{name} failed: {reason}"
-        case EventKind.GIVEN_UP, {"agent": agent, "what": what}:
-            return f"gave up to {what} aMussel {agent}: {reason}"
-        case EventKind.LEFT_ALONE, {"agent": agent}:
-            return f"aMussel {agent} is left alone: {reason}"
+        case EventKind.GIVEN_UP, {"agent": agent, "what": what} if what in _NOT_DONE:
+            return f"aMussel {agent} {_NOT_DONE[what]}: {reason}"
+        case EventKind.LEFT_ALONE, {"agent": agent, "tries": tries}:
+            return f"aMussel {agent} is left alone from now on: {tries} tries in a row failed, the last one: {reason}"
         case EventKind.STUCK, _:
             return f"the aPad is stuck: {reason}"
         case EventKind.OVERRIDE, {"taken": taken}:
@@ -40,10 +77,12 @@ def event_text(line: Line) -> str | None:
             return f"aMussel {agent} is {presence}"
         case EventKind.FAULT, {"id": agent, "fault": fault}:
             return f"fault of aMussel {agent}: {fault}"
+        case EventKind.REFUSED, {"order": "permit to surface", "agent": agent}:
+            return f"aMussel {agent} is not permitted to surface: {reason}"
         case EventKind.REFUSED, {"order": order, "guard": guard}:
             return f"refused to {order}, by the guard {guard}: {reason}"
-        case EventKind.GUARD, {"cause": cause, "reaction": reaction}:
-            return f"in danger ({cause}): {reaction}, because {reason}"
+        case EventKind.GUARD, {"reaction": reaction, "calls_pilot": calls_pilot} if reaction in _REACTIONS:
+            return f"{'PILOT, TAKE IT: ' if calls_pilot else ''}{_REACTIONS[reaction]}: {reason}"
         case EventKind.GUARD_OVER, {"cause": cause}:
             return f"no longer in danger ({cause})"
         case EventKind.STANDS_DOWN, _:
