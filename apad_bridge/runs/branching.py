@@ -23,7 +23,7 @@ from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import WasReset, from_json
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import members
-from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
@@ -46,7 +46,8 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.core import TICK_MS
+from apad_bridge.supervisor.core import TICK_MS, LearnedState
+from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -120,6 +121,15 @@ class _Opened:
             for key, value in mission_figures(it.flight.supervisor.mission.state).items():
                 figures[key] = figures.get(key, 0) + value
         return _compared(figures)
+
+
+@dataclass(frozen=True, slots=True)
+class _Relived:
+    """The aMussels at the moment of the branch, and what a supervisor learned of them."""
+
+    fleet: Fleet
+    learned: LearnedState
+    docked: tuple[int, ...]
 
 
 class _Recorder(MemoryRecorder):
@@ -227,13 +237,42 @@ def _from_records(scenario: Scenario, at_ms: int, journals: Mapping[str, Journal
         )
     meter = UptimeMeter(scenario.theta, charge_models(scenario))
     recorder, config = _Recorder(scenario, meter), flight_config(scenario)
+    relived = _relive(scenario, config, lines, at_ms, recorder)
+    vehicle = InProcessVehicle(_apad_at(scenario, lines, point.state, at_ms))
+    context = FlightContext(
+        vehicle=vehicle,
+        pace=AsFastAsPossible(),
+        fleet=relived.fleet,
+        safety=safety_of(scenario),
+        held=relived.docked,
+    )
+    supervisor = parts.supervisor(
+        config,
+        point.state,
+        samples=SampleCollection(config.ids),
+        learned=relived.learned,
+        gate=context.safety.gate,
+    )
+    supervisor.port.first_failure = point.first_failure
+    flight = Flight(supervisor, context, recorder, at_ms + TICK_MS)
+    flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
+    runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
+    return _Opened(runner, flights, meter, takes_samples(scenario.board))
+
+
+def _relive(
+    scenario: Scenario, config: FlightConfig, lines: Sequence[Line], at_ms: int, recorder: _Recorder
+) -> _Relived:
+    """Has each aMussel live through its recorded stimuli, tick by tick up to the moment, and hears what they send."""
     initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(config), initial_states)
-    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
+    fleet = parts.fleet_of(
+        config,
+        InProcessHost(parts.fleet_config(config), initial_states),
+        dict.fromkeys(initial_states, 0),
+    )
     learned = parts.initial_learned_state(config)
-    listener = parts.supervisor(
-        config, learned=learned
-    )  # it is told no position, so its mission orders nothing
+    # It is told no position, so its mission orders nothing.
+    listener = parts.supervisor(config, learned=learned)
     felt: dict[int, list[Line]] = defaultdict(list)
     for line in lines:
         if line["kind"] in (EventKind.STIMULUS, EventKind.DIED):
@@ -256,23 +295,8 @@ def _from_records(scenario: Scenario, at_ms: int, journals: Mapping[str, Journal
             died = line["kind"] == EventKind.DIED
             stimulus = WasReset(ResetCause[line["cause"]]) if died else from_json(line["wire"])
             fleet.coordinator.receive_at(line["id"], stimulus, line["agent_ms"])
-    vehicle = InProcessVehicle(_apad_at(scenario, lines, point.state, at_ms))
-    held = tuple(agent_id for agent_id, truth in newest.items() if truth.physical.docked)
-    context = FlightContext(
-        vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet, safety=safety_of(scenario), held=held
-    )
-    supervisor = parts.supervisor(
-        config,
-        point.state,
-        samples=SampleCollection(config.ids),
-        learned=learned,
-        gate=context.safety.gate,
-    )
-    supervisor.port.first_failure = point.first_failure
-    flight = Flight(supervisor, context, recorder, at_ms + TICK_MS)
-    flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
-    runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
-    return _Opened(runner, flights, meter, takes_samples(scenario.board))
+    docked = tuple(agent_id for agent_id, truth in newest.items() if truth.physical.docked)
+    return _Relived(fleet, learned, docked)
 
 
 def _apad_at(scenario: Scenario, lines: Sequence[Line], state: MissionState, at_ms: int) -> SimulatedAPad:
