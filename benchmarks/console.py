@@ -114,56 +114,68 @@ def _difference_ms(late_ms: Mapping[tuple[int, int], list[float]], pairs: Sequen
     return beside - without
 
 
+def flight(pairs: int) -> tuple[list[tuple[float, float]], list[Span], int]:
+    """The ticks as (mission second, monotonic second), the spans, and the number of messages to browsers."""
+    with ExitStack() as stack:
+        flight = Flight(stack, _flown_s(pairs))
+        spans, messages = [], 0
+        for pair in range(pairs):
+            for browsers in BROWSERS if pair % 2 == 0 else BROWSERS[::-1]:
+                clients = Clients(flight.url, browsers)
+                try:
+                    begun_s = time.monotonic()
+                    with suppress(subprocess.TimeoutExpired):
+                        flight.command.wait(SPAN_S)
+                    spans.append(Span(pair, browsers, begun_s + SETTLING_S, time.monotonic()))
+                finally:
+                    clients.close()
+                messages += clients.messages
+        return flight.ticks(), spans, messages
+
+
 def _flown_s(pairs: int) -> int:
     return int(2 * pairs * SPAN_S) + STARTS_S
 
 
-def flight(pairs: int) -> tuple[list[tuple[float, float]], list[Span], int]:
-    """The ticks as (mission second, monotonic second), the spans, and the number of messages to browsers."""
-    with ExitStack() as stack:
+class Flight:
+    """A mission of 24 aMussels at real time and theta 30, beside the simulated aPad's node, a console and a rospy node."""
+
+    def __init__(self, stack: ExitStack, duration_s: int) -> None:
         home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
-        scenario, run = home / "flown.yaml", home / "run"
+        scenario, self.run = home / "flown.yaml", home / "run"
         data = yaml.safe_load(SCENARIO.read_text())
-        data["duration_s"] = _flown_s(pairs)
+        data["duration_s"] = duration_s
         data["area"] |= {"fence": [[-50, -50], [80, -50], [80, 80], [-50, 80]], "home_m": [14, 10.5]}
         data["guards"] = {"battery_reserve": 0.1}
         data["fleet"] |= {"count": AGENTS, "start": {"charge": [0.5, 0.9]}}
         scenario.write_text(yaml.safe_dump(data))
+        self._duration_s = duration_s
         master = start_master(home, timeout_s=20, orphan_s=0)
         stack.callback(master.stop)
         environment = loopback_environment(home, master.uri)
         environment["PYTHONPATH"] = str(NODES.parents[1])
         words = ["--scenario", str(scenario), "--time", "wall"]
-        Node(stack, environment, "-m", "apad_bridge.ros.simulated_node.apad_node", *words)
-        reader = Node(stack, environment, str(NODES / "tick_reader.py"))
-        assert reader.line() == "reading"
+        self.apad = Node(stack, environment, "-m", "apad_bridge.ros.simulated_node.apad_node", *words)
+        self.reader = Node(stack, environment, str(NODES / "tick_reader.py"))
+        assert self.reader.line() == "reading"
         musselbed = [sys.executable, "-m", "apad_bridge.commands.main"]
-        flying = subprocess.Popen(
-            [*musselbed, "run", scenario, "--apad", "ros", "--time", "wall", "--json", "--out", run],
+        self.command = subprocess.Popen(
+            [*musselbed, "run", scenario, "--apad", "ros", "--time", "wall", "--json", "--out", self.run],
             env=environment,
             stdout=subprocess.DEVNULL,
         )
-        stack.callback(_end, flying)
-        while not (run.is_dir() and listens(run)):
-            if flying.poll() is not None:
+        stack.callback(_end, self.command)
+        while not (self.run.is_dir() and listens(self.run)):
+            if self.command.poll() is not None:
                 raise RuntimeError("the flight did not begin")
             select.select([], [], [], 0.1)
-        console = Node(stack, environment, *musselbed[1:], "console", str(run), "--json")
-        url = json.loads(console.line())["url"]
-        spans, messages = [], 0
-        for pair in range(pairs):
-            for browsers in BROWSERS if pair % 2 == 0 else BROWSERS[::-1]:
-                clients = Clients(url, browsers)
-                try:
-                    begun_s = time.monotonic()
-                    with suppress(subprocess.TimeoutExpired):
-                        flying.wait(SPAN_S)
-                    spans.append(Span(pair, browsers, begun_s + SETTLING_S, time.monotonic()))
-                finally:
-                    clients.close()
-                messages += clients.messages
-        flying.wait(_flown_s(pairs) + TIMEOUT_S)
-        return json.loads(reader.end()), spans, messages
+        self.console = Node(stack, environment, *musselbed[1:], "console", str(self.run), "--json")
+        self.url = json.loads(self.console.line())["url"]
+
+    def ticks(self) -> list[tuple[float, float]]:
+        """Waits for the flight's end; returns each tick as (mission second, monotonic second of its beliefs)."""
+        self.command.wait(self._duration_s + TIMEOUT_S)
+        return [(mission_s, at_s) for mission_s, at_s in json.loads(self.reader.end())]
 
 
 def _end(flying: subprocess.Popen[bytes]) -> None:
