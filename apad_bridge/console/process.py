@@ -39,24 +39,31 @@ def serve(run_dir: Path, address: Address, tell: Callable[[str], None], ended: C
     os.nice(_NICE)
     token = secrets.token_urlsafe(16)
     asked_to_end = threading.Event()
+    failures: list[Exception] = []
     with socket.create_server((address.host, address.port), backlog=_BACKLOG) as listener:
         host, port = listener.getsockname()[:2]
         tell(f"http://{host}:{port}/?token={token}")
+
+        def end() -> None:
+            asked_to_end.set()
+            server.should_exit = True
+
+        def fail(error: Exception) -> None:
+            failures.append(error)
+            end()
+
         config = uvicorn.Config(
-            app_of(run_dir, token, Ending(ended, asked_to_end.is_set)),
+            app_of(run_dir, token, Ending(ended, asked_to_end.is_set, fail)),
             log_level="warning",
             lifespan="on",
             timeout_graceful_shutdown=2,
             access_log=False,
         )
         server = uvicorn.Server(config)
-
-        def end() -> None:
-            asked_to_end.set()
-            server.should_exit = True
-
         # Beside the main thread uvicorn leaves the signals to us.
         serving = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, name="console")
         with received_by(end):
             serving.start()
             serving.join()
+    if failures:
+        raise failures[0]

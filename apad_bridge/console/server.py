@@ -52,6 +52,8 @@ class Ending:
     """Takes why the mission ended, once, after the pages have the run's summary."""
     is_asked_to_end: Callable[[], bool]
     """True when the console itself is to end: the streams to its pages then end."""
+    failed: Callable[[Exception], None]
+    """Takes a defect of ours that ended the polling: the pages would stand still without a word."""
 
 
 class Broadcast:
@@ -65,7 +67,15 @@ class Broadcast:
         self._lock = asyncio.Lock()
 
     async def run(self) -> None:
-        """Polls until the console is asked to end."""
+        """Polls until the console is asked to end, or fails; the pages' streams end with it."""
+        try:
+            await self._poll()
+        except Exception as error:
+            self._ending.failed(error)
+        for queue in self._pages:
+            queue.put_nowait(None)
+
+    async def _poll(self) -> None:
         told, told_s = b"", 0.0
         loop = asyncio.get_running_loop()
         while not self._ending.is_asked_to_end():
@@ -79,8 +89,6 @@ class Broadcast:
                 self._has_told_end = True
                 self._ending.run_ended(message["ended_by"])
             await asyncio.sleep(_POLL_S)
-        for queue in self._pages:
-            queue.put_nowait(None)
 
     async def page(self) -> str:
         """The page with the run so far."""
