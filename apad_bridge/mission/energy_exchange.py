@@ -249,15 +249,19 @@ class EnergyExchange(OrderBook):
             self._collect_if_due({}, now_ms)
 
     def _collect_if_due(self, docked: Docked, now_ms: int) -> None:
-        pool = self._pool.candidates(now_ms, self._left_alone)
+        pool = self._candidates(now_ms)
         count = self._dispatch.to_collect(pool, docked, self.docks.count(None))
         if count and self._plan_collection(pool, count, now_ms):
             self._go_collect(now_ms)
 
     def _waiting(self, now_ms: int) -> int:
         """The number of aMussels that the aPad would collect now if its docks were free."""
+        return self._dispatch.to_collect(self._candidates(now_ms), {}, self.state.dock_count)
+
+    def _candidates(self, now_ms: int) -> list[Belief]:
+        """The pool without docked aMussels: one that was docked just now was last heard afloat."""
         pool = self._pool.candidates(now_ms, self._left_alone)
-        return self._dispatch.to_collect(pool, {}, self.state.dock_count)
+        return [it for it in pool if not self._is_held(it.agent_id)]
 
     def _plan_collection(self, pool: list[Belief], batch: int, now_ms: int) -> bool:
         """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now."""
@@ -457,10 +461,7 @@ class EnergyExchange(OrderBook):
 
     def _plan_rest_of_batch(self, count: int, now_ms: int) -> None:
         """Chooses the aMussels for the docks that are left anew, from the pool as it is now."""
-        # An aMussel that was docked just now was last heard afloat.
-        pool = [
-            it for it in self._pool.candidates(now_ms, self._left_alone) if not self._is_held(it.agent_id)
-        ]
+        pool = self._candidates(now_ms)
         if pool:
             self._plan_collection(pool, count, now_ms)
 

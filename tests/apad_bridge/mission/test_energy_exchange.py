@@ -721,6 +721,13 @@ def test_asynchronous_dispatch_collects_one_beside_one_that_charges() -> None:
     assert bench.mission.docks[:2] == (1, 2) and bench.mission.state.phase is Phase.CHARGE
 
 
+def test_an_amussel_that_was_docked_just_now_and_was_last_heard_afloat_is_not_collected_again() -> None:
+    bench = one_by_one()
+    bench.told.say(1, bench.now_ms, State.FLOATING, 0.51)
+    bench.tick()
+    assert bench.mission.state.plan.steps == () and bench.mission.state.phase is Phase.CHARGE
+
+
 def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_other() -> None:
     bench = one_by_one()
     bench.told.say(2, bench.now_ms, State.ACTIVE, 0.8)
