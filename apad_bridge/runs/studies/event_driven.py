@@ -32,7 +32,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import PlacedSample
-from apad_bridge.mission.state import Phase
+from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
 from apad_bridge.planning.no_collection import NoCollection
 from apad_bridge.records.event_kinds import EventKind
@@ -226,12 +226,12 @@ class EventRecorder:
     def __init__(self, beliefs: TruthfulReports, meter: FigureMeter) -> None:
         self._beliefs = beliefs
         self.meter = meter
-        self.given_up_ms: int | None = None
-        """The time at which the mission last gave up a step."""
+        self.given_up_ms: dict[int, int] = {}
+        """The time at which the mission last gave up a step of each aMussel."""
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         if kind == EventKind.GIVEN_UP:
-            self.given_up_ms = at_ms
+            self.given_up_ms[data["agent"]] = at_ms
 
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:
@@ -305,22 +305,27 @@ class Ticks:
         )
         battery = self._supervisor.battery
         is_called_home = self._home.must_go(now_ms, None if battery is None else battery.fraction)
-        if not is_settled or is_called_home or self._just_gave_up(now_ms):
+        if not is_settled or is_called_home:
             return now_ms
         port_due_ms = _NEVER_MS if port.next_due_ms is None else port.next_due_ms
         due_ms = _NEVER_MS if agents_due_ms is None else agents_due_ms
+        due_ms = min(due_ms, self._next_in_pool_again_ms(now_ms))
         match state.phase:
             case Phase.IDLE:
                 if not self._collects:
                     return due_ms
                 return min(due_ms, self._enough_in_pool_ms(beliefs, self._config.batch, now_ms))
             case Phase.GO_COLLECT:
-                step = state.plan.steps[0]
-                belief = self._beliefs.get(step.agent_id)
-                if belief is None or belief.state not in _SURFACING_OR_UP:
-                    return now_ms
                 # A pose before the port's stall watch runs out restarts it.
-                return min(due_ms, port_due_ms - TICK_MS)
+                return min(due_ms, port_due_ms - TICK_MS, self._next_permission_ms(state, now_ms))
+            case Phase.AWAIT_SURFACING:
+                belief = self._beliefs.get(state.plan.steps[0].agent_id)
+                if belief is None or belief.state is State.FLOATING:
+                    return now_ms
+                gives_up_ms = state.since_ms + round(self._config.silence_timeout_s * 1000) + TICK_MS
+                if gives_up_ms <= now_ms:
+                    return now_ms
+                return min(due_ms, port_due_ms, gives_up_ms, self._next_permission_ms(state, now_ms))
             case Phase.GO_DEPLOY:
                 return port_due_ms - TICK_MS
             case Phase.DOCK | Phase.UNDOCK:
@@ -330,10 +335,22 @@ class Ticks:
             case _:
                 return now_ms
 
-    def _just_gave_up(self, now_ms: int) -> bool:
-        """The pool excludes an aMussel for a while after its step was given up."""
-        given_up_ms = self._recorder.given_up_ms
-        return given_up_ms is not None and now_ms - given_up_ms <= self._config.silence_timeout_s * 1000
+    def _next_permission_ms(self, state: MissionState, now_ms: int) -> int:
+        """The next time at which the aMussel of the step under way may be permitted again to surface, or be given up."""
+        belief = self._beliefs.get(state.plan.steps[0].agent_id)
+        if belief is None:
+            return now_ms
+        if belief.state in _SURFACING_OR_UP:
+            return _NEVER_MS
+        repeat_ms = max(1, round(self._config.permission_repeat_s * 1000))
+        return state.since_ms + ((now_ms - state.since_ms) // repeat_ms + 1) * repeat_ms
+
+    def _next_in_pool_again_ms(self, now_ms: int) -> int:
+        """The end of the next exclusion: for a while the pool leaves out an aMussel whose step was given up."""
+        ends_ms = (
+            it + round(self._config.silence_timeout_s * 1000) for it in self._recorder.given_up_ms.values()
+        )
+        return min((it for it in ends_ms if it > now_ms), default=_NEVER_MS)
 
     def _enough_in_pool_ms(self, beliefs: Sequence[Belief], batch: int, now_ms: int) -> int:
         """The mission time by which a batch may have gathered: the charges fall to the threshold one by one."""
