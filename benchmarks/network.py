@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import shutil
-import signal
 import statistics
 import subprocess
 import sys
@@ -21,14 +19,15 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
-from two_machines import Link, Machine, two_machines, why_no_two_machines
+from two_machines import Link, Machine, Programs, interrupt, master_uri, two_machines, why_no_two_machines
 
 from apad_bridge.records.bag import recorded_messages
 from apad_bridge.records.event_kinds import EventKind
@@ -50,7 +49,6 @@ RECORDED = "/apad1/.*|/musselbed/(apad|beliefs|heartbeat|mission)"
 """The topics of the vehicle's recorder; the bench's takes everything."""
 DESPITE = ("delay", "loss", "clock", "gps", "nodes", "disk", "memory", "energy")
 LOOK_S = 1.0
-END_S = 10.0
 CALM_S = 5.0
 """The person waits for so long after a guard's newest line."""
 
@@ -76,11 +74,11 @@ def measure(minutes: float = 60.0) -> dict[str, Any]:
             "loss": LINK.loss,
             "delay_s": LINK.delay_s,
             "clock_ahead_s": AHEAD_S,
-            "flight": figures(json.loads(flown)),
+            "flight": figures(flown.summary),
             "virtual_time": figures(json.loads(peer.stdout)),
-            "run": told_by_journal(home / "run"),
-            "red": red(home / "run" / "preflight.json"),
-            "logs": merged(home),
+            "run": told_by_journal(flown.run),
+            "red": red(flown.run / "preflight.json"),
+            "logs": merged(flown.bags, home / "whole.bag"),
         }
 
 
@@ -95,73 +93,48 @@ def written_scenario(home: Path, minutes: float) -> Path:
     return path
 
 
-def fly(home: Path, scenario: Path, vehicle: Machine, bench: Machine) -> str:
-    """Flies it; returns the summary's JSON. The two bags are in `home`."""
-    uri = f"http://{vehicle.address}:11311"
-    sleeping = str(ROOT / "tests" / "shared" / "beside_faketime")
-    at_sea = vehicle.environment(uri) | {"ROS_HOME": str(home / "ros"), "PYTHONPATH": sleeping}
-    ashore = bench.environment(uri) | {"ROS_HOME": str(home / "ros")}
+@dataclass(frozen=True, slots=True)
+class Flown:
+    summary: dict[str, Any]
+    run: Path
+    bags: tuple[Path, Path]
+    """The vehicle's and the bench's."""
+
+
+def fly(home: Path, scenario: Path, vehicle: Machine, bench: Machine) -> Flown:
+    """Flies it to its end; what it started ends with this process, too."""
+    sleeping = {"PYTHONPATH": str(ROOT / "tests" / "shared" / "beside_faketime")}
     ahead = ["faketime", "--exclude-monotonic", "-f", f"+{AHEAD_S:g}s"]
     messages = str(generated_folder())
-    workspace = {"PYTHONPATH": f"{sleeping}:{messages}", "ROS_PACKAGE_PATH": messages}
+    workspace = {"PYTHONPATH": f"{sleeping['PYTHONPATH']}:{messages}", "ROS_PACKAGE_PATH": messages}
     with ExitStack() as stack:
-
-        def start(
-            machine: Machine, environment: dict[str, str], name: str, *words: str
-        ) -> subprocess.Popen[str]:
-            stdout = stack.enter_context((home / f"{name}.log").open("w+"))
-            process = subprocess.Popen(
-                machine.command(*words),
-                stdin=subprocess.DEVNULL,
-                stdout=stdout,
-                stderr=subprocess.STDOUT,
-                env=environment,
-                cwd=home,
-                text=True,
-                start_new_session=True,
-            )
-            stack.callback(end, process)
-            return process
-
-        start(vehicle, at_sea, "master", *ahead, "/usr/bin/rosmaster", "--core")
-        wait_until(lambda: answers(vehicle, uri))
-        start(vehicle, at_sea, "apad", *ahead, *MUSSELBED, "apad", str(scenario))
-        wait_until(lambda: "ready" in (home / "apad.log").read_text())
-        watchdog = [
-            *ahead,
-            "/usr/bin/python3",
-            str(ROOT / "launch_scripts" / "vehicle_watchdog"),
-            "--apad",
-            "/apad1",
-        ]
-        start(vehicle, at_sea | workspace, "watchdog", *watchdog, "--silence-s", "10")
+        programs = Programs(home, master_uri(vehicle), stack, PATIENCE_S)
+        programs.start_master(vehicle, *ahead, environment=sleeping)
+        programs.start(vehicle, "apad", *ahead, *MUSSELBED, "apad", str(scenario), environment=sleeping)
+        programs.wait_until(lambda: "ready" in programs.said("apad"), "the aPad did not start")
+        watchdog = str(ROOT / "launch_scripts" / "vehicle_watchdog")
+        words = [*ahead, "/usr/bin/python3", watchdog, "--apad", "/apad1", "--silence-s", "10"]
+        programs.start(vehicle, "watchdog", *words, environment=workspace)
         record = ["/usr/bin/rosbag", "record", "-O"]
+        apad_bag = [*ahead, *record, "apad.bag", "-e", RECORDED]
         recorders = [
-            start(vehicle, at_sea, "apad-bag", *ahead, *record, "apad.bag", "-e", RECORDED),
-            start(bench, ashore, "station-bag", *record, "station.bag", "-a"),
+            programs.start(vehicle, "apad-bag", *apad_bag, environment=sleeping),
+            programs.start(bench, "station-bag", *record, "station.bag", "-a"),
         ]
         run = [*MUSSELBED, "run", str(scenario), "--apad", "ros", "--out", "run", "--json"]
         run += [word for it in DESPITE for word in ("--despite", it)]
-        with (home / "run.log").open("w") as errors:
-            flight = subprocess.Popen(
-                bench.command(*run),
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                env=ashore,
-                cwd=home,
-                text=True,
-                start_new_session=True,
-            )
-            stack.callback(end, flight)
-            with person(home / "run"):
-                said, _ = flight.communicate()
-        if flight.returncode != 0:
-            raise SystemExit(f"the flight ended with {flight.returncode}: {(home / 'run.log').read_text()}")
+        errors = home / "run.log"
+        flight = programs.start(bench, "run", *run, errors=errors)
+        with person(programs.folder(bench) / "run"):
+            code = flight.wait()
+        if code != 0:
+            raise SystemExit(f"the flight ended with {code}: {errors.read_text()}")
         for recorder in recorders:
-            os.killpg(recorder.pid, signal.SIGINT)
+            interrupt(recorder)
         # The recorder outlives `rosbag`, which started it, and then gives its bag the final name.
-        wait_until(lambda: (home / "apad.bag").exists() and (home / "station.bag").exists())
-        return said
+        bags = [programs.folder(vehicle) / "apad.bag", programs.folder(bench) / "station.bag"]
+        programs.wait_until(lambda: all(it.exists() for it in bags), "a recorder did not close its bag")
+        return Flown(json.loads(programs.said("run")), programs.folder(bench) / "run", (bags[0], bags[1]))
 
 
 @contextlib.contextmanager
@@ -197,30 +170,6 @@ def person(run: Path) -> Iterator[None]:
 STOPPED = (EventKind.GUARD, EventKind.GUARD_OVER, EventKind.VEHICLE_SILENT, EventKind.VEHICLE_HEARD)
 
 
-def end(process: subprocess.Popen[str]) -> None:
-    """Ends it and what it started in its session."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, number)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(END_S)
-
-
-def answers(machine: Machine, uri: str) -> bool:
-    """A master answers at `uri`."""
-    host, port = uri.removeprefix("http://").split(":")
-    words = [sys.executable, "-c", f"import socket; socket.create_connection(({host!r}, {port}), 1)"]
-    return subprocess.run(machine.command(*words), stderr=subprocess.DEVNULL).returncode == 0
-
-
-def wait_until(is_so: Callable[[], bool]) -> None:
-    deadline_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-    while not is_so():
-        if time.monotonic() > deadline_s:
-            raise SystemExit("a part of the network did not start")
-        pause.wait(0.2)
-
-
 def figures(summary: dict[str, Any]) -> dict[str, Any]:
     keys = ("ended_by", "services", "cost_m", "amussels_lost", "steps_given_up")
     return {key: summary[key] for key in keys} | {"uptime": summary["uptime_paper"]}
@@ -243,10 +192,8 @@ def red(preflight: Path) -> list[str]:
     return [it["check"] for it in json.loads(preflight.read_text())["findings"] if it["status"] == "FAIL"]
 
 
-def merged(home: Path) -> dict[str, Any]:
+def merged(bags: tuple[Path, Path], out: Path) -> dict[str, Any]:
     """The result of `musselbed logs merge` for the two bags, and the number of messages of either that it lacks."""
-    bags = [home / "apad.bag", home / "station.bag"]
-    out = home / "whole.bag"
     done = subprocess.run(
         [*MUSSELBED, "logs", "merge", *map(str, bags), "--out", str(out), "--json"],
         stdout=subprocess.PIPE,

@@ -57,7 +57,8 @@ def test_a_kit_is_installed_and_flown_on_a_clean_debian_without_a_network(tmp_pa
     place = debian / "root" / "a place with spaces"
     place.mkdir()
     subprocess.run(["tar", "-xf", str(archive), "-C", str(place)], check=True)
-    assert not any("/.git/" in name or "/runs/" in name or "/.venv/" in name for name in names)
+    # Not by "/runs/" anywhere: a room of ours has that name.
+    assert not {".git", "runs", ".venv"} & {name.split("/")[1] for name in names if "/" in name}
 
     alone = in_clean_debian(debian, "ls /sys/class/net /proc/net/route; cat /proc/net/route", 60)
     assert len(alone.stdout.strip().splitlines()) <= 3, "it has a route to somewhere"
