@@ -76,4 +76,6 @@ class Rack:
 
 def _chip(node: int) -> int:
     """The serial number of a node's modem: 96 bits of its own, the same in every run."""
-    return int.from_bytes(blake2b(node.to_bytes(4, "big"), digest_size=12, person=b"chip").digest(), "big")
+    return int.from_bytes(
+        blake2b(node.to_bytes(4, "big", signed=True), digest_size=12, person=b"chip").digest(), "big"
+    )

@@ -10,7 +10,7 @@ from _blake2 import blake2b
 from math import cos, log, pi, sqrt
 from struct import Struct
 
-_KEY = Struct("<QqQq").pack
+_KEY = Struct("<Qqqq").pack
 _WORDS = Struct("<QQQQ").unpack
 _UNIT = 2.0**-64
 

@@ -1,16 +1,19 @@
-"""A fleet in its sea: advances time in rounds as fine as sound needs, and carries packets between modems.
+"""Fleets in one sea: advances time in rounds as fine as sound needs, and carries packets between modems.
 
 A packet acts at its end, and the shortest packet lasts 105 ms. So an agent that acts at a time d affects nobody before
 d + 105 ms. A round therefore ends at the next end of a packet under way, or 105 ms after the next action of anybody,
 whichever is first; if nobody has anything to do, it ends at the tick. A receiver takes a packet in the next round,
-stamped with its end. The medium takes modems' places from the fleet's truths, because it is the world, not a mission.
+stamped with its end. The medium takes modems' places from the fleets' truths, because it is the world, not a mission.
+
+Several aPads' flights share one sea. Each has a station in it: its aPad's modem, beside its own fleet. The first flight of
+a tick lets time pass for all fleets; the others then take what happened meanwhile. So nobody acts in another's past.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.hosting.host import Host
@@ -60,83 +63,313 @@ Event = tuple[int, int, int, medium.Stimulus | Heard]
 """(agent time, order within it, node, stimulus); a Heard is a Wi-Fi packet on its way to the aPad."""
 
 
+_LOST_IN_THE_AIR = "Wi-Fi: lost in the air"
+
+
 class Sea:
-    """The sea around a coordinator; its `advance` replaces the coordinator's. Public times are mission milliseconds."""
+    """The water around the fleets of one flight or of several. It owns the medium, the rounds and who is in the water."""
 
     def __init__(
         self,
         config: SeaConfig,
-        coordinator: Coordinator,
-        host: Host,
+        theta: int,
+        agent_ids: Iterable[int],
+        apads: int = 1,
         now_ms: int = 0,
         opened: Collection[int] = (),
     ) -> None:
-        """`opened` are the agents whose modems somebody else may use: see `write` and `Printed`."""
+        """`agent_ids` are all fleets' aMussels, and `apads` is the number of stations that will `join`.
+
+        `opened` are the agents whose modems somebody else may use: see `Station.write` and `Printed`. `now_ms` is mission
+        time.
+        """
         self.config = config
-        self.dropped: Counter[str] = Counter()
-        self._coordinator = coordinator
-        self._host = host
-        self._theta = coordinator.theta
-        start_ms = self._theta * now_ms
-        nodes = [APAD, *coordinator.agent_ids]
-        self._medium = Medium(
-            config.sound, config.seed, [(node, address_of(node)) for node in nodes], start_ms
-        )
-        self.now_ms = start_ms
-        self._keel = APadModem(start_ms)
-        self._modems = (
-            SeaModems(
-                _FIRMWARE[config.modems],
-                {node: address_of(node) for node in nodes},
-                opened,
-                start_ms,
-                self.dropped,
-            )
+        self.theta = theta
+        self.apads = apads
+        nodes = [*(APAD - n for n in range(apads)), *agent_ids]
+        addresses = {node: address_of(node) for node in nodes}
+        self.now_ms = theta * now_ms
+        """Agent time."""
+        self.medium = Medium(config.sound, config.seed, addresses.items(), self.now_ms)
+        self.modem_dropped: Counter[str] = Counter()
+        """The drops of simulated modems, which belong to no station alone."""
+        self.modems = (
+            SeaModems(_FIRMWARE[config.modems], addresses, opened, self.now_ms, self.modem_dropped)
             if opened
             else None
         )
-        if self._modems is not None:
-            self._modems.measure(noise_measured(config.sound.noise_db), nodes)
-        self._places: dict[int, Place] = {}
+        if self.modems is not None:
+            self.modems.measure(noise_measured(config.sound.noise_db), nodes)
+        self.places: dict[int, Place] = {}
+        self._stations: dict[int, Station] = {}
+        """The stations in the water, by their aPads' nodes."""
+        self._station_of: dict[int, Station] = {}
+        """The station of each aMussel in the water."""
+        self._behind: set[int] = set()
+        """The aPads whose flights have not taken the results of the last rounds yet."""
+        self.undelivered: list[medium.Result] = []
+        """The medium's results between two ticks."""
+
+    def join(self, coordinator: Coordinator, host: Host) -> Station:
+        """Puts the next aPad's modem and its fleet into the water. ValueError if all aPads have joined."""
+        if len(self._stations) == self.apads:
+            raise ValueError(f"this sea is for {self.apads} aPads")
+        station = Station(self, APAD - len(self._stations), coordinator, host)
+        self._stations[station.apad] = station
+        self._station_of.update(dict.fromkeys(coordinator.agent_ids, station))
+        return station
+
+    def leave(self, station: Station) -> None:
+        """Takes the station out: its flight has ended, nobody grants its fleet time, and its modems fall silent."""
+        del self._stations[station.apad]
+        self._behind.discard(station.apad)
+        gone = [agent_id for agent_id, it in self._station_of.items() if it is station]
+        for node in (station.apad, *gone):
+            self._station_of.pop(node, None)
+            self.places.pop(node, None)
+            self.undelivered += self.medium.receive(Moved(node, None), self.now_ms)
+
+    def move(self, node: int, place: Place, at_ms: int) -> list[medium.Result]:
+        self.places[node] = place
+        return self.medium.receive(Moved(node, place), at_ms)
+
+    def wifi_reaches(self, agent_id: int, at_ms: int) -> bool:
+        """True if a packet from the aPads to an aMussel gets through the air. Their radios are one network."""
+        return any(self._through_the_air(apad, agent_id, at_ms) for apad in self._stations)
+
+    # Rounds.
+
+    def advance(self, station: Station, now_ms: int) -> None:
+        """Runs everything up to mission time `now_ms`, in the order of the rounds, unless another station did so already.
+
+        ValueError if time went back, or if the flights are not in step: each must have come to a time before any goes on.
+        """
+        until_ms = self.theta * now_ms
+        if until_ms < self.now_ms:
+            raise ValueError(f"time went back: {until_ms} before {self.now_ms}")
+        if station.apad in self._behind and until_ms == self.now_ms:
+            self._behind.remove(station.apad)
+            return
+        if self._behind:
+            raise ValueError(
+                f"flights out of step: not all have come to {self.now_ms}, one goes on to {until_ms}"
+            )
+        self._behind = self._stations.keys() - {station.apad}
+        undelivered, self.undelivered = self.undelivered, []
+        self._deliver(undelivered)
+        while True:
+            horizon_ms = self._horizon(until_ms)
+            whole = horizon_ms == until_ms
+            outputs = [
+                (it, output)
+                for it in self._stations.values()
+                for output in (it.coordinator.advance(now_ms) if whole else it.coordinator.grant(horizon_ms))
+            ]
+            self._round(outputs, horizon_ms)
+            self.now_ms = horizon_ms
+            if whole:
+                return
+
+    def _horizon(self, until_ms: int) -> int:
+        """The end of the next round, chosen so that nothing that begins in the round acts before its end."""
+        horizon_ms = until_ms
+        if (due_ms := self.medium.next_due_ms) is not None:
+            horizon_ms = min(horizon_ms, due_ms)
+        acts = [None if self.modems is None else self.modems.next_due_ms]
+        for it in self._stations.values():
+            acts += [it.coordinator.due_agent_ms, it.keel.next_due_ms]
+        for acts_ms in acts:
+            if acts_ms is not None:
+                horizon_ms = min(horizon_ms, max(acts_ms, self.now_ms) + SHORT_MS[self.config.modems])
+        return max(horizon_ms, self.now_ms)
+
+    def _round(self, outputs: Sequence[tuple[Station, Heard | Died]], horizon_ms: int) -> None:
+        """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
+        events: list[Event] = []
+        for truth in [truth for it in self._stations.values() for truth in it.new_truths()]:
+            moved = Moved(truth.agent_id, place_of(truth.physical, self.config.sinking))
+            events.append((truth.at_ms, 0, truth.agent_id, moved))
+            if self.modems is not None:
+                self.modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
+        for station, it in outputs:
+            match it:
+                case Heard(_, agent_id, SoundSent() | PingAnswered() as output):
+                    frame = station.frame(agent_id, output)
+                    if frame is not None:
+                        self._send(events, output.at_ms, agent_id, frame)
+                case Heard(_, agent_id, WifiSent(at_ms)):
+                    events.append((at_ms, 2, agent_id, it))
+                case Died(_, agent_id, gave_up=reason) if reason is not None:
+                    events.append((horizon_ms, 0, agent_id, Moved(agent_id, None)))
+                    station.results.append(it)
+                case _:
+                    station.results.append(it)
+        for station in self._stations.values():
+            for action in station.keel.advance(horizon_ms):
+                if isinstance(action, Send):
+                    self._send(events, action.at_ms, station.apad, action.frame)
+                elif action.node is not None:
+                    station.results.append(NotRanged(self._mission_ms(action.at_ms), action.node))
+        if self.modems is not None:
+            for sent in self.modems.round(horizon_ms):
+                events.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
+                if not sent.from_host and sent.node > APAD:
+                    self._tell(sent.node, ModemSent(sent.frame.duration_ms), sent.at_ms)
+            events += [(at_ms, 0, it.node, it) for at_ms, it in self.modems.take_readdressed()]
+        self._deliver(self._apply(events, horizon_ms))
+        if self.modems is not None:
+            for node, data in self.modems.take_printed():
+                if (printing := self._station(node)) is not None:
+                    printing.results.append(Printed(self._mission_ms(horizon_ms), node, data))
+
+    def _apply(self, events: list[Event], horizon_ms: int) -> list[medium.Result]:
+        """Applies the events in the order of time. Returns the medium's decisions up to the horizon."""
+        decided: list[medium.Result] = []
+        for at_ms, _, node, event in sorted(events, key=lambda it: it[:3]):
+            if isinstance(event, Heard):
+                if any(self._through_the_air(node, apad, at_ms) for apad in self._stations):
+                    self._station_of[node].results.append(event)
+                else:
+                    self._station_of[node].dropped[_LOST_IN_THE_AIR] += 1
+                continue
+            now_ms = min(max(at_ms, self.medium.now_ms), horizon_ms)
+            if isinstance(event, Moved) and event.place is not None:
+                decided += self.move(node, event.place, now_ms)
+            else:
+                decided += self.medium.receive(event, now_ms)
+        return decided + self.medium.advance(horizon_ms)
+
+    def _send(self, events: list[Event], at_ms: int, node: int, frame: Frame) -> None:
+        """Sends by the node's modem, if there are modems; otherwise straight into the water."""
+        if self.modems is None:
+            events.append((at_ms, 1, node, Began(node, frame)))
+        else:
+            self.modems.ask(node, frame, at_ms)
+
+    def _deliver(self, decided: list[medium.Result]) -> None:
+        for it in decided:
+            if isinstance(it, PacketEnded):
+                if (sent_from := self._station(it.sender)) is not None:
+                    sent_from.results.append(sent_from.seen_from_here(it))
+                continue
+            node, at_ms, frame = it.reception.receiver, it.reception.at_ms, it.frame
+            if self.modems is not None:
+                arrived = FrameArrived(frame, it.reception.travelled_us, it.reception.snr_db)
+                if not self.modems.frame_arrived(node, arrived, at_ms):
+                    continue
+            if (station := self._stations.get(node)) is not None:
+                station.receive_at_apad(it)
+                continue
+            ping = frame.kind is FrameKind.PING
+            stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
+            self._tell(node, stimulus, at_ms)
+
+    def _tell(self, node: int, stimulus: Stimulus, at_ms: int) -> None:
+        station = self._station_of.get(node)
+        agent_ms = None if station is None else station.coordinator.receive_at(node, stimulus, at_ms)
+        if station is not None and agent_ms is not None:
+            station.results.append(StimulusDelivered(self._mission_ms(at_ms), node, agent_ms, stimulus))
+
+    def _station(self, node: int) -> Station | None:
+        """The station of an aPad or of an aMussel; None for one that has left the water."""
+        return self._stations.get(node) or self._station_of.get(node)
+
+    def _through_the_air(self, sender: int, receiver: int, at_ms: int) -> bool:
+        one, other = self.places.get(sender), self.places.get(receiver)
+        if self.config.wifi is None:
+            return True
+        if one is None or other is None:
+            return False
+        return self.config.wifi.gets_through(along_m(one, other), self.config.seed, sender, at_ms, receiver)
+
+    def _mission_ms(self, agent_ms: int) -> int:
+        return -(-agent_ms // self.theta)
+
+
+class Station:
+    """One aPad's modem in a sea, beside its flight's fleet. Public times are mission milliseconds.
+
+    Its `advance` replaces the coordinator's. The aPad hears every packet that reaches its modem, of its own fleet and of
+    others. An aMussel's packets and outcomes are among the results of the station that it began beside.
+    """
+
+    def __init__(self, sea: Sea, apad: int, coordinator: Coordinator, host: Host) -> None:
+        self.apad = apad
+        """The node of the aPad's modem."""
+        self.dropped: Counter[str] = Counter()
+        self.coordinator = coordinator
+        self.keel = APadModem(sea.now_ms)
+        self.results: list[SeaResult] = []
+        """The results since the last `advance` of this station."""
+        self._sea = sea
+        self._host = host
+        self._ranged: set[int] = set()
+        """The aMussels that this aPad has ever pinged."""
         self._apad_at_ms: int | None = None
         self._truths: list[Truth] = []
-        self._undelivered: list[medium.Result] = []
-        """The medium's results between two ticks."""
+
+    @property
+    def config(self) -> SeaConfig:
+        return self._sea.config
+
+    @property
+    def now_ms(self) -> int:
+        """Agent time."""
+        return self._sea.now_ms
+
+    @property
+    def has_others(self) -> bool:
+        """True if other aPads have their modems in this water."""
+        return self._sea.apads > 1
+
+    @property
+    def all_dropped(self) -> Counter[str]:
+        """The counts of everything that was lost without being the outcome of a packet."""
+        return self.dropped + self._sea.modem_dropped
+
+    def advance(self, now_ms: int) -> list[SeaResult]:
+        """Runs everything up to mission time `now_ms`, and returns what happened here, in the order of the rounds.
+
+        ValueError if time went back, or for flights out of step.
+        """
+        self._sea.advance(self, now_ms)
+        results, self.results = self.results, []
+        return results
+
+    def leave(self) -> None:
+        """Takes this aPad's modem and its fleet's out of the water for good."""
+        self._sea.leave(self)
 
     def take_truths(self) -> list[Truth]:
         """The fleet's truths since the last call; the sea moves the modems accordingly."""
-        for truth in self._new_truths():
-            self._undelivered += self._move(
-                truth.agent_id, place_of(truth.physical, self.config.sinking), self.now_ms
-            )
+        sea = self._sea
+        for truth in self.new_truths():
+            place = place_of(truth.physical, sea.config.sinking)
+            sea.undelivered += sea.move(truth.agent_id, place, sea.now_ms)
         truths, self._truths = self._truths, []
         return truths
 
-    def _new_truths(self) -> list[Truth]:
+    def new_truths(self) -> list[Truth]:
+        """The fleet's truths since the last call of either; `take_truths` returns them again."""
         new = self._host.take_truths()
         self._truths += new
         return new
-
-    def _move(self, node: int, place: Place, at_ms: int) -> list[medium.Result]:
-        self._places[node] = place
-        return self._medium.receive(Moved(node, place), at_ms)
 
     # The aPad acts at ticks.
 
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         """Places the aPad at mission time `at_ms`, which is now or after the last tick."""
-        place = Place(round(north_m * 1e6), round(east_m * 1e6), self.config.sound.keel_um, in_water=True)
-        before = self._places.get(APAD)
+        sea, sound = self._sea, self._sea.config.sound
+        place = Place(round(north_m * 1e6), round(east_m * 1e6), sound.keel_um, in_water=True)
+        before = sea.places.get(self.apad)
         if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
-            fast = 1000 * along_m(before, place) > self.config.sound.thrusting_m_s * (
-                at_ms - self._apad_at_ms
-            )
-            self._undelivered += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
-            if self._modems is not None:
-                level_db = self.config.sound.noise_db + fast * self.config.sound.thruster_noise_db
-                self._modems.measure(noise_measured(level_db), [APAD])
+            fast = 1000 * along_m(before, place) > sound.thrusting_m_s * (at_ms - self._apad_at_ms)
+            sea.undelivered += sea.medium.receive(ThrustersRan(self.apad, fast), sea.now_ms)
+            if sea.modems is not None:
+                level_db = sound.noise_db + fast * sound.thruster_noise_db
+                sea.modems.measure(noise_measured(level_db), [self.apad])
         self._apad_at_ms = at_ms
-        self._undelivered += self._move(APAD, place, self.now_ms)
+        sea.undelivered += sea.move(self.apad, place, sea.now_ms)
 
     def send_sound(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
         """Sends bytes by the aPad's modem, to one aMussel or to all: at that agent time, or as soon as it is free."""
@@ -147,158 +380,71 @@ class Sea:
     def ping(self, agent_id: int, not_before_ms: int = 0) -> None:
         """Measures the range to an aMussel; Ranged or NotRanged follows."""
         ping = Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id), generation=self.config.modems)
+        self._ranged.add(agent_id)
         self._ask(agent_id, ping, not_before_ms)
 
     def set_topology(self, topology: Topology) -> None:
-        """Replaces the topology from now on."""
-        self._undelivered += self._medium.receive(LinksChanged(topology), self.now_ms)
+        """Replaces the topology of the whole sea from now on."""
+        sea = self._sea
+        sea.undelivered += sea.medium.receive(LinksChanged(topology), sea.now_ms)
 
     def wifi_reaches(self, agent_id: int, now_ms: int) -> bool:
-        """True if a Wi-Fi packet that the aPad sends to an aMussel now gets through."""
-        return self._through_the_air(APAD, agent_id, self._theta * now_ms)
+        """True if a Wi-Fi packet that is sent to an aMussel now gets through, from this aPad or from another."""
+        reached = self._sea.wifi_reaches(agent_id, self._sea.theta * now_ms)
+        if not reached:
+            self.dropped[_LOST_IN_THE_AIR] += 1
+        return reached
 
     def write(self, agent_id: int, data: bytes) -> None:
         """Writes bytes to an opened modem's serial line; its output comes as `Printed`."""
-        if self._modems is None:
+        if self._sea.modems is None:
             raise ValueError(f"the modem of aMussel {agent_id} has not been opened")
-        self._modems.write(agent_id, data)
+        self._sea.modems.write(agent_id, data)
 
     def _ask(self, node: int | None, frame: Frame, not_before_ms: int) -> None:
-        if not self._keel.ask(node, frame, not_before_ms):
+        if not self.keel.ask(node, frame, not_before_ms):
             self.dropped["sound: the aPad's modem has too much to send"] += 1
 
-    # Rounds.
+    # For the sea's rounds.
 
-    def advance(self, now_ms: int) -> list[SeaResult]:
-        """Runs everything up to mission time `now_ms`, in the order of the rounds (ValueError if time went back)."""
-        until_ms = self._theta * now_ms
-        if until_ms < self.now_ms:
-            raise ValueError(f"time went back: {until_ms} before {self.now_ms}")
-        results: list[SeaResult] = []
-        undelivered, self._undelivered = self._undelivered, []
-        self._deliver(undelivered, results)
-        while True:
-            horizon_ms = self._horizon(until_ms)
-            whole = horizon_ms == until_ms
-            events = self._coordinator.advance(now_ms) if whole else self._coordinator.grant(horizon_ms)
-            self._round(events, horizon_ms, results)
-            self.now_ms = horizon_ms
-            if whole:
-                return results
-
-    def _horizon(self, until_ms: int) -> int:
-        """The end of the next round, chosen so that nothing that begins in the round acts before its end."""
-        horizon_ms = until_ms
-        if (due_ms := self._medium.next_due_ms) is not None:
-            horizon_ms = min(horizon_ms, due_ms)
-        modems_ms = None if self._modems is None else self._modems.next_due_ms
-        for acts_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms, modems_ms):
-            if acts_ms is not None:
-                horizon_ms = min(horizon_ms, max(acts_ms, self.now_ms) + SHORT_MS[self.config.modems])
-        return max(horizon_ms, self.now_ms)
-
-    def _round(self, outputs: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
-        """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
-        events: list[Event] = []
-        for truth in self._new_truths():
-            moved = Moved(truth.agent_id, place_of(truth.physical, self.config.sinking))
-            events.append((truth.at_ms, 0, truth.agent_id, moved))
-            if self._modems is not None:
-                self._modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
-        for it in outputs:
-            match it:
-                case Heard(_, agent_id, SoundSent() | PingAnswered() as output):
-                    frame = self._frame(agent_id, output)
-                    if frame is not None:
-                        self._send(events, output.at_ms, agent_id, frame)
-                case Heard(_, agent_id, WifiSent(at_ms)):
-                    events.append((at_ms, 2, agent_id, it))
-                case Died(_, agent_id, gave_up=reason) if reason is not None:
-                    events.append((horizon_ms, 0, agent_id, Moved(agent_id, None)))
-                    results.append(it)
-                case _:
-                    results.append(it)
-        for action in self._keel.advance(horizon_ms):
-            if isinstance(action, Send):
-                self._send(events, action.at_ms, APAD, action.frame)
-            elif action.node is not None:
-                results.append(NotRanged(self._mission_ms(action.at_ms), action.node))
-        if self._modems is not None:
-            for sent in self._modems.round(horizon_ms):
-                events.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
-                if not sent.from_host and sent.node != APAD:
-                    self._tell(sent.node, ModemSent(sent.frame.duration_ms), sent.at_ms, results)
-            events += [(at_ms, 0, it.node, it) for at_ms, it in self._modems.take_readdressed()]
-        self._deliver(self._apply(events, horizon_ms, results), results)
-        if self._modems is not None:
-            results += [Printed(self._mission_ms(horizon_ms), *it) for it in self._modems.take_printed()]
-
-    def _apply(self, events: list[Event], horizon_ms: int, results: list[SeaResult]) -> list[medium.Result]:
-        """Applies the events in the order of time. Returns the medium's decisions up to the horizon."""
-        decided: list[medium.Result] = []
-        for at_ms, _, node, event in sorted(events, key=lambda it: it[:3]):
-            if isinstance(event, Heard):
-                if self._through_the_air(node, APAD, at_ms):
-                    results.append(event)
-                continue
-            now_ms = min(max(at_ms, self._medium.now_ms), horizon_ms)
-            if isinstance(event, Moved) and event.place is not None:
-                decided += self._move(node, event.place, now_ms)
-            else:
-                decided += self._medium.receive(event, now_ms)
-        return decided + self._medium.advance(horizon_ms)
-
-    def _send(self, events: list[Event], at_ms: int, node: int, frame: Frame) -> None:
-        """Sends by the node's modem, if there are modems; otherwise straight into the water."""
-        if self._modems is None:
-            events.append((at_ms, 1, node, Began(node, frame)))
-        else:
-            self._modems.ask(node, frame, at_ms)
-
-    def _deliver(self, decided: list[medium.Result], results: list[SeaResult]) -> None:
-        for it in decided:
-            if isinstance(it, PacketEnded):
-                results.append(it)
-                continue
-            node, at_ms, frame = it.reception.receiver, it.reception.at_ms, it.frame
-            if self._modems is not None:
-                arrived = FrameArrived(frame, it.reception.travelled_us, it.reception.snr_db)
-                if not self._modems.frame_arrived(node, arrived, at_ms):
-                    continue
-            if node == APAD:
-                self._receive_at_apad(it, results)
-                continue
-            ping = frame.kind is FrameKind.PING
-            stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
-            self._tell(node, stimulus, at_ms, results)
-
-    def _tell(self, node: int, stimulus: Stimulus, at_ms: int, results: list[SeaResult]) -> None:
-        agent_ms = self._coordinator.receive_at(node, stimulus, at_ms)
-        if agent_ms is not None:
-            results.append(StimulusDelivered(self._mission_ms(at_ms), node, agent_ms, stimulus))
-
-    def _receive_at_apad(self, heard: medium.Heard, results: list[SeaResult]) -> None:
-        at_ms, frame = heard.reception.at_ms, heard.frame
-        mission_ms = self._mission_ms(at_ms)
-        if frame.kind is not FrameKind.PING_REPLY:
-            results.append(SoundReached(mission_ms, heard.sender, frame.data))
-        elif self._keel.answered(heard.sender, at_ms):
-            *_, normal = fates(self.config.seed, heard.sender, at_ms, APAD, b"range")
-            round_trip_us, off_m = (
-                frame.flight_us + heard.reception.travelled_us,
-                self.config.sound.range_noise_m * normal,
-            )
-            range_m = self.config.sound.range_m(round_trip_us, off_m)
-            results.append(Ranged(mission_ms, heard.sender, range_m))
-        else:
-            self.dropped["sound: an answer to a ping that was given up"] += 1
-
-    def _frame(self, agent_id: int, output: SoundSent | PingAnswered) -> Frame | None:
+    def frame(self, agent_id: int, output: SoundSent | PingAnswered) -> Frame | None:
+        """An aMussel's frame, which goes to the address that all aPads share."""
         source = address_of(agent_id)
         if isinstance(output, PingAnswered):
             modems, us = self.config.modems, output.travelled_us
             return Frame(FrameKind.PING_REPLY, source, APAD_ADDRESS, b"", modems, us)
         return self._carrying(output.data, source, APAD_ADDRESS)
+
+    def receive_at_apad(self, heard: medium.Heard) -> None:
+        at_ms, frame, config = heard.reception.at_ms, heard.frame, self.config
+        mission_ms = -(-at_ms // self._sea.theta)
+        if frame.kind is not FrameKind.PING_REPLY:
+            self.results.append(SoundReached(mission_ms, heard.sender, frame.data))
+        elif self.keel.answered(heard.sender, at_ms):
+            *_, normal = fates(config.seed, heard.sender, at_ms, self.apad, b"range")
+            round_trip_us = frame.flight_us + heard.reception.travelled_us
+            range_m = config.sound.range_m(round_trip_us, config.sound.range_noise_m * normal)
+            self.results.append(Ranged(mission_ms, heard.sender, range_m))
+        elif heard.sender in self._ranged:
+            self.dropped["sound: an answer to a ping that was given up"] += 1
+
+    def seen_from_here(self, packet: PacketEnded) -> PacketEnded:
+        """The packet as this flight records it: its own aPad is `APAD`, and the n-th aPad of the sea otherwise -n.
+
+        Another aPad beyond the range is left out.
+        """
+        if not self.has_others:
+            return packet
+        receptions = []
+        for it in packet.receptions:
+            if it.receiver == self.apad:
+                receptions.append(replace(it, receiver=APAD))
+            elif it.receiver > APAD:
+                receptions.append(it)
+            elif it.outcome is not medium.Outcome.OUT_OF_RANGE:
+                receptions.append(replace(it, receiver=it.receiver - 1))
+        sender = APAD if packet.sender == self.apad else packet.sender
+        return replace(packet, sender=sender, receptions=tuple(receptions))
 
     def _carrying(self, data: bytes, source: int, to: int | None) -> Frame | None:
         """A frame with these bytes, to one address or to all; None, counted, if a modem cannot carry them."""
@@ -308,19 +454,3 @@ class Sea:
             self.dropped[f"sound: not the {fewest} to {most} bytes that a {modems.name} modem carries"] += 1
             return None
         return Frame(FrameKind.BROADCAST if to is None else FrameKind.UNICAST, source, to, data, modems)
-
-    def _through_the_air(self, sender: int, receiver: int, at_ms: int) -> bool:
-        one, other = self._places.get(sender), self._places.get(receiver)
-        if self.config.wifi is None:
-            return True
-        if one is None or other is None:
-            return False
-        reached = self.config.wifi.gets_through(
-            along_m(one, other), self.config.seed, sender, at_ms, receiver
-        )
-        if not reached:
-            self.dropped["Wi-Fi: lost in the air"] += 1
-        return reached
-
-    def _mission_ms(self, agent_ms: int) -> int:
-        return -(-agent_ms // self._theta)

@@ -9,19 +9,23 @@ from agents.mussel.stimuli import Stimulus
 from agents.water.medium import PacketEnded
 
 APAD = 0
-"""The node of the aPad's modem; an aMussel's node is its id, which begins at 1."""
+"""The node of the aPad's modem; those of further aPads are -1, -2, ... An aMussel's node is its id, which begins at 1."""
 APAD_ADDRESS = 255
+"""The address of every aPad's modem, to which all aMussels send: each aPad that a packet reaches takes it."""
 _ADDRESSES = 254
 
 
 def address_of(node: int) -> int:
     """A modem's 8-bit address. aMussels beyond 254 share addresses; their packets carry ids."""
-    return APAD_ADDRESS if node == APAD else (node - 1) % _ADDRESSES + 1
+    return APAD_ADDRESS if node <= APAD else (node - 1) % _ADDRESSES + 1
 
 
 @dataclass(frozen=True, slots=True)
 class SoundReached:
-    """The aPad's modem received an aMussel's bytes, at mission time `mission_ms`, rounded up."""
+    """The aPad's modem received an aMussel's bytes, at mission time `mission_ms`, rounded up.
+
+    In a shared sea they may be those of another fleet's aMussel, or of another aPad, whose number is not positive.
+    """
 
     mission_ms: int
     agent_id: int

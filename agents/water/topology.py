@@ -43,7 +43,10 @@ class LinkRule:
 
 
 class Topology:
-    """A set of rules. A packet gets through if it survives every rule that holds."""
+    """A set of rules. A packet gets through if it survives every rule that holds.
+
+    A rule for the node 0 holds for every aPad: those of further aPads are negative.
+    """
 
     def __init__(self, rules: Sequence[LinkRule] = ()) -> None:
         self.rules = tuple(rules)
@@ -51,6 +54,7 @@ class Topology:
     def loss(self, sender: int, receiver: int, at_ms: int) -> float:
         """The probability that a packet that begins at `at_ms` is lost on this link; 1 if there is no link."""
         passes = 1.0
+        sender, receiver = max(0, sender), max(0, receiver)
         for rule in self.rules:
             if rule.holds(sender, receiver, at_ms):
                 passes *= 1 - rule.loss

@@ -145,6 +145,15 @@ class RangingService:
             self._locator.forget(agent_id)
             self._changes.append(Moved(agent_id))
 
+    def start_serving(self, agent_id: int, now_ms: int) -> None:
+        """Called when this aPad serves an aMussel that another one served."""
+        self._scheduler.start_serving(agent_id, now_ms)
+
+    def stop_serving(self, agent_id: int) -> None:
+        """Called when another aPad serves an aMussel from now on: nothing more is sent to it of this aPad's own accord."""
+        self._scheduler.stop_serving(agent_id)
+        self._to_ping.discard(agent_id)
+
     def hear(
         self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: int
     ) -> list[SupervisorAction]:
@@ -207,6 +216,12 @@ class NoRanging:
         return list(actions)
 
     def moved(self, agent_id: int, now_ms: int) -> None:
+        pass
+
+    def start_serving(self, agent_id: int, now_ms: int) -> None:
+        pass
+
+    def stop_serving(self, agent_id: int) -> None:
         pass
 
     def hear(

@@ -56,11 +56,16 @@ class AcousticScheduler:
         slots: Timeslots | None,
         agent_ids: Iterable[int],
         now_ms: int = 0,
+        served: Iterable[int] | None = None,
     ) -> None:
+        """`agent_ids` are the whole fleet's: an aMussel's place among them is its timeslot. This aPad serves those in
+        `served`, or all of them if it is None.
+        """
         self._config = config
         self._codec = codec
         self._slots = slots
         self._agent_ids = sorted(agent_ids)
+        served_ids = self._agent_ids if served is None else sorted(served)
         self._window = ALWAYS
         talk = config.water.talk
         self._beacon_period_ms = round(talk.beacon_period_s * 1000)
@@ -72,8 +77,8 @@ class AcousticScheduler:
         agent_ms = config.theta * now_ms
         self._free_from_ms = agent_ms
         """The time from which nothing is scheduled yet."""
-        assigns = talk.assigns and slots is not None
-        self._measure_at_ms = dict.fromkeys(self._agent_ids if assigns else (), agent_ms)
+        self._assigns = talk.assigns and slots is not None
+        self._measure_at_ms = dict.fromkeys(served_ids if self._assigns else (), agent_ms)
         """The times at which propagation delays are to be measured (again)."""
         self.delays_ms: dict[int, int] = {}
         """The propagation delay of each aMussel that has a timeslot made for it."""
@@ -81,7 +86,7 @@ class AcousticScheduler:
         """The send times of the mission's packets, by receiver and bytes."""
         self._beacon_due_ms = agent_ms
         self._ping_due_ms = now_ms
-        self._ping_order = deque(self._agent_ids)
+        self._ping_order = deque(served_ids)
         self.unanswered = 0
         """The number of status requests without an answer in time."""
         self._pings = PendingPings()
@@ -175,6 +180,19 @@ class AcousticScheduler:
         del self._measure_at_ms[agent_id]
         self.delays_ms[agent_id] = round(1000 * range_m / self._config.water.sound.sound_speed_m_s)
         return [self._assignment(agent_id, now_ms)]
+
+    def start_serving(self, agent_id: int, now_ms: int) -> None:
+        """Called when this aPad takes an aMussel over from another one: its delay to this aPad is measured anew."""
+        if self._assigns:
+            self._measure_at_ms[agent_id] = self._config.theta * now_ms
+        if agent_id not in self._ping_order:
+            self._ping_order.append(agent_id)
+
+    def stop_serving(self, agent_id: int) -> None:
+        self._measure_at_ms.pop(agent_id, None)
+        self.delays_ms.pop(agent_id, None)
+        if agent_id in self._ping_order:
+            self._ping_order.remove(agent_id)
 
     def moved(self, agent_id: int, now_ms: int) -> None:
         """Called when an aMussel was moved: its delay is measured again, after it has had time to sink."""

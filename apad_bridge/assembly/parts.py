@@ -16,8 +16,9 @@ from agents.water.sea import Sea
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
+from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.energy_model import energy_model
-from apad_bridge.assembly.flight_config import FlightConfig, gps_deviation_um
+from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_deviation_um
 from apad_bridge.assembly.water import current_config, waters_config
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -76,21 +77,34 @@ def fleet_of(
     granted_ms: Mapping[int, int],
     now_ms: int = 0,
     opened: Collection[int] = (),
+    sea: Sea | None = None,
 ) -> Fleet:
     """Builds the fleet that runs in `host` at mission time `now_ms`; each aMussel has run up to its `granted_ms`.
 
-    `opened` are the aMussels whose modems are open to other programs, in a scenario with water.
+    `opened` are the aMussels whose modems are open to other programs, in a scenario with water. It joins the `sea` that
+    several flights share; without one, a scenario with water has a sea of its own.
     """
     scenario = config.scenario
     coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
     if config.sea is None or scenario.water is None:
         return Fleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
-    sea = Sea(config.sea, coordinator, host, now_ms, opened)
+    if sea is None:
+        sea = Sea(config.sea, scenario.theta, granted_ms, now_ms=now_ms, opened=opened)
+    station = sea.join(coordinator, host)
     if scenario.water.links_file is None:
-        return Fleet(coordinator, host, InSea(sea), config.timeslots)
+        return Fleet(coordinator, host, InSea(station), config.timeslots)
     links = LinksFile(Path(scenario.water.links_file), scenario.theta)
-    sea.set_topology(links.read())
-    return Fleet(coordinator, host, InSea(sea), config.timeslots, links)
+    station.set_topology(links.read())
+    return Fleet(coordinator, host, InSea(station), config.timeslots, links)
+
+
+def shared_sea(members: Sequence[Member]) -> Sea | None:
+    """Builds the sea that several flights share; None for one flight, or without water."""
+    scenario = members[0].scenario
+    config = flight_config(scenario).sea
+    if config is None or len(members) == 1:
+        return None
+    return Sea(config, scenario.theta, scenario.fleet.all_ids, len(members))
 
 
 def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
@@ -147,7 +161,9 @@ def ranging_service(config: FlightConfig) -> RangingService | NoRanging:
         return NoRanging()
     codec, localisation = load_codec(config.scenario.hearing.codec), water.localisation
     return RangingService(
-        AcousticScheduler(acoustics.schedule, codec, config.timeslots, config.ids),
+        AcousticScheduler(
+            acoustics.schedule, codec, config.timeslots, config.scenario.fleet.all_ids, served=config.ids
+        ),
         None if localisation is None else Locator(localisation, depth_m),
         water.sound.keel_m,
         depth_m,

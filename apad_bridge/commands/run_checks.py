@@ -31,7 +31,7 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
     """
     _check_modems(options, scenario)
     if scenario.apads:
-        _refuse_for_several(options)
+        _refuse_for_several(options, scenario)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.SIM:
         for happens, mend in warnings(scenario):
@@ -99,7 +99,7 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
                 )
 
 
-def _refuse_for_several(options: RunOptions) -> None:
+def _refuse_for_several(options: RunOptions, scenario: Scenario) -> None:
     if options.script:
         raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
     if options.part is not Part.WHOLE:
@@ -109,6 +109,10 @@ def _refuse_for_several(options: RunOptions) -> None:
         )
     if options.modem:
         raise UserError("--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario")
+    if scenario.water is not None and options.time is not TimeSource.ASAP and not options.dry_run:
+        raise UserError(
+            "water: several aPads share one sea in virtual time alone: say --time asap, or leave `water` out"
+        )
     if options.dry_run and options.apad is APadKind.ROS:
         raise UserError("--dry-run of several aPads plans without ROS: leave out --apad ros")
 

@@ -19,6 +19,10 @@ class Allocation:
         self.served_elsewhere: frozenset[int] = frozenset()
         """This fleet's aMussels, served elsewhere."""
 
+    def concerns(self, agent_id: int) -> bool:
+        """True for an aMussel of this fleet, whoever serves it, and for one that is served here."""
+        return agent_id in self.own or agent_id in self.served
+
     def take(self, agent_id: int) -> None:
         self._serve(self.served | {agent_id})
 

@@ -511,7 +511,7 @@ KINDS: tuple[Kind, ...] = (
             Field(
                 "heard",
                 _list_of(_row(INTEGER, TEXT, NUMBER, INTEGER, NUMBER, NUMBER)),
-                "at each listener: id, outcome, SNR, end, travel time, way",
+                "at each listener: id (another aPad is -n, the n-th), outcome, SNR, end, travel time, way",
                 "dB, agent ms, ms, m",
             ),
             Field("data", TEXT, "its payload, in hexadecimal"),

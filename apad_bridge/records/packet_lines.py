@@ -13,12 +13,15 @@ _TO_ALL = frozenset(kind.name.lower() for kind in TO_ALL)
 
 EVERYBODY = -1
 """The receiver of a broadcast, in a `SoundRow`."""
+_TO_AN_APAD = 0
+"""The receiver of a packet to the address that all aPads share."""
 _CONFLICTS = frozenset(it.name.lower() for it in (Outcome.COLLIDED, Outcome.TRANSMITTING))
 
 
 class SoundRow(NamedTuple):
     """One packet at one listener, with the fields of underwater_msgs/MediumTransmission; nodes are ids, 0 is the aPad.
 
+    Of several aPads in one water, the n-th is the listener -n where it is not this flight's own.
     `message` is the outcome and then the bytes in hexadecimal; `conflict` is True when it collided or the listener was
     transmitting.
     """
@@ -41,7 +44,7 @@ def sound_rows(packet: Mapping[str, Any]) -> list[SoundRow]:
             f"{outcome} {packet['data']}".rstrip(),
             packet["lasted_ms"] / 1000,
             packet["from"],
-            EVERYBODY if everybody else listener,
+            EVERYBODY if everybody else max(listener, _TO_AN_APAD),
             snr_db,
             range_m,
             listener,

@@ -15,6 +15,7 @@ from agents.hosting import interrupts
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.nursery_client import NurseryDied
 from agents.hosting.process_host import NurseryFailed, ProcessHost
+from agents.water.sea import Sea
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
@@ -92,18 +93,19 @@ def open_in_process(
     progress: ProgressDisplay,
     spec: RunSpec = FROM_START,
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
+    sea: Sea | None = None,
 ) -> PreparedFlight:
     """Opens a flight in virtual time with its fleet and records, which `stack` closes.
 
-    `join` adds to its context the parts by which several aPads' flights take over from each other. PeerFailed when the
-    fleet does not start, or another process flies this run.
+    `join` adds to its context the parts by which several aPads' flights take over from each other, and `sea` is the one
+    that they share. PeerFailed when the fleet does not start, or another process flies this run.
     """
     stack.enter_context(supervising(directory.path))
     config = flight_config(scenario)
     recorder = Recorder(directory, scenario, config.ids)
     stack.callback(recorder.close)
     journal_start(recorder, scenario, starts)
-    fleet = open_fleet(config, starts, directory.path / FOLDER)
+    fleet = open_fleet(config, starts, directory.path / FOLDER, sea)
     stack.callback(fleet.close)
     return prepare(config, join(in_process_context(scenario, fleet)), recorder, progress, spec)
 
@@ -133,8 +135,11 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     )
 
 
-def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path) -> Fleet:
-    """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in `folder`."""
+def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path, sea: Sea | None = None) -> Fleet:
+    """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in `folder`.
+
+    It joins the `sea` that several flights share, if there is one.
+    """
     scenario, fleet_config = config.scenario, parts.fleet_config(config)
     initial_states = parts.initial_states(scenario, starts)
     if scenario.fleet.hosting is Hosting.ONE_PROCESS:
@@ -145,7 +150,7 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path) -> F
             host = ProcessHost.start(str(folder), fleet_config, initial_states)
         except (NurseryFailed, NurseryDied) as error:
             raise PeerFailed(f"the fleet cannot start: {error}; see {folder}") from error
-    return parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
+    return parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
 
 
 def in_process_context(scenario: Scenario, fleet: Fleet) -> FlightContext:

@@ -7,6 +7,7 @@ from typing import Any
 
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
+from agents.water.sea import Sea
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
@@ -75,15 +76,16 @@ def open_flight(
     takeover: CallQueue | None = None,
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
     recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
+    sea: Sea | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
 
     With `command_sources` these command the aPad; `takeover` can take the mission over. `join` changes the flight's context
-    before the flight is built.
+    before the flight is built. `sea` is the one that several flights share.
     """
     config, initial_states = flight_config(scenario), parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(parts.fleet_config(config), initial_states)
-    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
+    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
     vehicle = InProcessVehicle(parts.simulated_apad(scenario))
     safety = safety_of(scenario)
     context = join(FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet, safety=safety))

@@ -142,11 +142,6 @@ def _check_further_apads(scenario: Scenario) -> Iterator[Contradiction]:
             yield f"apads[{n}].fault", f"of another generation; possible are: {', '.join(sorted(possible))}"
     if scenario.fleet.share:
         yield "apads", "a share of a fleet is one aPad's: leave this key out, or fleet.share"
-    if scenario.water is not None:
-        yield (
-            "apads",
-            "sound crosses shares, and a water has one fleet and one aPad's modem in it: leave `water` out, or this key",
-        )
 
 
 def _check_area(scenario: Scenario) -> Iterator[Contradiction]:

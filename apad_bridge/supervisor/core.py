@@ -181,7 +181,7 @@ class Supervisor:
         actions += self._carry_out(self.mission.advance(now_ms), now_ms)
         return [
             *self._ranging.schedule_sends(actions, now_ms),
-            *self._ranging.advance(self.beliefs.all(), now_ms),
+            *self._ranging.advance(self.allocation.all(), now_ms),
         ]
 
     def forecast(self, forecaster: Forecaster, now_ms: int) -> Forecast:
@@ -288,6 +288,7 @@ class Supervisor:
         if agent_id not in self.allocation.own:
             self.beliefs.admit(agent_id, belief)
         self.allocation.take(agent_id)
+        self._ranging.start_serving(agent_id, self._now_ms)
 
     def stop_serving(self, agent_id: int) -> None:
         """Leaves the aMussel to another aPad from now on.
@@ -295,6 +296,7 @@ class Supervisor:
         One of this fleet still updates the beliefs here, because its records are kept here.
         """
         self.allocation.give(agent_id)
+        self._ranging.stop_serving(agent_id)
         if agent_id not in self.allocation.own:
             self.beliefs.dismiss(agent_id)
 

@@ -15,7 +15,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived
 from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
-from agents.water.sea import Sea
+from agents.water.sea import Station
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
 from apad_bridge.mission.ending import EndReason, MissionEnd
@@ -117,37 +117,47 @@ class Water(Protocol):
         """Replaces the links from now on."""
         ...
 
+    @property
+    def has_other_apads(self) -> bool:
+        """True if the aPads of other flights send and receive in the same water."""
+        ...
+
+    def leave_water(self) -> None:
+        """Takes the fleet and its aPad out of the water, at the flight's end."""
+        ...
+
 
 class InSea:
     """Sound travels through the sea, and Wi-Fi through the air over it."""
 
-    def __init__(self, sea: Sea) -> None:
-        self._sea = sea
-        self.advance = sea.advance
-        self.take_truths = sea.take_truths
-        self.ping = sea.ping
-        self.carry_apad = sea.carry_apad
-        self.write = sea.write
-        self.set_topology = sea.set_topology
+    def __init__(self, station: Station) -> None:
+        self._station = station
+        self.has_other_apads = station.has_others
+        self.sound_speed_m_s = station.config.sound.sound_speed_m_s
+        self.advance = station.advance
+        self.take_truths = station.take_truths
+        self.ping = station.ping
+        self.carry_apad = station.carry_apad
+        self.write = station.write
+        self.set_topology = station.set_topology
+        self.leave_water = station.leave
 
     @property
     def dropped(self) -> Counter[str]:
-        return self._sea.dropped
-
-    @property
-    def sound_speed_m_s(self) -> float:
-        return self._sea.config.sound.sound_speed_m_s
+        return self._station.all_dropped
 
     def send(self, send: Send, now_ms: int) -> Stimulus | None:
         if send.medium is Medium.SOUND:
             agent_id = None if send.agent_id == EVERYONE else send.agent_id
-            self._sea.send_sound(agent_id, send.data, send.not_before_ms)
+            self._station.send_sound(agent_id, send.data, send.not_before_ms)
             return None
-        return WifiArrived(send.data) if self._sea.wifi_reaches(send.agent_id, now_ms) else None
+        return WifiArrived(send.data) if self._station.wifi_reaches(send.agent_id, now_ms) else None
 
 
 class NoModems:
     """No water that carries sound: there is no modem here, and a ping is lost."""
+
+    has_other_apads = False
 
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
@@ -159,6 +169,9 @@ class NoModems:
         pass
 
     def write(self, agent_id: int, data: bytes) -> None:
+        pass
+
+    def leave_water(self) -> None:
         pass
 
 
@@ -202,6 +215,8 @@ class Fleet:
         self.ping = water.ping
         self.carry_apad = water.carry_apad
         self.write = water.write
+        self.leave_water = water.leave_water
+        self.has_other_apads = water.has_other_apads
         self.close = host.close
         self._host = host
 

@@ -159,6 +159,7 @@ class Flight:
         self._context.pace.reach(self.now_ms, self._stopped, between)
         self.tick(self.now_ms)
         if self.supervisor.has_ended:
+            self._fleet.leave_water()
             return True
         self.now_ms += TICK_MS
         return False
@@ -213,6 +214,8 @@ class Flight:
                     pass
                 case KeepSamples(agent_id, samples):
                     self._recorder.samples(agent_id, samples)
+                case Send(Medium.SOUND) as send if self._fleet.has_other_apads:
+                    self._send(send, now_ms)
                 case Send() as send:
                     if send.agent_id not in self.supervisor.allocation.served_for_others:
                         self._send(send, now_ms)
@@ -277,6 +280,12 @@ class Flight:
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
                 case Heard(_, _, Dropped(_, reason)):
                     self.dropped[reason] += 1
+                case SoundReached(at_ms, agent_id, data) if self._fleet.has_other_apads:
+                    # Each aPad in the water hears for itself, so nothing is relayed.
+                    if self.supervisor.allocation.concerns(agent_id):
+                        self.supervisor.receive(SoundHeard(at_ms, data))
+                    else:
+                        self.dropped["sound: from another aPad or one of its aMussels"] += 1
                 case SoundReached(at_ms, agent_id, data):
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)

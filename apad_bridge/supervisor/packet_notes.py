@@ -11,8 +11,8 @@ from firmware_model.config import Timeslots
 def packet_data(packet: PacketEnded, timeslots: Timeslots | None, speed_m_s: float) -> dict[str, Any]:
     """Plain data. `began_ms` and the receptions' ends are agent time; `timeslot` is the timeslot in which it began.
 
-    `heard` has a row for each receiver: id (0 is the aPad), outcome, SNR in dB, end, travel time in ms, travel distance
-    in m.
+    `heard` has a row for each receiver: id, outcome, SNR in dB, end, travel time in ms, travel distance in m. This flight's
+    aPad is 0, and another one -n, the n-th.
     """
     frame = packet.frame
     return {

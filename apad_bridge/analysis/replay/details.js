@@ -3,7 +3,7 @@
 
 const OUTCOMES = { received: "received", transmitting: "half duplex", collided: "collided", in_air: "in air", cut: "no link", lost: "lost" };
 const SHOWN_FRAMES = 8;
-const nodeName = (id) => (id === 0 ? "aPad" : id);
+const nodeName = (id) => (id === 0 ? "aPad" : id < 0 ? `aPad no. ${-id}` : id);
 const words = (name) => name.replace(/_/g, " ");
 
 // A value of a plan's line in words, whatever its version wrote.

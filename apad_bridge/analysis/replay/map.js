@@ -21,7 +21,7 @@ function drawMap(canvas, runs, views, marked, packets) {
   ctx.drawImage(still, 0, 0, width, height);
   runs.forEach((run, n) => drawTrack(ctx, canvas, key, run, views[n].nowMs, at));
   runs.forEach((run, n) => drawRun(ctx, views[n], at, marked));
-  drawPackets(ctx, packets, views, at);
+  drawPackets(ctx, packets, runs, views, at);
   runs.forEach((run, n) => { if (views[n].apad) drawApad(ctx, at(views[n].apad.place), run, views[n], marked); });
 }
 
@@ -95,13 +95,13 @@ function musselAt(views, { width, height }, x, y) {
 }
 
 // Each packet as lines from its sender to its listeners, in the colour of what became of it there; older ones fade.
-function drawPackets(ctx, packets, views, at) {
+function drawPackets(ctx, packets, runs, views, at) {
   const places = new Map();
-  for (const view of views) {
-    if (view.apad) places.set(0, view.apad.place);
-    for (const agent of view.agents) if (agent.place) places.set(agent.id, agent.place);
-  }
-  for (const { packet: [, , sender, , , unsent, heard], age } of packets) {
+  for (const view of views) for (const agent of view.agents) if (agent.place) places.set(agent.id, agent.place);
+  for (const { run, packet: [, , sender, , , unsent, heard], age } of packets) {
+    const own = views[runs.indexOf(run)].apad; // in a run's packets its own aPad is 0
+    if (own) places.set(0, own.place);
+    else places.delete(0);
     if (unsent !== null || !places.has(sender)) continue;
     ctx.globalAlpha = 1 - 0.8 * age;
     for (const [listener, outcome] of heard) {

@@ -4,7 +4,8 @@ A tick of mission time is flown by one flight after another; then the assignment
 
 An aMussel stays where it is simulated, and its truth and its samples are recorded there and nowhere else. If another
 aPad serves it, the exchange passes its packets to that aPad's flight, and passes that flight's packets, and the contacts
-of its docks, back.
+of its docks, back. With water the flights share one sea, where each aPad's own modem sends and hears all sound; then the
+exchange passes Wi-Fi and contacts alone.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from functools import partial
 
 from agents.hosting import interrupts
 from apad_bridge.assembly.division import Member
+from apad_bridge.assembly.parts import shared_sea
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.event_kinds import EventKind
@@ -172,7 +174,7 @@ def fly_in_step(
     """
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange, display = Exchange(served), JointDisplay(list(served), progress)
-    is_alone = len(members) == 1
+    is_alone, sea = len(members) == 1, shared_sea(members)
     with interrupts.held_back(), ExitStack() as stack:
         opened, flights = {}, {}
         for member in members:
@@ -185,6 +187,7 @@ def fly_in_step(
                 display.of(name),
                 flying.RunSpec(command_sources=tuple(command_sources)),
                 join=(lambda context: context) if is_alone else partial(exchange.join, name, sharing),
+                sea=sea,
             )
             flights[name] = MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
         assignment = Assignment(served) if sharing.transfers and not is_alone else None

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from apad_bridge.assembly.division import Member
+from apad_bridge.assembly.parts import shared_sea
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_flight
 from apad_bridge.runs.several.assignment import Assignment
@@ -45,11 +46,11 @@ def open_lockstep(
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange, assignment = Exchange(served), Assignment(served)
     recorders, flights = {}, {}
-    is_alone = len(members) == 1
+    is_alone, sea = len(members) == 1, shared_sea(members)
     for member in members:
         join = partial(exchange.join, member.name, sharing)
         flight, recorders[member.name] = open_flight(
-            member.scenario, join=_unchanged if is_alone else join, recorder_of=recorder_of
+            member.scenario, join=_unchanged if is_alone else join, recorder_of=recorder_of, sea=sea
         )
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])
     runner = LockstepRunner(flights, exchange, assignment if sharing.transfers and not is_alone else None)

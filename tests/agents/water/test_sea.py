@@ -39,7 +39,7 @@ class Bench:
         }
         self.host = InProcessHost(fleet, initial_states)
         self.coordinator = Coordinator(self.host, dict.fromkeys(initial_states, 0), fleet.theta)
-        self.sea = Sea(sea, self.coordinator, self.host)
+        self.sea = Sea(sea, fleet.theta, initial_states).join(self.coordinator, self.host)
         self.sea.carry_apad(0.0, 0.0, 0)
         self.came: list[SeaResult] = []
 

@@ -64,7 +64,6 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
         ({"apads": [{"name": f"b{n}", "start_m": [0, 0]} for n in range(8)]}, "9 aPads have no work with 8"),
         ({"apads": [{"name": "b", "start_m": [0, 0], "speed": 1}]}, r"apads\[0\].speed: unknown key"),
         ({"apads": [{"name": "b", "start_m": [0, 0], "fault": "hangs"}]}, "of another generation"),
-        ({"water": {"sound": {}}}, "sound crosses shares"),
     ],
 )
 def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], message: str) -> None:
@@ -162,14 +161,19 @@ def test_a_dry_run_says_who_serves_whom(
         (["mission", "SCENARIO", "--time", "wall"], "`musselbed run` flies them"),
         (["run", "SCENARIO", "--dry-run", "--apad", "ros"], "leave out --apad ros"),
         (["script", "FILE", "--scenario", "SCENARIO", "--time", "asap"], "a script flies one aPad"),
+        (["run", "BY_SOUND", "--time", "wall"], "say --time asap"),
+        (["run", "BY_SOUND", "--apad", "ros"], "say --time asap"),
     ],
 )
 def test_what_is_for_one_aPad_says_so(
     bay: Scenario, tmp_path: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "SCENARIO").write_text(yaml.safe_dump(small(bay)))
+    by_sound = small(bay)
+    by_sound["water"] = {}
+    (tmp_path / "BY_SOUND").write_text(yaml.safe_dump(by_sound))
     (tmp_path / "FILE").write_text("pass\n")
-    paths = [str(tmp_path / word) if word.isupper() else word for word in words]
+    paths = [str(tmp_path / word) if word.replace("_", "").isupper() else word for word in words]
     assert main(paths) == 2
     complaint = capsys.readouterr().err
     assert message in complaint and complaint.count("\n") == 1

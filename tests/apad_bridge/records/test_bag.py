@@ -94,14 +94,16 @@ def test_on_somebody_elses_master_a_bag_keeps_mission_time_and_the_masters(tmp_p
 
 def test_a_packet_is_told_for_each_listener(tmp_path):
     bag = BagWriter(tmp_path / "run.bag", theta=1)
-    for row in sound_rows(PACKET) + sound_rows({**PACKET, "what": "unicast", "heard": HEARD[:1]}):
+    to_apads = {**PACKET, "what": "unicast", "heard": [HEARD[0], [-1, *HEARD[1][1:]]]}
+    for row in sound_rows(PACKET) + sound_rows(to_apads):
         bag.sound(3_901_000, row)
     bag.close()
-    first, second, third = [message for _, _, message in read(bag.path)]
+    first, second, third, fourth = [message for _, _, message in read(bag.path)]
     assert (first.message, first.duration, first.snr, first.range) == ("received 0102ff", 0.693, 51.5, 300.0)
     assert (first.sender, first.receiver, first.listener_id, first.conflict) == (3, -1, 0, False)
     assert (second.message, second.listener_id, second.conflict) == ("collided 0102ff", 4, True)
     assert (third.receiver, third.listener_id) == (0, 0)
+    assert (fourth.receiver, fourth.listener_id) == (0, -1)  # a packet to the aPads' address, at another aPad
     assert {topic for topic, _, _ in read(bag.path)} == {"/musselbed/sound"}
 
 

@@ -19,7 +19,9 @@ NEEDY = (5, 6, 7)
 DURATION_S = 6000
 
 
-def two_apads(folder: Path, *, transfers: bool, battery: float) -> Scenario:
+def two_apads(
+    folder: Path, *, transfers: bool, battery: float, water: dict[str, Any] | None = None
+) -> Scenario:
     """Two heaps of four aMussels with the whole board; apad2, with a nearly empty battery, starts between them."""
     data = resolve(load(WHOLE_FILE))
     data.update(name="two", theta=10, duration_s=DURATION_S, sharing={"transfers": transfers})
@@ -35,11 +37,16 @@ def two_apads(folder: Path, *, transfers: bool, battery: float) -> Scenario:
     data["mission"].update(pool_threshold=0.5, batch=3, full_when="primary")
     data["apad"]["start_m"] = [6, 10]
     data["apads"] = [{"name": "apad2", "start_m": [20, 10], "battery_start_fraction": battery}]
+    data["water"] = water
+    if water is not None:
+        data["hearing"]["mode"] = "physical"
     return from_data(data, "two")
 
 
-def open_in(folder: Path, *, transfers: bool, battery: float = 0.005) -> OpenedLockstep:
-    scenario = two_apads(folder, transfers=transfers, battery=battery)
+def open_in(
+    folder: Path, *, transfers: bool, battery: float = 0.005, water: dict[str, Any] | None = None
+) -> OpenedLockstep:
+    scenario = two_apads(folder, transfers=transfers, battery=battery, water=water)
     return open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
 
 
@@ -167,3 +174,51 @@ def test_the_guards_of_each_apad_know_where_the_other_is(tmp_path: Path) -> None
         assert pose is not None and not body.is_amussel and body.name == name
         # One of the two is told at its next tick.
         assert body.place_m == pytest.approx((pose.north_m, pose.east_m), abs=1.0)
+
+
+def packets_of(opened: OpenedLockstep, apad: str) -> list[dict[str, Any]]:
+    return events_of(opened, apad, "packet")
+
+
+def test_who_was_handed_on_is_heard_and_called_by_the_other_aPads_own_modem(tmp_path: Path) -> None:
+    opened = open_in(tmp_path, transfers=True, water={"wifi": {}})
+    opened.runner.run()
+    handed_on = {it["id"]: it["t"] for it in events_of(opened, "apad2", "handed_on")}
+    assert handed_on.keys() == {5, 6, 7, 8}
+    calls = [it for it in packets_of(opened, "apad1") if it["from"] == 0]
+    assert {row[0] for it in calls for row in it["heard"]} >= set(NEEDY)
+    # apad2 calls nobody after it has handed them on.
+    last = max(handed_on.values())
+    assert [it for it in packets_of(opened, "apad2") if it["from"] == 0 and it["t"] > last] == []
+    # Each packet of theirs is recorded once, where they are simulated, with its outcome at both aPads.
+    after = [it for it in packets_of(opened, "apad2") if it["t"] > last and it["unsent"] is None]
+    assert after and all([row[0] for row in it["heard"]].count(-1) == 1 for it in after)
+    assert {it["from"] for it in packets_of(opened, "apad1")} <= {0, 1, 2, 3, 4}
+    beliefs = opened.flights["apad1"].flight.supervisor.beliefs
+    heard_ms = {it.agent_id: it.heard_ms for it in beliefs.all()}
+    assert all(heard_ms[it] > at_ms + 1_000_000 for it, at_ms in handed_on.items())
+    assert {it["agent"] for it in events_of(opened, "apad1", "released") if it["full"]} == set(NEEDY)
+    assert opened.figures()["apad2"]["amussels_lost"] == 0
+    # Their samples are kept once, beside the fleet that they belong to.
+    uploaded = opened.recorders["apad2"].uploaded
+    assert set(NEEDY) <= uploaded.keys() and opened.recorders["apad1"].uploaded.keys() <= {1, 2, 3, 4}
+    for records in uploaded.values():
+        assert [record.sequence for record in records] == list(range(len(records)))
+
+
+def test_beyond_the_range_of_sound_nothing_differs_from_flying_alone(tmp_path: Path) -> None:
+    """Two heaps 45 m apart, and sound that reaches 20 m: each packet that ends is one of its own flight's."""
+    water = {"wifi": {}, "sound": {"range_limit_m": 20, "reverberation_s": 0.1}}
+    scenario = two_apads(tmp_path, transfers=True, battery=1.0, water=water)
+    data = resolve(scenario)
+    data.update(duration_s=2400)
+    data["apads"][0]["start_m"] = [54, 10]
+    each = members(from_data(data, "far"), starts_of(scenario))
+    together = open_lockstep(each, scenario.sharing)
+    together.runner.run()
+    for member in each:
+        alone = open_lockstep([member], scenario.sharing)
+        alone.runner.run()
+        assert packets_of(alone, member.name)
+        assert alone.recorders[member.name].events == together.recorders[member.name].events
+        assert alone.figures()[member.name] == together.figures()[member.name]

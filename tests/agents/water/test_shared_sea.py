@@ -1,0 +1,280 @@
+"""Two flights in one sea: who hears whom, who collides with whom, and two far apart that fly as if each were alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import pytest
+from fleets import reporting_every
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from seas import FLEET, SEA
+
+from agents.coordinator import Coordinator
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.hosting.in_process import InProcessHost
+from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import ContactClosed, SoundArrived
+from agents.water.medium import Outcome, PacketEnded
+from agents.water.sea import Sea, SeaConfig, Station
+from agents.water.sea_events import Ranged, SeaResult, SoundReached, StimulusDelivered
+from agents.water.topology import LinkRule, Topology
+from agents.water.wifi import Wifi
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind
+from firmware_model.packets.codec import MusselbedCodec
+
+HOUR_MS = 3_600_000
+FRAME_MS = 105 + 22 * 25 // 2
+"""A command's 6 bytes: a chirp and a header of 105 ms, and 12.5 ms for each of 6 + 16."""
+
+
+@dataclass
+class Flown:
+    """One flight's part of a sea: its aPad's modem, its fleet, and all that came of them."""
+
+    station: Station
+    coordinator: Coordinator
+    came: list[SeaResult] = field(default_factory=list)
+    truths: list[Truth] = field(default_factory=list)
+
+    def advance(self, now_ms: int) -> list[SeaResult]:
+        new = self.station.advance(now_ms)
+        self.truths += self.station.take_truths()
+        self.came += new
+        return new
+
+    def of(self, kind: type) -> list[SeaResult]:
+        return [it for it in self.came if isinstance(it, kind)]
+
+    def outcomes(self) -> dict[tuple[int, int], list[tuple[int, Outcome]]]:
+        """The (receiver, outcome) of each packet that this flight records, by its sender and its begin."""
+        return {
+            (it.sender, it.began_ms): [(row.receiver, row.outcome) for row in it.receptions]
+            for it in self.of(PacketEnded)
+            if isinstance(it, PacketEnded)
+        }
+
+
+def joined(
+    sea: Sea, norths_m: Mapping[int, float], apad_m: float | None, fleet: FleetConfig = FLEET
+) -> Flown:
+    """A flight with aMussels at these metres to the north, and its aPad's modem as deep as they are."""
+    states = {n: resting_on_bottom(metres, 0, 3.0, 0.9, 1.0) for n, metres in norths_m.items()}
+    host = InProcessHost(replace(fleet, agent_ids=(1, 2, 3, 4)), states)
+    coordinator = Coordinator(host, dict.fromkeys(states, 0), fleet.theta)
+    flown = Flown(sea.join(coordinator, host), coordinator)
+    if apad_m is not None:
+        flown.station.carry_apad(apad_m, 0.0, 0)
+    return flown
+
+
+def two(
+    first: tuple[float, dict[int, float]], second: tuple[float, dict[int, float]], sea: SeaConfig = SEA
+) -> tuple[Flown, Flown]:
+    """Two flights in one sea, each with the place of its aPad and of its aMussels."""
+    shared = Sea(sea, FLEET.theta, (1, 2, 3, 4), apads=2)
+    one, other = (joined(shared, norths_m, apad_m) for apad_m, norths_m in (first, second))
+    return one, other
+
+
+def run(flights: tuple[Flown, ...], from_ms: int, until_ms: int) -> None:
+    for now_ms in range(from_ms, until_ms + 1, 1000):
+        for it in flights:
+            it.advance(now_ms)
+
+
+def command(kind: Kind, agent_id: int) -> bytes:
+    return MusselbedCodec().encode(CommandPacket(kind, agent_id))
+
+
+@pytest.mark.parametrize(
+    ("later_ms", "outcome"),
+    [
+        (-448, "received"),
+        (-447, "received"),
+        (-446, "collided"),
+        (0, "collided"),
+        (312, "collided"),
+        (313, "received"),
+    ],
+)
+def test_two_aPads_collide_where_their_packets_overlap(later_ms: int, outcome: str) -> None:
+    """aMussel 1 is 150 m from its aPad and 250 m from the other one: 100 and 167 ms. Packets last 380 ms.
+
+    Its packet is there from 100 to 480 ms, the other one from 167 to 547 ms after it began. They overlap if the other
+    begins less than 480 - 167 = 313 ms later and less than 547 - 100 = 447 ms earlier. It is 20 log10(250 / 150) + 0.6 =
+    5 dB louder, which is less than the 6 dB of a capture.
+    """
+    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    run(flights, 0, 99_000)
+    for it, agent_id, at_ms in zip(flights, (1, 2), (110_000, 110_000 + later_ms), strict=True):
+        it.station.send_sound(agent_id, command(Kind.HOVER, agent_id), at_ms)
+    run(flights, 100_000, 120_000)
+    assert flights[0].outcomes()[0, 110_000] == [(1, Outcome[outcome.upper()])]
+    told = [it.agent_ms for it in flights[0].of(StimulusDelivered) if isinstance(it, StimulusDelivered)]
+    assert told == ([110_000 + FRAME_MS + 100] if outcome == "received" else [])
+
+
+def test_a_near_aPad_is_heard_over_a_far_one() -> None:
+    """aMussel 2 is 50 m from its aPad and 350 m from the other one: 20 log10(7) + 1.8 = 18.7 dB louder."""
+    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    run(flights, 0, 99_000)
+    for it, agent_id in zip(flights, (1, 2), strict=True):
+        it.station.send_sound(agent_id, command(Kind.HOVER, agent_id), 110_000)
+    run(flights, 100_000, 120_000)
+    assert flights[1].outcomes()[0, 110_000] == [(2, Outcome.RECEIVED)]
+
+
+def test_each_aPad_hears_every_fleet_once() -> None:
+    """The slots of aMussels 1 and 2 begin at 3900 and 3905 s, a status lasts 868 ms, and 1500 m take a second."""
+    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    run(flights, 0, HOUR_MS + 400_000)
+    for it, delays_ms in zip(flights, ((100, 234), (167, 34)), strict=True):
+        heard = [reached for reached in it.of(SoundReached) if isinstance(reached, SoundReached)]
+        assert [(reached.mission_ms, reached.agent_id) for reached in heard] == [
+            (3_900_868 + delays_ms[0], 1),
+            (3_905_868 + delays_ms[1], 2),
+        ]
+        statuses = [MusselbedCodec().decode(reached.data) for reached in heard]
+        assert [it.basic.agent_id for it in statuses if isinstance(it, AcousticStatus)] == [1, 2]
+    # A packet is recorded by the flight that it began beside: that flight's aPad is 0, the n-th aPad otherwise -n.
+    assert flights[0].outcomes() == {(1, 3_900_000): [(0, Outcome.RECEIVED), (-2, Outcome.RECEIVED)]}
+    assert flights[1].outcomes() == {(2, 3_905_000): [(0, Outcome.RECEIVED), (-1, Outcome.RECEIVED)]}
+
+
+def test_a_range_is_told_to_the_aPad_that_asked() -> None:
+    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    run(flights, 0, 100_000)
+    flights[0].station.ping(2)
+    run(flights, 101_000, 110_000)
+    (ranged,) = flights[0].of(Ranged)
+    assert isinstance(ranged, Ranged) and ranged.agent_id == 2
+    assert ranged.range_m == pytest.approx(350.0, abs=0.024)
+    assert (
+        flights[1].of(Ranged) == []
+        and not flights[0].station.all_dropped
+        and not flights[1].station.all_dropped
+    )
+
+
+def test_an_aPad_speaks_to_another_fleets_aMussel() -> None:
+    """As to one that was handed on to it: the stimulus is recorded where the aMussel is simulated."""
+    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    run(flights, 0, 100_000)
+    flights[0].station.send_sound(2, command(Kind.HOVER, 2))
+    run(flights, 101_000, 110_000)
+    at_ms = 100_000 + FRAME_MS + 234
+    assert flights[1].of(StimulusDelivered) == [
+        StimulusDelivered(at_ms, 2, at_ms, SoundArrived(command(Kind.HOVER, 2)))
+    ]
+    assert flights[0].of(StimulusDelivered) == []
+
+
+def test_a_flight_that_has_ended_neither_sends_nor_hears() -> None:
+    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    run(flights, 0, 100_000)
+    left, stays = flights
+    # One packet to it and one of its own are under way when it leaves.
+    stays.station.send_sound(1, command(Kind.HOVER, 1), 100_990)
+    left.station.send_sound(2, command(Kind.HOVER, 9), 100_400)
+    run(flights, 101_000, 101_000)
+    left.station.leave()
+    run((stays,), 102_000, HOUR_MS + 400_000)
+    assert stays.outcomes()[0, 100_990] == [(1, Outcome.IN_AIR)]
+    # What had left its modem goes on its way, and nothing begins any more: not in its aMussel's slot either.
+    assert [it.agent_ms for it in stays.of(StimulusDelivered) if isinstance(it, StimulusDelivered)] == [
+        101_014
+    ]
+    assert [it.agent_id for it in stays.of(SoundReached) if isinstance(it, SoundReached)] == [2]
+    assert [it for it in stays.outcomes()[2, 3_905_000] if it[0] < 0] == []
+
+
+def test_flights_out_of_step_are_refused() -> None:
+    one, other = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    one.advance(1000)
+    with pytest.raises(ValueError, match="out of step"):
+        one.advance(2000)
+    with pytest.raises(ValueError, match="out of step"):
+        other.advance(2000)
+    other.advance(1000)
+    one.advance(2000)
+    with pytest.raises(ValueError, match="time went back"):
+        other.advance(1000)
+
+
+def test_a_rule_for_the_aPad_holds_for_each() -> None:
+    flights = two((0.0, {1: 150.0}), (400.0, {2: 350.0}))
+    flights[0].station.set_topology(Topology([LinkRule(1, 0, 1.0)]))
+    run(flights, 0, HOUR_MS + 400_000)
+    assert [
+        [it.agent_id for it in each.of(SoundReached) if isinstance(it, SoundReached)] for each in flights
+    ] == [
+        [2],
+        [2],
+    ]
+
+
+asked_of = st.lists(
+    st.tuples(
+        st.integers(0, 20), st.integers(1, 4), st.sampled_from(["ping", "permission", "range", "dock"])
+    ),
+    max_size=10,
+)
+FAR_M = 20_000.0
+"""Beyond the range of sound, 5 km, and of Wi-Fi."""
+NORTHS_M = ({1: 100.0, 3: 220.0}, {2: 120.0, 4: 400.0})
+
+
+def played(
+    sea: Sea, asked: list[tuple[int, int, str]], wheres_m: list[float | None], order: tuple[int, ...]
+) -> list[tuple[list[str], list[Truth]]]:
+    """An hour and a bit of agent time at theta 60, with flights at these places; None is a flight without anything.
+
+    The flights have their turn in this order at each tick. Results are as texts, without an order.
+    """
+    drifting = replace(FLEET.body, drifts_always=True, drift_amplitude_um=50_000)
+    fleet = reporting_every(replace(FLEET, theta=60, body=drifting), 60_000)
+    flights = [
+        joined(sea, {} if at_m is None else {n: at_m + it for n, it in norths_m.items()}, at_m, fleet)
+        for at_m, norths_m in zip(wheres_m, NORTHS_M, strict=False)
+    ]
+    for now_ms in range(0, 70_000, 1000):
+        for flown in (flights[n] for n in order):
+            flown.advance(now_ms)
+            for at, agent_id, what in asked:
+                if at != now_ms // 1000 or agent_id not in flown.coordinator.agent_ids:
+                    continue
+                if what == "range":
+                    flown.station.ping(agent_id)
+                elif what == "dock":
+                    flown.coordinator.receive(agent_id, ContactClosed(1, 2), now_ms)
+                else:
+                    flown.station.send_sound(agent_id, command(Kind[what.upper()], agent_id))
+    return [
+        (sorted(map(repr, it.came)), sorted(it.truths, key=lambda one: (one.agent_id, one.at_ms)))
+        for it in flights
+    ]
+
+
+CONFIG = replace(
+    SEA, wifi=Wifi(), sound=replace(SEA.sound, range_noise_m=0.1, fading_db=3.0, noise_db_per_hz=50.0)
+)
+
+
+@settings(max_examples=15, deadline=None)
+@given(asked_of)
+def test_two_far_apart_fly_as_if_each_were_alone(asked: list[tuple[int, int, str]]) -> None:
+    first, second = played(Sea(CONFIG, 60, (1, 2, 3, 4), 2), asked, [0.0, FAR_M], (0, 1))
+    (alone,) = played(Sea(CONFIG, 60, (1, 3)), asked, [0.0], (0,))
+    assert first == alone
+    assert second == played(Sea(CONFIG, 60, (1, 2, 3, 4), 2), asked, [None, FAR_M], (0, 1))[1]
+
+
+@settings(max_examples=15, deadline=None)
+@given(asked_of)
+def test_the_order_of_flights_within_a_tick_changes_nothing(asked: list[tuple[int, int, str]]) -> None:
+    in_order, reversed_ = (
+        played(Sea(CONFIG, 60, (1, 2, 3, 4), 2), asked, [0.0, 500.0], order) for order in ((0, 1), (1, 0))
+    )
+    assert in_order == reversed_
