@@ -1,8 +1,8 @@
 """Upper bounds for a scenario: what no strategy can exceed, however cleverly it collects.
 
 An aMussel i starts with the charge u_i, loses d_i an agent minute while it is active (in its duty cycle: the mean over a
-whole cycle), and gains at most c_i, the steepest part of its charging curve, while docked. In a mission of T minutes with D
-docks, its active time a_i and its docked time y_i obey
+whole cycle), and gains at most c_i a docked minute. In a mission of T minutes with D docks, its active time a_i and its
+docked time y_i obey
 
     d_i a_i <= u_i + c_i y_i        (it cannot spend what it does not have)
     a_i + y_i <= T                  (it is active in the water only)
@@ -18,8 +18,9 @@ the number is D (1 + (c / d) / kf). For the paper's aMussels, always awake, and 
 of the curve is used, and 11.9 when each charge begins at empty.
 
 Each service costs a surfacing and a sinking, e of a battery. A dock that charges from x to y in t(x, y) minutes gives the
-aMussel (y - x - e) / d minutes of work. So the docks sustain at most D (1 + max (y - x - e) / (d t(x, y))), and because the
-curve is piecewise linear the maximum lies at two of its breakpoints. Without e that is D (1 + c / d) again.
+aMussel (y - x - e) / d minutes of work. So c is max (y - x - e) / t(x, y), and because the curve is piecewise linear the
+maximum lies at two of its breakpoints. Without e it is the steepest part of the curve. An aMussel that is docked at the end
+of a mission has yet to sink, so the mission's u has half of e added.
 
 Travel, docking and waiting are left out, and for whole boards the motors too, so every flight stays below.
 """
@@ -44,13 +45,12 @@ class Rates:
     """An aMussel's charge on [0, 1]: `start`, and the rates an agent minute of its drain and of its charger."""
 
     start: float
+    """With the charge for one run of the motors, which a mission's last service may leave unspent."""
     drain: float
     charge: float
-    """On the steepest part of the curve."""
+    """The greatest gain a docked minute over whole services, less the cost of surfacing and sinking; at least 0."""
     full_charge_min: float
     """The minutes from empty to full."""
-    gain: float = 0.0
-    """The greatest gain of charge a docked minute, less `surfacing`, over whole services."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None)
     active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
     each = [rates for fleet in fleets for rates in fleet]
-    drain, gain = min(it.drain for it in each), max(it.gain for it in each)
+    drain, charge = min(it.drain for it in each), max(it.charge for it in each)
     slow = 1 / min(it.full_charge_min for it in each)
     without_start = [replace(it, start=0.0) for it in fleets[0]]
     return Bounds(
@@ -102,7 +102,7 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         100 * active / amussels,
         active,
         _samples(scenario, active, mission_s),
-        docks * (1 + max(0.0, gain) / drain),
+        docks * (1 + charge / drain),
         docks * (1 + slow / drain),
         100 * active_minutes(without_start, 1.0, docks) / amussels,
         _cycles_per_apad_charge(scenario, fmean(it.full_charge_min for it in each), amussels),
@@ -142,9 +142,9 @@ def rates_of(scenario: Scenario) -> list[Rates]:
         ends = [0.0, *(end for end, _ in per_min)]
         full_min = sum((end - low) / rate for (end, rate), low in zip(per_min, ends, strict=False))
         drain = drain_per_min_of(board, scenario.fleet.all_ids)
-        surfacing = 2 * scenario.board.motor_run_charge
-        gain = _best_gain(per_min, surfacing)
-        found.append(Rates(start.primary, drain, max(rate for _, rate in per_min), full_min, gain))
+        motor_run = scenario.board.motor_run_charge
+        gain = max(0.0, _best_gain(per_min, 2 * motor_run))
+        found.append(Rates(start.primary + motor_run, drain, gain, full_min))
     return found
 
 

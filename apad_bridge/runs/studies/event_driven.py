@@ -17,7 +17,7 @@ import math
 from array import array
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -131,9 +131,8 @@ class TruthfulReports(HoldLast):
         self.charge_of = charge_models(scenario)
         drift = scenario.fleet.drift
         amplitude_um = round(drift.amplitude_m * 1e6) if drift.mode is DriftMode.PAPER else 0
-        self._drift = {
-            agent_id: drift_sums(scenario.seed, agent_id, amplitude_um) for agent_id in scenario.fleet.ids
-        }
+        drift_of = fleet_drift(scenario.seed, amplitude_um)
+        self._drift = {agent_id: drift_of(agent_id) for agent_id in scenario.fleet.ids}
         self.truths: dict[int, Truth] = {}
         self._drifts_from: dict[int, int] = dict.fromkeys(scenario.fleet.ids, 0)
         """The drift step before the first one that each aMussel took in the water."""
@@ -190,12 +189,21 @@ def _as_sent(charge: int) -> float:
     return round(charge / FULL * CHARGE_STEPS) / CHARGE_STEPS
 
 
-@lru_cache(maxsize=1024)
-def drift_sums(seed: int, agent_id: int, amplitude_um: int) -> Callable[[int], tuple[int, int]]:
-    """The sum of a body's random steps 1 to n, as a function of n: (north, east) in micrometres.
+DriftSum = Callable[[int], tuple[int, int]]
+"""The sum of a body's random steps 1 to n, as a function of n: (north, east) in micrometres."""
 
-    The strategies of a study fly a seed one after the other, and so share these sums.
+
+@lru_cache(maxsize=1)
+def fleet_drift(seed: int, amplitude_um: int) -> Callable[[int], DriftSum]:
+    """The drift of each aMussel, by id. A study's worker flies the missions of a seed one after the other, which share it.
+
+    Ten days at theta 1 take 14 MB for each aMussel, and most of the time of a first mission. So only one seed is kept.
     """
+    return cache(partial(drift_sums, seed, amplitude_um=amplitude_um))
+
+
+def drift_sums(seed: int, agent_id: int, amplitude_um: int) -> DriftSum:
+    """Computes the steps of one aMussel as they are asked for, and keeps the sums."""
     norths, easts = array("q", [0]), array("q", [0])
 
     def sum_to(n: int) -> tuple[int, int]:

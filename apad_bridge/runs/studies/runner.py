@@ -57,7 +57,8 @@ def fly_study(
         write_study(plan, directory)
         wanted = list(plan.blocks)
         on_flown(len(plan.strategies) * sum(block in rows_of for block in wanted))
-        missing = [block for block in wanted if block not in rows_of]
+        # Missions with the same seed share its drift, so a seed's blocks are flown one after the other.
+        missing = sorted((block for block in wanted if block not in rows_of), key=lambda it: it[1])
         flown = _fly_blocks(plan, missing, workers) if isinstance(workers, int) else workers(plan, missing)
         for block, rows in flown:
             journal.append({"block": block, "rows": rows})
@@ -128,19 +129,32 @@ def _fly_blocks(plan: Plan, blocks: list[Block], workers: int) -> Iterator[tuple
         for block in blocks:
             yield block, fly_block(plan, *block)
         return
-    waiting = blocks[::-1]
+    waiting: dict[int, list[Block]] = {}
+    for block in blocks:
+        waiting.setdefault(block[1], []).append(block)
     with _started_workers(plan, min(workers, len(blocks))) as processes, DefaultSelector() as selector:
         flying: dict[int, Block] = {}
         for process in processes:
             selector.register(process.stdout, EVENT_READ, process)  # type: ignore[arg-type]
-            flying[process.pid] = _order(process, waiting.pop())
+            flying[process.pid] = _order(process, _take(waiting, None))
         while flying:
             for key, _ in selector.select():
                 process = key.data
                 block, rows = flying.pop(process.pid), _answer(process)
                 if waiting:
-                    flying[process.pid] = _order(process, waiting.pop())
+                    flying[process.pid] = _order(process, _take(waiting, block))
                 yield block, rows
+
+
+def _take(waiting: dict[int, list[Block]], last: Block | None) -> Block:
+    """Takes the next block for a worker: with the seed that it flew last, or else with the seed that has most left."""
+    seed = (
+        last[1] if last is not None and last[1] in waiting else max(waiting, key=lambda it: len(waiting[it]))
+    )
+    block = waiting[seed].pop(0)
+    if not waiting[seed]:
+        del waiting[seed]
+    return block
 
 
 def _order(process: Worker, block: Block) -> Block:

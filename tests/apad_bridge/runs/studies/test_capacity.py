@@ -46,6 +46,8 @@ def test_surfacing_lowers_what_the_docks_sustain_by_hand() -> None:
         found = bounds_of([from_data(scenario, "test")])
         above_knee_min = 0.4366 / C  # from 0.5634 to 1
         assert found.sustained == pytest.approx(4 * (1 + gained / above_knee_min / D), rel=1e-3)
+        few = bounds_of([from_data({**scenario, "fleet": {**scenario["fleet"], "count": 12}}, "test")])
+        assert few.uptime_for_ever_percent == pytest.approx(100 * (1 - 4 / found.sustained), rel=1e-3)
 
 
 @given(
@@ -114,9 +116,13 @@ def test_the_closed_form_is_the_linear_programme(fleet: list[Rates], minutes: fl
     count=st.integers(1, 16),
     batch=st.integers(1, 4),
     theta=st.sampled_from([30, 120]),
+    surfacing=st.sampled_from([0.0, 0.02, 0.09]),
 )
-def test_no_flight_exceeds_the_bounds(seed: int, strategy: str, count: int, batch: int, theta: int) -> None:
-    scenario = pool(seed, count, collection=strategy, batch=batch, theta=theta)
+def test_no_flight_exceeds_the_bounds(
+    seed: int, strategy: str, count: int, batch: int, theta: int, surfacing: float
+) -> None:
+    board = {**resolve(pool())["board"], "motor_run_charge": surfacing / 2}
+    scenario = pool(seed, count, collection=strategy, batch=batch, theta=theta, board=board)
     bounds, flown = bounds_of([scenario]), fly(scenario, Model.EVENT_DRIVEN)
     tick = 1 / scenario.duration_s
     assert flown.uptime_paper_mean <= bounds.uptime_percent + 100 * tick

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 
 from apad_bridge.commands.main import main
@@ -158,6 +160,26 @@ def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
     assert all(process.poll() is not None for process in started)
     monkeypatch.undo()
     assert fly_study(study, tmp_path / "two", 2) == fly_study(study, tmp_path / "one", 1)
+
+
+@given(workers=st.integers(1, 4), turns=st.lists(st.integers(0, 3), max_size=40))
+def test_each_worker_goes_on_with_its_seed_as_long_as_it_has_blocks(workers: int, turns: list[int]) -> None:
+    waiting = {seed: [(setting, seed) for setting in range(3)] for seed in range(5)}
+    last: dict[int, tuple[int, int]] = {}
+    taken = []
+    for worker in [it % workers for it in turns] + [0] * 15:
+        if not waiting:
+            break
+        own = last.get(worker)
+        has_own = own is not None and own[1] in waiting
+        untouched = {seed for seed, blocks in waiting.items() if len(blocks) == 3}
+        last[worker] = runner._take(waiting, own)
+        taken.append(last[worker])
+        if has_own:
+            assert own is not None and last[worker][1] == own[1]
+        elif untouched:
+            assert last[worker][1] in untouched
+    assert sorted(taken) == [(setting, seed) for setting in range(3) for seed in range(5)]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
