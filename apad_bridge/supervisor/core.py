@@ -40,6 +40,7 @@ from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleC
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
+    CommandAccepted,
     CommandedByOthers,
     CommandFailed,
     DockClosed,
@@ -73,6 +74,7 @@ _PRIORITY: dict[type, int] = {
     DockOpened: 0,
     PoseReported: 1,
     BatteryReported: 1,
+    CommandAccepted: 2,
     Arrived: 2,
     CommandFailed: 2,
     CommandedByOthers: 2,

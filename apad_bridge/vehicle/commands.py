@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class GoTo:
-    """Go to a point and then stay there. `Arrived` or `CommandFailed` repeats `command_id`."""
+    """Go to a point and then stay there. `CommandAccepted`, then `Arrived` or `CommandFailed`, repeat `command_id`."""
 
     command_id: int
     north_m: float
@@ -90,6 +90,8 @@ class PoseReported:
     north_m: float
     east_m: float
     heading_rad: float
+    stamp_ms: int | None = None
+    """The position's own time, by the vehicle's clock: only differences count. None from a vehicle that gives none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +101,17 @@ class BatteryReported:
     at_ms: int
     voltage_v: float
     fraction: float
+
+
+@dataclass(frozen=True, slots=True)
+class CommandAccepted:
+    """The vehicle has taken a go-to or a hold, and follows it from now on. A repeated order is accepted again.
+
+    Whoever waits for the vehicle to follow counts from here: until then the order may be on its way.
+    """
+
+    at_ms: int
+    command_id: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,5 +151,12 @@ class CommandedByOthers:
 
 
 VehicleFact = (
-    PoseReported | BatteryReported | Arrived | CommandFailed | DockClosed | DockOpened | CommandedByOthers
+    PoseReported
+    | BatteryReported
+    | CommandAccepted
+    | Arrived
+    | CommandFailed
+    | DockClosed
+    | DockOpened
+    | CommandedByOthers
 )

@@ -29,6 +29,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandAccepted,
     CommandedByOthers,
     CommandFailed,
     DockClosed,
@@ -116,18 +117,25 @@ PROGRESS_M = 0.5
 
 
 class GoToProgress:
-    """Watches a go-to, which is stalled at `deadline_ms`: `stall_ms` after its last progress of `PROGRESS_M`."""
+    """Watches a go-to, which is stalled at `deadline_ms`: `stall_ms` after its last progress of `PROGRESS_M`.
+
+    It counts from the vehicle's acceptance, `begin`. An order that is not accepted within `stall_ms` has stalled too.
+    """
 
     def __init__(
         self, north_m: float, east_m: float, stall_ms: int, now_ms: int, pose: PoseReported | None
     ) -> None:
         self._goal_m = (north_m, east_m)
         self._stall_ms = stall_ms
-        self._nearest_m = math.inf
-        self.deadline_ms = now_ms + stall_ms
         self._pose_ms: int | None = None
-        if pose is not None:
-            self._nearest_m = self._distance_m(pose)
+        self.begin(pose, now_ms)
+        self._is_accepted = False
+
+    def begin(self, pose: PoseReported | None, now_ms: int) -> None:
+        """The vehicle has accepted the order, at this pose."""
+        self._is_accepted = True
+        self._nearest_m = math.inf if pose is None else self._distance_m(pose)
+        self.deadline_ms = now_ms + self._stall_ms
 
     def take(self, pose: PoseReported, now_ms: int) -> None:
         distance_m = self._distance_m(pose)
@@ -137,6 +145,8 @@ class GoToProgress:
             self.deadline_ms = now_ms + self._stall_ms
 
     def stall_reason(self) -> str:
+        if not self._is_accepted:
+            return f"stalled: the vehicle did not accept the go-to within {self._stall_ms / 1000:g} s"
         if self._pose_ms is None or self._pose_ms + self._stall_ms <= self.deadline_ms:
             return f"stalled: the vehicle sent no pose for {self._stall_ms / 1000:g} s"
         return f"stalled: not {PROGRESS_M:g} m nearer within {self._stall_ms / 1000:g} s, {self._nearest_m:.1f} m to go"
@@ -157,11 +167,11 @@ class DockingPort:
     The port tries a failing mechanism `docking.attempts` times and reports the first cause.
 
     Every wait ends. Each try of a dock or undock ends `docking.timeout_s` after it began. A go-to ends
-    `stall_s` after it last got 0.5 m nearer; the port then orders the vehicle to hold at its last known
-    position. A vehicle that does not obey speeds goes as it is set, which should be `usual_go_to` (speed, victory
-    radius): other orders are counted. A port that follows another port on the same vehicle begins with the docks as the
-    other knew them, `docked`. It numbers its commands from `first_command_id`, beyond the other's, so that late answers to
-    the old commands match nothing.
+    `stall_s` after the vehicle accepted it or last got 0.5 m nearer, or when it was not accepted within `stall_s`. The port
+    then orders the vehicle to hold at its last known position. A vehicle that does not obey speeds goes as it is set, which
+    should be `usual_go_to` (speed, victory radius): other orders are counted. A port that follows another port on the same
+    vehicle begins with the docks as the other knew them, `docked`. It numbers its commands from `first_command_id`, beyond
+    the other's, so that late answers to the old commands match nothing.
     """
 
     def __init__(
@@ -236,6 +246,9 @@ class DockingPort:
                 self._order(stimulus, now_ms, actions)
             case PoseReported():
                 self._take_pose(stimulus, now_ms)
+            case CommandAccepted():
+                if self._progress is not None and stimulus.command_id == self._command_id:
+                    self._progress.begin(self._pose, now_ms)
             case Arrived():
                 self._receive_answer(Event.ARRIVED, stimulus.command_id, now_ms, actions)
             case CommandFailed():

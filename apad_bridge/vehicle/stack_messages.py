@@ -19,6 +19,8 @@ class PoseReceived:
     north_m: float
     east_m: float
     heading_rad: float
+    stamp_ms: int | None = None
+    """The message's own stamp, by whatever clock; None for none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,7 +62,7 @@ class Readings:
                 self.heard_since_ms = message.at_ms
             self.position_ms = message.at_ms
             self.pose = self._pose = PoseReported(
-                message.at_ms, message.north_m, message.east_m, message.heading_rad
+                message.at_ms, message.north_m, message.east_m, message.heading_rad, message.stamp_ms
             )
 
     def _receive_battery(self, message: BatteryReceived) -> None:

@@ -78,7 +78,8 @@ class LegacySubscribers:
 
     def _take_pose(self, message: Any) -> None:
         position, yaw = message.position, message.orientation.yaw
-        self._inbox.put(PoseReceived(self._stamp(message), position.north, position.east, yaw))
+        stamp_ms = to_ms(message.header.stamp) or None  # 0 is no time
+        self._inbox.put(PoseReceived(self._stamp(message), position.north, position.east, yaw, stamp_ms))
 
     def _take_state(self, message: Any) -> None:
         self._inbox.put(StateRefReceived(self._stamp(message)))

@@ -21,6 +21,7 @@ from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
+    CommandAccepted,
     CommandedByOthers,
     CommandFailed,
     DockClosed,
@@ -78,6 +79,9 @@ class _SentGoal:
     order: GoalOrder
     sent_ms: int
     is_taken: bool = False
+    """The server knows it."""
+    is_accepted: bool = False
+    """The vehicle follows it."""
     ended_ms: int | None = None
     """The time at which the server ended the goal, while `position_static` does not confirm it yet."""
     pre_empted_ms: int | None = None
@@ -302,7 +306,9 @@ class GenerationACore:
             named_keys.add(status.key)
             if (sent := self._goals.get(status.key)) is not None:
                 sent.is_taken = True
-                if status.code in ENDS:
+                if status.code is GoalCode.ACTIVE and not sent.is_accepted:
+                    self._accept(sent, message.at_ms)
+                elif status.code in ENDS:
                     self._end_goal(status, sent, message.at_ms)
         if not message.whole:
             return
@@ -314,6 +320,13 @@ class GenerationACore:
                 and sent.pre_empted_ms is None
             ):
                 self._end_goal(GoalStatusEntry(key, GoalCode.LOST, "did it restart?"), sent, message.at_ms)
+
+    def _accept(self, sent: _SentGoal, at_ms: int) -> None:
+        sent.is_accepted = True
+        if sent.progress is not None:
+            sent.progress.begin(self.readings.pose, at_ms)
+        if isinstance(sent.command, GoTo | Hold):
+            self._facts.append(CommandAccepted(at_ms, sent.command.command_id))
 
     def _end_goal(self, status: GoalStatusEntry, sent: _SentGoal, at_ms: int) -> None:
         match sent.command, status.code:

@@ -50,15 +50,16 @@ class Calls:
         calls, self._to_send = self._to_send, []
         return calls
 
-    def receive(self, answer: ServiceAnswered) -> None:
-        """Takes a service's answer. Answers to replaced orders change nothing."""
+    def receive(self, answer: ServiceAnswered) -> bool:
+        """Takes a service's answer; True when it has taken the order. Answers to replaced orders change nothing."""
         pending = self.pending
         if pending is None or answer.number != pending.number or pending.answered_ms is not None:
-            return
+            return False
         if answer.refused is None:
             pending.answered_ms = answer.at_ms
         else:
             self._refuse(pending, answer.refused, answer.at_ms)
+        return answer.refused is None
 
     def retry_or_fail(self, now_ms: int) -> str | None:
         """Repeats a due call; after the last try returns the first cause."""

@@ -104,7 +104,7 @@ class GenerationBCore:
             case PoseReceived() | StateRefReceived() | BatteryReceived():
                 self.readings.receive(message)
             case ServiceAnswered():
-                self._tasks.calls.receive(message)
+                self._tasks.receive_answer(message)
             case StatusReceived(at_ms, docking, status):
                 self.status_count += 1
                 self._tasks.receive_status(docking, status, at_ms)

@@ -124,6 +124,7 @@ class HoldTask:
 
     order: PositionOrder
     ordered_ms: int
+    """The time of the order; from the service's answer on, the time of that."""
     command: Hold | None = None
     """None for the hold after a primitive, ordered because the primitive's end leaves the controllers off."""
 

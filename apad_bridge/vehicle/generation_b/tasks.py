@@ -14,6 +14,7 @@ from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
+    CommandAccepted,
     CommandedByOthers,
     CommandFailed,
     GoTo,
@@ -26,7 +27,13 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.generation_b.calls import Calls
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
-from apad_bridge.vehicle.generation_b.messages import Order, PositionOrder, Status, StopOrder
+from apad_bridge.vehicle.generation_b.messages import (
+    Order,
+    PositionOrder,
+    ServiceAnswered,
+    Status,
+    StopOrder,
+)
 from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask, hold_task_of
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Readings
@@ -132,6 +139,15 @@ class Tasks:
                 else:
                     # The port has waited out the docking time, and the bench makes the contact.
                     self._facts += self._docks.close(command, self._pose, now_ms)
+
+    def receive_answer(self, answer: ServiceAnswered) -> None:
+        """A service answers: the vehicle has taken the present order, or refuses it."""
+        if not self.calls.receive(answer):
+            return
+        if self._hold_task is not None:
+            self._hold_task.ordered_ms = answer.at_ms
+        if isinstance(command := self._commanded, GoTo | Hold):
+            self._facts.append(CommandAccepted(answer.at_ms, command.command_id))
 
     def receive_status(self, docking: bool, status: Status, at_ms: int) -> None:
         pending = self.calls.pending

@@ -15,6 +15,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandAccepted,
     CommandedByOthers,
     CommandFailed,
     GoTo,
@@ -53,6 +54,7 @@ Event = tuple[str, dict[str, Any]]
 """(kind, data) of a line in the journal."""
 
 
+_Answer = CommandAccepted | Arrived | CommandFailed
 RETURN_RADIUS_M = 1.0
 GOES_BACK = "the aPad goes back inside the fence, and then waits for a person"
 STEERED_BY_OTHERS = "a pilot or another party has steered the aPad: take it over, or give it back"
@@ -94,6 +96,7 @@ class Gate:
         return Situation(
             self.watch.place_m,
             self.watch.velocity_m_s,
+            self.watch.least_speed_m_s,
             self.watch.fault(now_ms),
             self._battery_fraction,
             self.bodies,
@@ -168,6 +171,8 @@ class GuardedVehicle:
         self._can_stop = can_stop
         self._facts: list[LinkFact] = []
         self._under_way: UnderWay | None = None
+        self._ordered: GoTo | Hold | None = None
+        """The newest order where to go or stay. Until the vehicle has accepted it, it follows the one before."""
         self._own_id = 0
         """Commands of the guards' own have ids below 0, which no port uses."""
         self._looked_ms = -1
@@ -182,7 +187,9 @@ class GuardedVehicle:
         self._facts = []
         self.gate.observe(facts)
         for fact in facts:
-            if isinstance(fact, Arrived | CommandFailed):
+            if isinstance(fact, CommandAccepted):
+                self._note_acceptance(fact)
+            elif isinstance(fact, Arrived | CommandFailed):
                 self._note_end(fact.command_id)
                 if fact.command_id == self._own_hold_id:
                     self._note_own_hold(fact, now_ms)
@@ -193,7 +200,7 @@ class GuardedVehicle:
             self._look(now_ms)
         facts += self._facts
         self._facts = []
-        return [it for it in facts if not (isinstance(it, Arrived | CommandFailed) and it.command_id < 0)]
+        return [it for it in facts if not (isinstance(it, _Answer) and it.command_id < 0)]
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         refusal = self.gate.refusal(command, now_ms)
@@ -238,7 +245,7 @@ class GuardedVehicle:
             self._switch_off(command.command_id, now_ms)
 
     def _switch_off(self, command_id: int, now_ms: int) -> None:
-        self._under_way = None
+        self._under_way = self._ordered = None
         self.gate.watch.note_goal(None)
         if self._can_stop:
             self._send(Stop(command_id), now_ms)
@@ -248,13 +255,22 @@ class GuardedVehicle:
             is_own_hold = isinstance(command, Hold) and command.command_id < 0
             self._own_hold_id = command.command_id if is_own_hold else None
             self._end_way_back(command.command_id)
-            self._under_way = UnderWay(command, now_ms) if isinstance(command, GoTo) else None
-            self.gate.watch.note_goal(goal_of(command))
+            self._under_way = UnderWay(command) if isinstance(command, GoTo) else None
+            self._ordered = command if isinstance(command, GoTo | Hold) else None
+            if self._ordered is None:
+                self.gate.watch.note_goal(None)
         self._link.command(command, now_ms)
+
+    def _note_acceptance(self, fact: CommandAccepted) -> None:
+        if self._ordered is None or fact.command_id != self._ordered.command_id:
+            return  # of an order that another one has replaced
+        self.gate.watch.note_goal(goal_of(self._ordered), fact.at_ms)
+        if isinstance(self._ordered, GoTo):
+            self._under_way = UnderWay(self._ordered, fact.at_ms)
 
     def _note_end(self, command_id: int) -> None:
         if self._under_way is not None and command_id == self._under_way.command.command_id:
-            self._under_way = None
+            self._under_way = self._ordered = None
             self.gate.watch.note_goal(None)
             self._end_way_back(None)
 

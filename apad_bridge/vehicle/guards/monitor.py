@@ -35,10 +35,10 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class UnderWay:
-    """A go-to that the vehicle has not ended, and the time of its order."""
+    """A go-to that the vehicle has not ended, and the time at which it accepted it; None before."""
 
     command: GoTo
-    since_ms: int
+    since_ms: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,27 +137,29 @@ def _place_at_rest(place_m: Point, situation: Situation, deceleration_m_s2: floa
 
 @dataclass(frozen=True, slots=True)
 class SpeedIsAllowed:
-    """The measured speed: a vehicle of generation A obeys no ordered one."""
+    """The measured speed, less its error: a vehicle of generation A obeys no ordered one."""
 
     most_m_s: float
     cause: Cause = Cause.SPEED
 
     def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
-        if situation.speed_m_s <= self.most_m_s:
+        if situation.least_speed_m_s <= self.most_m_s:
             return None
-        reason = f"the aPad makes {situation.speed_m_s:.1f} m/s, the greatest is {self.most_m_s:g} m/s"
+        made = f"{situation.speed_m_s:.2f} m/s, {situation.least_speed_m_s:.2f} at least"
+        reason = f"the aPad makes {made}; the greatest is {self.most_m_s:g} m/s"
         return Finding(self.cause, Reaction.HOLD, reason)
 
 
 @dataclass(frozen=True, slots=True)
 class EndsInTime:
-    """A go-to that is under way for longer than a leg may last."""
+    """A go-to that lasts longer than a leg may, from the vehicle's acceptance on."""
 
     duration_s: float = math.inf
     cause: Cause = Cause.LATE
 
     def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
-        if under_way is None or now_ms - under_way.since_ms <= self.duration_s * 1000:
+        since_ms = None if under_way is None else under_way.since_ms
+        if since_ms is None or now_ms - since_ms <= self.duration_s * 1000:
             return None
         return Finding(self.cause, Reaction.HOLD, f"the go-to did not end within {self.duration_s:g} s")
 

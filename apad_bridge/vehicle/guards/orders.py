@@ -39,6 +39,8 @@ class Situation:
     """The newest position of the vehicle, good or bad; None before the first."""
     velocity_m_s: Point = (0.0, 0.0)
     """(north, east), from the newest positions."""
+    least_speed_m_s: float = 0.0
+    """The speed that the vehicle makes at least, by the error of its velocity."""
     position_fault: str = ""
     """The reason not to use the position; empty for a good one."""
     battery_fraction: float | None = None

@@ -14,6 +14,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandAccepted,
     CommandFailed,
     GoTo,
     Hold,
@@ -132,6 +133,7 @@ class SimulatedAPad:
             facts.append(CommandFailed(now_ms, command.command_id, reason))
         else:
             self._accept(command)
+            facts.append(CommandAccepted(now_ms, command.command_id))
         return facts
 
     def change_battery(self, fraction: float, now_ms: int) -> list[VehicleFact]:
@@ -175,7 +177,7 @@ class SimulatedAPad:
         self._instant_ms = at_ms
         pose = self._motion.pose
         if was_moving or at_ms % REPORT_MS == 0:
-            facts.append(PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad))
+            facts.append(PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad, at_ms))
         if at_ms % REPORT_MS == 0:
             facts.append(BatteryReported(at_ms, self._battery.voltage_v, self._battery.fraction))
         if self._arrival is not None and self._arrival.has_arrived(pose):

@@ -14,6 +14,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandAccepted,
     CommandFailed,
     DockClosed,
     DockOpened,
@@ -156,18 +157,30 @@ def test_a_refused_mechanism_fails_with_the_vehicles_reason():
     ]
 
 
-def test_a_silent_vehicle_stalls_a_go_to():
+def test_a_vehicle_that_does_not_accept_a_go_to_stalls_it():
     port = DockingPort(VIRTUAL, stall_s=20)
     port.receive(GO, 1000)
     [failure] = port.advance(21_000)
     assert isinstance(failure, PrimitiveFailed)
-    assert (failure.at_ms, "no pose" in failure.reason) == (21_000, True)
+    assert (failure.at_ms, "did not accept" in failure.reason) == (21_000, True)
+
+
+def test_a_silent_vehicle_stalls_a_go_to_from_its_acceptance_on():
+    port = DockingPort(VIRTUAL, stall_s=20)
+    port.receive(GO, 1000)
+    port.receive(CommandAccepted(3000, 7), 3000)  # of another order
+    port.receive(CommandAccepted(5000, 1), 5000)
+    assert port.advance(24_999) == []
+    [failure] = port.advance(25_000)
+    assert isinstance(failure, PrimitiveFailed)
+    assert (failure.at_ms, "no pose" in failure.reason) == (25_000, True)
 
 
 def test_a_vehicle_that_gets_no_nearer_stalls_and_is_told_to_hold_where_it_is():
     port = DockingPort(VIRTUAL, stall_s=20)
     port.receive(pose(0, 0.0), 0)
     port.receive(GO, 0)
+    port.receive(CommandAccepted(0, 1), 0)
     port.receive(pose(10_000, 0.4), 10_000)  # 0.4 m: too little to count
     port.receive(pose(19_000, 0.5), 19_000)  # 0.5 m since the start: counts
     port.receive(pose(30_000, 0.9), 30_000)
@@ -181,6 +194,7 @@ def test_a_vehicle_that_gets_no_nearer_stalls_and_is_told_to_hold_where_it_is():
 def test_a_vehicle_that_falls_silent_on_the_way_is_told_apart_from_one_that_is_stuck():
     port = DockingPort(VIRTUAL, stall_s=20)
     port.receive(GO, 0)
+    port.receive(CommandAccepted(0, 1), 0)
     port.receive(pose(3000, 1.5), 3000)
     failure, _hold = port.advance(23_000)
     assert isinstance(failure, PrimitiveFailed)

@@ -10,6 +10,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandAccepted,
     CommandFailed,
     DockClosed,
     DockOpened,
@@ -54,8 +55,9 @@ def is_at(core: GenerationACore, at_ms: int) -> None:
 
 
 def tells(core: GenerationACore, now_ms: int) -> list[LinkFact]:
-    """The new facts, without readings of pose and battery."""
-    return [it for it in core.advance(now_ms) if not isinstance(it, PoseReported | BatteryReported)]
+    """The new facts, without readings of pose and battery, and without acceptances."""
+    readings = PoseReported | BatteryReported | CommandAccepted
+    return [it for it in core.advance(now_ms) if not isinstance(it, readings)]
 
 
 def test_commands_become_goals_of_the_three_kinds(core: GenerationACore) -> None:
@@ -74,6 +76,16 @@ def test_a_go_to_that_succeeds_has_arrived_once(core: GenerationACore) -> None:
         GoalStatusReceived(9_000, (GoalStatusEntry("run-1", GoalCode.SUCCEEDED),), whole=True), 9_000
     )
     assert tells(core, 9_000) == [Arrived(9_000, 1)]
+
+
+@pytest.mark.parametrize("command", [THERE, Hold(1, 5.0, 6.0)])
+def test_a_goal_is_accepted_once_when_the_server_runs_it(core: GenerationACore, command: GoTo | Hold) -> None:
+    core.command(command, 0)
+    says(core, 1_000, "run-1", GoalCode.PENDING)
+    assert core.advance(1_000) == []
+    for at_ms in (2_000, 3_000):
+        says(core, at_ms, "run-1", GoalCode.ACTIVE)
+    assert core.advance(3_000) == [CommandAccepted(2_000, 1)]
 
 
 def test_the_result_of_a_hold_is_no_news(core: GenerationACore) -> None:

@@ -12,6 +12,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandAccepted,
     CommandedByOthers,
     CommandFailed,
     DockClosed,
@@ -87,12 +88,9 @@ class Apad:
         self.core.receive(StatusReceived(at_ms, True, status), at_ms)
 
     def tells(self, now_ms: int) -> list[LinkFact]:
-        """The new facts, without readings of pose and battery, and without places that only moved."""
-        return [
-            it
-            for it in self.core.advance(now_ms)
-            if not isinstance(it, PoseReported | BatteryReported | Carried)
-        ]
+        """The new facts, without readings of pose and battery, acceptances, and places that only moved."""
+        readings = PoseReported | BatteryReported | CommandAccepted | Carried
+        return [it for it in self.core.advance(now_ms) if not isinstance(it, readings)]
 
 
 def test_a_go_to_arrives_by_its_status_and_is_then_held() -> None:
@@ -106,6 +104,27 @@ def test_a_go_to_arrives_by_its_status_and_is_then_held() -> None:
     assert apad.tells(9_000) == [Arrived(9_000, 1)]
     # A primitive's end leaves the controllers off.
     assert apad.answers(9_000) == [PositionOrder(5.0, 6.0)]
+
+
+@pytest.mark.parametrize("command", [THERE, Hold(1, 5.0, 6.0)])
+def test_an_order_is_accepted_by_its_service_s_answer(command: GoTo | Hold) -> None:
+    apad = Apad()
+    apad.core.advance(0)
+    apad.core.command(command, 0)
+    assert apad.core.advance(2_000) == []
+    apad.answers(2_000)
+    assert apad.core.advance(3_000) == [CommandAccepted(2_000, 1)]
+
+
+def test_a_hold_is_astray_by_its_acceptance_and_not_by_its_order() -> None:
+    apad = Apad()
+    apad.core.command(Hold(1, 20.0, 20.0), 0)
+    apad.tells(4_000)
+    assert apad.answers(4_000) == [PositionOrder(20.0, 20.0)]
+    for now_ms, orders in ((13_000, []), (14_000, [PositionOrder(20.0, 20.0)])):
+        apad.is_at(now_ms, 2.0, 3.0)
+        apad.tells(now_ms)
+        assert apad.answers(now_ms) == orders
 
 
 def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one() -> None:

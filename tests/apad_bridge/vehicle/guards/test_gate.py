@@ -14,6 +14,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Generation
 from apad_bridge.vehicle.commands import (
     Arrived,
+    CommandAccepted,
     CommandFailed,
     GoTo,
     Hold,
@@ -43,7 +44,7 @@ LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=2.0)
 
 
 class Wire:
-    """A link that keeps what goes out, and reports the positions that it is told to report."""
+    """A link that keeps what goes out, and reports acceptance, and the positions that it is told to report."""
 
     def __init__(self) -> None:
         self.out: list[VehicleCommand] = []
@@ -55,6 +56,8 @@ class Wire:
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         self.out.append(command)
+        if isinstance(command, GoTo | Hold):
+            self.facts.append(CommandAccepted(now_ms, command.command_id))
 
     def close(self) -> None:
         pass
@@ -82,7 +85,7 @@ class Guarded:
     def at(self, north_m: float, east_m: float, *, after_ms: int = 1_000) -> list[LinkFact]:
         """The facts of a tick at which the vehicle is there."""
         self.now_ms += after_ms
-        self.wire.facts.append(PoseReported(self.now_ms, north_m, east_m, 0.0))
+        self.wire.facts.append(PoseReported(self.now_ms, north_m, east_m, 0.0, self.now_ms))
         return self.vehicle.advance(self.now_ms)
 
     def silent(self, ticks: int) -> list[LinkFact]:

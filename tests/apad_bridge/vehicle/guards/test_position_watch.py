@@ -4,14 +4,26 @@ from __future__ import annotations
 
 import math
 
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from apad_bridge.vehicle.commands import PoseReported
-from apad_bridge.vehicle.guards.position_watch import SETTLED_MS, PositionLimits, PositionWatch
+from apad_bridge.vehicle.guards.position_watch import (
+    PLACE_ERROR_M,
+    SETTLED_MS,
+    PositionLimits,
+    PositionWatch,
+)
+
+LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=1.0, frozen_ms=10_000)
 
 
 def watched(*poses: tuple[int, float, float]) -> PositionWatch:
-    watch = PositionWatch(PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=1.0, frozen_ms=10_000))
+    """A watch of positions whose stamps are the times of their arrival."""
+    watch = PositionWatch(LIMITS)
     for at_ms, north_m, east_m in poses:
-        watch.take(PoseReported(at_ms, north_m, east_m, 0.0))
+        watch.take(PoseReported(at_ms, north_m, east_m, 0.0, at_ms))
     return watch
 
 
@@ -30,7 +42,7 @@ def test_a_jump_is_not_believed_until_the_position_has_settled() -> None:
     jumped = watched((0, 0.0, 0.0), (1_000, 11.1, 0.0))
     assert "jumped" in jumped.fault(1_000)
     assert jumped.velocity_m_s == (0.0, 0.0)
-    jumped.take(PoseReported(1_000 + SETTLED_MS, 11.1, 0.0, 0.0))
+    jumped.take(PoseReported(1_000 + SETTLED_MS, 11.1, 0.0, 0.0, 1_000 + SETTLED_MS))
     assert jumped.fault(1_000 + SETTLED_MS) == ""
 
 
@@ -39,7 +51,7 @@ def test_a_position_that_does_not_move_under_way_is_frozen() -> None:
     assert watch.fault(20_000) == ""  # at rest it may
 
     def under_way(from_ms: int, to_ms: int) -> None:
-        watch.note_goal((5.0, 1.0))
+        watch.note_goal((5.0, 1.0), from_ms - 1_000)
         for at_ms in range(from_ms, to_ms + 1, 1_000):
             watch.take(PoseReported(at_ms, 1.0, 1.0, 0.0))
         watch.note_goal(None)
@@ -65,3 +77,83 @@ def test_the_velocity_is_that_of_the_last_two_seconds() -> None:
 def test_an_older_pose_changes_nothing() -> None:
     watch = watched((1_000, 1.0, 1.0), (500, 90.0, 90.0), (1_000, 90.0, 90.0))
     assert watch.place_m == (1.0, 1.0) and watch.fault(1_000) == ""
+
+
+# Stamps by the vehicle's clock, which is ahead of ours.
+
+AHEAD_MS = 1_000_000
+
+
+def come(watch: PositionWatch, at_ms: int, measured_ms: int, north_m: float, east_m: float = 0.0) -> None:
+    """A position that was measured at a mission time and came at a later one."""
+    watch.take(PoseReported(at_ms, north_m, east_m, 0.0, measured_ms + AHEAD_MS))
+
+
+@given(st.lists(st.integers(0, 2_000), min_size=5, max_size=40), st.integers(-(10**9), 10**9))
+def test_a_delay_changes_neither_the_velocity_nor_the_frozen_time(
+    delays_ms: list[int], ahead_ms: int
+) -> None:
+    """A vehicle makes 0.5 m/s; its positions keep their order, and the newest of each tick counts."""
+    watch = PositionWatch(LIMITS)
+    watch.note_goal((500.0, 0.0), 0)
+    come_ms = 0
+    measured: dict[int, int] = {}
+    for n, delay_ms in enumerate(delays_ms):
+        come_ms = max(come_ms, 1_000 * n + delay_ms)
+        measured[-(-come_ms // 1_000) * 1_000] = 1_000 * n
+    for at_ms, measured_ms in measured.items():
+        watch.take(PoseReported(at_ms, 0.0005 * measured_ms, 0.0, 0.0, measured_ms + ahead_ms))
+        assert watch.velocity_m_s == pytest.approx((0.5, 0.0) if len(watch._poses) > 1 else (0.0, 0.0))
+        assert watch.least_speed_m_s <= 0.5 and watch.fault(at_ms) == ""
+
+
+def test_a_position_from_before_the_acceptance_that_comes_late_is_not_frozen() -> None:
+    limits = PositionLimits(frozen_ms=1_000)
+    watch, late = PositionWatch(limits), PositionWatch(limits)
+    for at_ms in range(1_000, 11_000, 1_000):
+        come(watch, at_ms, at_ms - 200, 1.0)
+        come(late, at_ms, at_ms - 200, 1.0)
+    for each in (watch, late):
+        each.note_goal((9.0, 0.0), 10_500)
+    for at_ms, measured_ms in ((11_000, 9_900), (12_000, 10_000), (13_000, 11_000)):
+        come(late, at_ms, measured_ms, 1.0)  # the vehicle accepted it at 10.3 s or before
+        assert late.fault(at_ms) == ""
+        come(watch, at_ms, at_ms - 200, 1.0)
+    assert "has not changed" in watch.fault(13_000)
+
+
+def test_positions_that_come_together_after_a_stall_are_no_jump() -> None:
+    watch = PositionWatch(PositionLimits(age_ms=20_000, jump_m=1.0, speed_m_s=2.0))
+    come(watch, 1_000, 1_000, 0.0)
+    come(watch, 6_000, 2_000, 2.0)
+    come(watch, 7_000, 7_000, 12.0)  # ten metres within a tick, and 2 m/s by its stamps
+    assert watch.fault(7_000) == "" and watch.velocity_m_s == (2.0, 0.0)
+    come(watch, 8_000, 7_100, 14.0)
+    assert "jumped" in watch.fault(8_000)
+
+
+@pytest.mark.parametrize("by_ms", [-30_000, -500, 6_000, 10**9])
+def test_the_vehicle_s_clock_may_be_set(by_ms: int) -> None:
+    watch = PositionWatch(LIMITS)
+    watch.note_goal((500.0, 0.0), 0)
+    for at_ms in range(1_000, 31_000, 1_000):
+        set_ms = by_ms * (at_ms > 15_000)
+        come(watch, at_ms, at_ms + set_ms, 0.0005 * at_ms)
+        assert watch.fault(at_ms) == "" and watch.least_speed_m_s <= 1.0
+    assert watch.velocity_m_s == pytest.approx((0.5, 0.0))
+    for at_ms in range(31_000, 43_000, 1_000):
+        come(watch, at_ms, at_ms + by_ms, 20.0)
+    assert "has not changed" in watch.fault(42_000)
+
+
+@pytest.mark.parametrize("stamp_ms", [None, 77])
+def test_without_stamps_that_go_on_the_arrivals_count_with_their_error(stamp_ms: int | None) -> None:
+    watch = PositionWatch(LIMITS)
+    for at_ms in range(1_000, 6_000, 1_000):
+        watch.take(PoseReported(at_ms, 0.001 * at_ms, 0.0, 0.0, stamp_ms))
+    assert watch.velocity_m_s == pytest.approx((1.0, 0.0))
+    assert watch.least_speed_m_s == pytest.approx((2.0 - PLACE_ERROR_M) / 3.0)
+    watch.note_goal((50.0, 0.0), 5_000)
+    for at_ms in range(6_000, 17_000, 1_000):
+        watch.take(PoseReported(at_ms, 5.0, 0.0, 0.0, stamp_ms))
+    assert "has not changed" in watch.fault(16_000)
