@@ -43,6 +43,7 @@ from apad_bridge.vehicle.primitives import (
     HoldPosition,
     Outcome,
     PrimitiveFailed,
+    PrimitiveSucceeded,
 )
 
 STUCK_AFTER = 3
@@ -106,8 +107,16 @@ class EnergyExchange(OrderBook):
         self._called_up: set[int] = set()
         """The aMussels that this mission permitted to surface and that have not been docked since."""
         self._must_begin = True
-        """The primitive of the state must be ordered: at the start, and after a resume."""
+        """The primitive of the state must be ordered: at the start, after a resume, and after a wait for a person."""
+        self._awaits_person = False
+        """Nothing may move, so nothing is planned, and nothing given up for it."""
         self._began_ms: int | None = None
+
+    def await_person(self, reason: str) -> None:
+        """Waits for a person; the step under way begins anew when that one has spoken."""
+        if reason and not self._awaits_person:
+            self._must_begin, self._began_ms = True, None
+        self._awaits_person = bool(reason)
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         """Takes an outcome of the port; an outcome of a primitive that is not under way changes nothing."""
@@ -119,6 +128,8 @@ class EnergyExchange(OrderBook):
                 self._forget_failed_undockings(outcome.agent_id)
             return self.take_orders()
         progress = self.docking_routine.receive(outcome, now_ms)
+        if self._awaits_person and not isinstance(outcome, PrimitiveSucceeded):
+            return self.take_orders()
         if leg is not None and outcome.primitive_id == leg.primitive_id:
             self._breakdown.go_to_ended(outcome)
         if progress is Progress.GOES_ON:
@@ -144,6 +155,9 @@ class EnergyExchange(OrderBook):
         """Acts on the beliefs at `now_ms`."""
         self._learn_homes()
         if self.pose is None or self.state.phase is Phase.ENDED:
+            return self.take_orders()
+        if self._awaits_person:
+            self._remind_to_sink(now_ms)
             return self.take_orders()
         if self._must_begin:
             if not self._can_begin(now_ms):

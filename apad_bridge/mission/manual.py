@@ -96,6 +96,9 @@ class ManualMission(OrderBook):
 
     # The supervisor's interface.
 
+    def await_person(self, reason: str) -> None:
+        """Changes nothing: whoever gives an order is told why it is refused."""
+
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
         self.note_outcome(outcome)

@@ -63,6 +63,9 @@ class Takeover:
     def battery_heard(self, fraction: float) -> None:
         self._flying.battery_heard(fraction)
 
+    def await_person(self, reason: str) -> None:
+        self._flying.await_person(reason)
+
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         return self._flying.receive(outcome, now_ms)
 

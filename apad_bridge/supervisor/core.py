@@ -171,6 +171,7 @@ class Supervisor:
         due = sorted(entry for entry in self._facts if entry[0] <= now_ms)
         self._facts = [entry for entry in self._facts if entry[0] > now_ms]
         self.beliefs.advance(now_ms)
+        self.mission.await_person(self._gate.awaits_person)
         actions: list[SupervisorAction] = []
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)
@@ -360,7 +361,7 @@ class Supervisor:
         primitive = self._named.pop(outcome.primitive_id, None)
         if primitive is None:
             return []
-        if isinstance(primitive, GoToPoint):
+        if isinstance(primitive, GoToPoint) and not self._gate.awaits_person:
             self._stands_down.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):
             return [_primitive_note(primitive, "failed", outcome.reason)]

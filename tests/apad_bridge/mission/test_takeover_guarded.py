@@ -112,16 +112,23 @@ def test_after_another_party_steered_it_only_a_person_lets_it_go_on(fenced: Scen
     assert [it["by"] for it in flying.events("override")] == ["vehicle", "person"]
 
 
-def test_a_mission_that_a_guard_stopped_goes_on_when_a_person_continues_it(fenced: Scenario) -> None:
-    flying = Flying(fenced)
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    gate = flying.flight._vehicle.gate
-    gate.awaits_person = "a person must let the aPad go on"
-    flying.seconds(60)
-    assert gate.awaits_person
+@pytest.mark.parametrize("phase", [Phase.GO_COLLECT, Phase.DOCK, Phase.CHARGE, Phase.GO_DEPLOY, Phase.UNDOCK])
+def test_a_mission_that_a_guard_stopped_gives_nothing_up_and_goes_on_when_a_person_continues_it(
+    fenced: Scenario, phase: Phase
+) -> None:
+    flying = Flying(fenced, lambda it: replace(it, safety=replace(it.safety, needs_person=True)))
+    flying.until(lambda: flying.phase is phase)
+    mission, vehicle = flying.flight.supervisor.mission, flying.flight._vehicle
+    vehicle.switch_off("the test's reason", flying.now_ms)
+    flying.seconds(20)  # a docking under way has ended
+    steps, orders = mission.state.plan.steps, flying.events("primitive")
+    done = len(mission.state.docked), mission.state.services
+    flying.seconds(200)
+    assert vehicle.gate.awaits_person and mission.state.plan.steps == steps
+    assert flying.events("primitive") == orders
     continue_by_command(flying)
-    flying.seconds(2)
-    assert gate.awaits_person == ""
+    flying.until(lambda: (len(mission.state.docked), mission.state.services) != done, limit_s=600)
+    assert flying.events("given_up") == [] and vehicle.gate.awaits_person == ""
 
 
 @pytest.mark.parametrize("can_stop", [True, False])
