@@ -27,9 +27,9 @@ class GuardOptions:
     """The longest that a leg may last, as ordered and as flown."""
     speed_limit_m_s: Positive | None = None
     """The greatest speed, as ordered and as measured."""
-    position_age_s: PositiveSeconds = 5.0
+    position_age_s: PositiveSeconds = 2.0
     """The greatest age of a position that orders may build on."""
-    frozen_s: PositiveSeconds = 10.0
+    frozen_s: PositiveSeconds = 2.0
     """A position that stays the same to the last bit for so long under way is not believed."""
     jump_m: Positive = 10.0
     """A position farther than this from where the aPad can have come is not believed."""
