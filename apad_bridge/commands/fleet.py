@@ -15,7 +15,8 @@ def add_parser(commands: Any) -> None:
         help="fly simulated aMussels on the master at ROS_MASTER_URI, without a mission",
         description="Starts the scenario's aMussels, a process each, on the master at ROS_MASTER_URI. They report on "
         "/amusselN/position and battery_level. A publisher of /amusselN/position_static docks them, and rosservice call "
-        "/amusselN/surface and /amusselN/sink moves them. This command plans nothing and commands no aPad.",
+        "/amusselN/surface and /amusselN/sink moves them. This command plans nothing and commands no aPad. "
+        "Only its bag stays, as runs/SCENARIO-STAMP.bag; with --out DIR the whole run does.",
         epilog=ending(
             "musselbed fleet launch_scripts/scenarios/pool-12.yaml",
             "musselbed fleet launch_scripts/scenarios/pool-12.yaml --time ros --agents 4",

@@ -87,7 +87,8 @@ def fly(
     """Flies one aPad or several, and returns the exit code. UserError, or a line and its exit code, before anything starts.
 
     A run of several aPads has a directory for each, below its own. `live` names the processes that follow the run.
-    With `check` the records are checked at the end, and a broken law decides the exit code.
+    With `check` the records are checked at the end, and a broken law decides the exit code. Of a fleet without `out`
+    that ends in order its bag alone stays: the run is its mission's, perhaps on another machine.
     """
     live.refuse_several(scenario)
     scenario = _with_end_by_in_seconds(scenario, options)
@@ -101,6 +102,7 @@ def fly(
         whole = RunDirectory.create(stem, datetime.now(UTC), out)
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
+    only_bags = options.part is Part.FLEET and out is None
     _write_inputs(whole, options, scenario, starts, all_members, script)
     if preflight is not None:
         preflight.save(whole.preflight)
@@ -108,6 +110,8 @@ def fly(
         print(_allocation_text(all_members), flush=True)
     if options.time is not TimeSource.ASAP and not options.dry_run and not as_json:
         print(f"run: {whole.path}   (pause it: musselbed stop {whole.path})", flush=True)
+        if only_bags:
+            print("at the end its bag alone stays; --out DIR keeps all of it", flush=True)
         if options.apad is APadKind.ROS and options.part is not Part.FLEET:
             for command in recording_commands(scenario, options.namespace):
                 print(f"on the vehicle's computer: {command}", flush=True)
@@ -125,7 +129,10 @@ def fly(
             return print_plan(read_journal(whole.journal).first(EventKind.PLAN), as_json)
         summary = _whole_summary(whole, scenario, all_members, flown)
         flown_by = flown_by_whom(options, scenario)
-        code = report(scenario.name, flown_by, whole, summary, as_json, progress.messages)
+        bags = (
+            whole.reduced_to_bags([it.name for it in all_members]) if only_bags and not flown.failures else []
+        )
+        code = report(scenario, flown_by, whole, summary, as_json, progress.messages, bags)
         if flown.failures:
             raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
         return _checked(whole, code) if check else code

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from shlex import quote
 from typing import Any
 
@@ -15,37 +16,48 @@ from apad_bridge.mission.ending import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit, exit_of_all
 from apad_bridge.runs.studies.capacity import bounds_of
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
 
 
 def report(
-    name: str,
+    scenario: Scenario,
     flown_by: str,
     directory: RunDirectory,
     summary: dict[str, Any],
     as_json: bool,
     messages: Sequence[str] = (),
+    bags: Sequence[Path] = (),
 ) -> int:
     """Prints a run's outcome; returns the exit code. `flown_by` names the strategy, or another source of commands.
 
-    A person saw the `messages` during the flight; the JSON has them beside the summary, as `events`.
+    A person saw the `messages` during the flight; the JSON has them beside the summary, as `events`. `bags` are all that
+    stays of the run; without them its directory does.
     """
     if as_json:
-        print(json.dumps({**summary, "run": str(directory.path), "events": list(messages)}))
+        files = {"bags": [str(it) for it in bags]} if bags else {"run": str(directory.path)}
+        print(json.dumps({**summary, **files, "events": list(messages)}))
     else:
         console = Console(markup=False)
         is_counted = summary["uptime_paper"] is not None
-        bounds = bounds_of([load(directory.scenario)], summary["mission_s"]) if is_counted else None
-        print_table(console, name, flown_by, summary, bounds)
-        _print_next(console, directory, summary)
+        bounds = bounds_of([scenario], summary["mission_s"]) if is_counted else None
+        print_table(console, scenario.name, flown_by, summary, bounds)
+        if bags:
+            files_line = f"Files: {', '.join(map(str, bags))}   (all of the run: --out DIR)"
+            console.print(files_line, highlight=False, soft_wrap=True)
+        else:
+            _print_next(console, directory, summary)
     sys.stdout.flush()
-    # With several aPads, each one's reason.
-    reasons = [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
+    reasons = reasons_of(summary)
     if EndReason.FLEET_LOST in reasons:
         print(f"musselbed: {summary['ended_by']}; see {directory.path}", file=sys.stderr)
     if EndReason.SCRIPT_FAILED in reasons:
         print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
     return exit_of_all(reasons)
+
+
+def reasons_of(summary: dict[str, Any]) -> list[EndReason]:
+    """Why a run ended; with several aPads, each one's reason."""
+    return [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
 
 
 def _print_next(console: Console, directory: RunDirectory, summary: dict[str, Any]) -> None:

@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise PeerFailed(failure_text(flown.failures))
     (summary,) = flown.summaries.values()
     flown_by = flown_by_whom(options, scenario)
-    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
+    return report(scenario, flown_by, directory, summary, arguments.json, progress.messages)
 
 
 def _ask_whether_it_may_move() -> None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable
+import shutil
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -140,6 +141,22 @@ class RunDirectory:
         save_starts(self.starts, starts, scenario.area.origin)
         write_resolved(self.scenario, scenario)
         self.write_json(self.versions, versions())
+
+    def reduced_to_bags(self, apads: Sequence[str]) -> list[Path]:
+        """Moves the bag of each of the aPads' runs beside this directory, as its name and .bag, and removes the rest.
+
+        Returns the bags. Of a run that another supervisor continued all stays, because that one's command still reads it:
+        the list is then empty.
+        """
+        runs = {name: self.of_apad(name, len(apads)) for name in apads}
+        if any(len(it.bags) != 1 for it in runs.values()):
+            return []
+        kept = []
+        for name, it in runs.items():
+            of_one = self.path.name if len(runs) == 1 else f"{self.path.name}-{name}"
+            kept.append(it.bags[0].rename(self.path.with_name(f"{of_one}.bag")))
+        shutil.rmtree(self.path)
+        return kept
 
     def write_json(self, path: Path, data: dict[str, Any]) -> None:
         write_atomically(path, json.dumps(data, indent=2, allow_nan=False) + "\n")

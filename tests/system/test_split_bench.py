@@ -78,7 +78,7 @@ def test_fleet_mission_and_console_are_on_two_machines_and_the_run_stays_with_it
     programs.wait_until(
         lambda: (programs.folder(vehicle) / "apad1.bag.active").exists(), "nothing is recorded"
     )
-    programs.start(vehicle, "fleet", *MUSSELBED, "fleet", str(scenario), "--time", "ros")
+    fleet = programs.start(vehicle, "fleet", *MUSSELBED, "fleet", str(scenario), "--time", "ros")
     mission = programs.start(
         bench, "mission", *MUSSELBED, "mission", str(scenario), "--time", "ros", "--out", "run"
     )
@@ -113,12 +113,17 @@ def test_fleet_mission_and_console_are_on_two_machines_and_the_run_stays_with_it
     remarks = [it for it in read_journal(journal).lines if it["kind"] == "remark"]
     assert [(it["text"], it["by"]) for it in remarks] == [("from the other machine", "Ana")]
     assert json.loads((run / "summary.json").read_text())["services"] > 0
-    # On the other machine there are the fleet's own run and the bag.
+    # On the other machine there are bags alone.
     there = programs.folder(vehicle)
-    assert not [it for it in there.rglob("journal.jsonl") if '"kind":"dock"' in it.read_text()]
     bag = there / "apad1.bag"
     interrupt(recorder)
+    interrupt(fleet)
+    fleet.wait(PATIENCE_S)
     programs.wait_until(bag.exists, "the bag was not closed")
+    (of_fleet,) = (there / "runs").iterdir()
+    assert {it for it in there.rglob("*") if it.is_file()} == {bag, of_fleet}, programs.said("fleet")
+    with Reader(of_fleet) as reader:
+        assert "/musselbed/truth" in {it.topic for it in reader.connections}
     with Reader(bag) as reader:
         topics = {it.topic for it in reader.connections}
     assert {"/apad1/position", "/musselbed/mission", "/musselbed/beliefs"} <= topics

@@ -214,7 +214,7 @@ def test_a_run_ends_with_its_files_and_two_commands_that_parse(
     )
     run.write_inputs(scenario, starts_of(scenario))
     summary = {**SUMMARY, "end_reason": "mission time", **change}
-    assert report("pool-12", "cautious", run, summary, as_json=False) == 0
+    assert report(scenario, "cautious", run, summary, as_json=False) == 0
     files, title, *commands = capsys.readouterr().out.splitlines()[-4:]
     assert files == f"Files: {run.path}" and title == "Next:"
     assert [shlex.split(command) for command in commands] == [

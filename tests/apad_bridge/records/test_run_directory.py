@@ -51,6 +51,28 @@ def test_each_resume_begins_another_bag(tmp_path):
     assert [bag.name for bag in directory.bags] == ["run.bag", "run-1.bag", "run-2.bag"]
 
 
+@pytest.mark.parametrize(
+    ("apads", "kept"), [(["apad1"], ["r.bag"]), (["apad1", "apad2"], ["r-apad1.bag", "r-apad2.bag"])]
+)
+def test_of_a_run_that_is_not_kept_the_bags_alone_stay(tmp_path, apads, kept):
+    whole = RunDirectory.create("x", NOW, tmp_path / "r")
+    for name in apads:
+        run = whole.of_apad(name, len(apads))
+        run.path.mkdir(exist_ok=True)
+        run.next_bag.write_text(name)
+        run.journal.write_text("{}\n")
+    bags = whole.reduced_to_bags(apads)
+    assert [it.read_text() for it in bags] == apads
+    assert sorted(bags) == sorted(tmp_path.iterdir()) == [tmp_path / name for name in kept]
+
+
+def test_of_a_run_that_another_supervisor_continued_all_stays(tmp_path):
+    run = RunDirectory.create("x", NOW, tmp_path / "r")
+    run.next_bag.write_bytes(b"")
+    run.next_bag.write_bytes(b"")
+    assert run.reduced_to_bags(["apad1"]) == [] and len(run.bags) == 2
+
+
 def test_the_inputs_make_the_same_run_again(tmp_path):
     scenario = load(POOL_FILE)
     starts = starts_of(scenario)
