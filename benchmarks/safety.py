@@ -1,14 +1,16 @@
 """Faults of a vehicle at sea, and what its guards let happen: orders outside the fence, and the time to a safe state.
 
-Port, guards and the core of a generation fly that generation's simulated vehicle, without ROS, in ticks of a second. An
-`Observer` stands at the vehicle's end of the wire. It judges each order that arrives by arithmetic of its own, and shares
-no code with the guards. A stop is counted apart: a hold where the vehicle was last heard, or controllers off.
+Port, guards and the core of a generation fly that generation's simulated vehicle, without ROS, in ticks of a second. Faults
+of what is around the vehicle take real processes on two machines, a minute for each try (`safety_study/flights.py`). Either
+way an `Observer` stands at the vehicle's end of the wire. It judges each order that arrives by arithmetic of its own, and
+shares no code with the guards. A stop is counted apart: a hold where the vehicle was last heard, or controllers off.
 
 The limits of the guards are those of `real-apad.yaml`.
 
 A vehicle is safe when it holds a place inside the fence, when its controllers are off, or when a pilot was called. The time
 to that counts from the fault where the fault takes the position or the command away. Where the vehicle goes astray under a
-good position, it counts from the fence; a vehicle that is safe before it gets there took 0 s.
+good position, it counts from the fence; a vehicle that is safe before it gets there took 0 s. It must be safe within
+`limit_s`: 3 s with the link up, and 3 s more than the watchdog's patience where nobody hears the bench.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -72,19 +75,20 @@ from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Coast, Steer
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived
+from benchmarks.safety_study import flights
+from benchmarks.safety_study.observer import FENCE, SIDE_M, TICK_MS, Observer, Place, is_inside
 
 ROOT = Path(__file__).parents[1]
-SIDE_M = 60.0
-FENCE = ((0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M))
 START_M = (30.0, 30.0)
-TICK_MS = 1_000
-JUMP_M = 10.0
 AWAY_M = 8.0
 """The first go-to's least length: after 12 s at 0.5 m/s the vehicle is still under way."""
 TRIES = 20
+TRIES_FOR_A_FLIGHT = 10
+"""One of so many tries is made where real processes fly."""
+SIDE_BY_SIDE = 2
+"""Flights at a time: most of a flight is waiting."""
 SEED = 20261122
 
-Place = tuple[float, float]
 Shift = Callable[[Pose, int], PoseReceived | None]
 """The pose that the vehicle publishes at a time: the truth, another one, or none."""
 
@@ -114,92 +118,6 @@ def scenario(
         apad=replace(pool.apad, start_m=START_M, generation=generation, drift_m_s=drift_m_s),
         guards=guards,
     )
-
-
-@dataclass(slots=True)
-class Observer:
-    """Stands at the vehicle's end of the wire, and keeps what it sees there. The limits are the guards' own."""
-
-    age_ms: int
-    frozen_limit_ms: int
-    heard: PoseReceived | None = None
-    """The newest position that left the vehicle and is finite."""
-    bad_from_ms: float = math.inf
-    """From then on the positions that leave the vehicle are wrong, and the limits to notice that are over."""
-    goal_m: Place | None = None
-    """The last ordered goal or place to hold; None after a stop."""
-    frozen_ms: int = 0
-    """Time under way with a position that stayed the same to the last bit."""
-    pilot_steers: bool = False
-    orders: int = 0
-    stops: int = 0
-    outside: list[str] = field(default_factory=list)
-    blind: list[str] = field(default_factory=list)
-    """Orders that arrived when no good position had left the vehicle for longer than the limit."""
-    against_pilot: list[str] = field(default_factory=list)
-
-    def hear(self, pose: PoseReceived) -> None:
-        if not (math.isfinite(pose.north_m) and math.isfinite(pose.east_m)):
-            return
-        before, here_m = self.heard, (pose.north_m, pose.east_m)
-        if before is None or (before.north_m, before.east_m, before.heading_rad) != (
-            *here_m,
-            pose.heading_rad,
-        ):
-            self.frozen_ms = 0
-        elif self.goal_m is not None and math.dist(self.goal_m, here_m) > 1.0:
-            self.frozen_ms += pose.at_ms - before.at_ms
-        if before is not None and math.dist((before.north_m, before.east_m), here_m) > JUMP_M:
-            self.goal_m = (
-                None  # a goal of the old frame is no place of the new one: whether it moves is not known
-            )
-        self.heard = pose
-
-    def is_bad(self, now_ms: int) -> bool:
-        """No good position has left the vehicle for longer than the limits."""
-        is_old = self.heard is None or now_ms - self.heard.at_ms > self.age_ms
-        return is_old or self.frozen_ms > self.frozen_limit_ms + TICK_MS or now_ms > self.bad_from_ms
-
-    def take_goal(self, goal_m: Place, now_ms: int, *, is_hold: bool) -> None:
-        """Judges a go-to or hold. The fence is a convex square, so that a way between two places inside lies inside."""
-        self.orders += 1
-        heard = self.heard
-        text = f"{now_ms / 1000:g} s: to ({goal_m[0]:.1f}, {goal_m[1]:.1f})"
-        if self.pilot_steers:
-            self.against_pilot.append(text)
-        if heard is None or self.is_bad(now_ms):
-            self.blind.append(text)
-            return
-        self.goal_m = goal_m
-        here_m = (heard.north_m, heard.east_m)
-        if is_hold and math.dist(here_m, goal_m) < 0.1:
-            self.stops += 1
-        elif not (is_inside(goal_m, 2.0) and is_inside(here_m)):
-            self.outside.append(text)
-
-    def take_other(self, now_ms: int, what: str) -> None:
-        """Judges an order to a dock."""
-        self.orders += 1
-        if self.pilot_steers:
-            self.against_pilot.append(f"{now_ms / 1000:g} s: {what}")
-        if self.heard is None or self.is_bad(now_ms):
-            self.blind.append(f"{now_ms / 1000:g} s: {what}")
-        elif not is_inside((self.heard.north_m, self.heard.east_m)):
-            self.outside.append(f"{now_ms / 1000:g} s: {what}")
-
-    def take_stop(self) -> None:
-        self.orders += 1
-        self.stops += 1
-        self.goal_m = None
-
-
-def is_inside(place_m: Place, clearance_m: float = 0.0) -> bool:
-    return all(clearance_m - 1e-6 <= it <= SIDE_M - clearance_m + 1e-6 for it in place_m)
-
-
-def _observer_of(flown: Scenario) -> Observer:
-    assert flown.guards is not None
-    return Observer(round(1000 * flown.guards.position_age_s), round(1000 * flown.guards.frozen_s))
 
 
 class StackLink(Protocol):
@@ -235,7 +153,7 @@ class LinkToA:
     """Generation A: converts the vehicle's output to the messages of its topics and of its action server."""
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationACore]) -> None:
-        self.observer, self.shift = _observer_of(flown), truly
+        self.observer, self.shift = Observer.of(flown), truly
         self._apad = SimulatedAPad(flown.apad)
         self._vehicle = GenerationAVehicle(
             self._apad, flown.mission.speed_m_s, flown.mission.victory_radius_m
@@ -322,7 +240,7 @@ class LinkToB:
     """Generation B: answers calls at once, as its services do."""
 
     def __init__(self, flown: Scenario, core: Callable[..., GenerationBCore]) -> None:
-        self.observer, self.shift = _observer_of(flown), truly
+        self.observer, self.shift = Observer.of(flown), truly
         self._apad = SimulatedAPad(flown.apad)
         self._vehicle = GenerationBVehicle(self._apad)
         self._core = core()
@@ -477,7 +395,7 @@ class Bench:
                 self.vehicle.command(action, self.now_ms)
 
 
-# The faults. Each begins while the vehicle is under way to a place inside the fence.
+# The faults. Each begins while the vehicle is under way to a place inside the fence, or in a docking.
 
 
 def nan_position(bench: Bench, rng: random.Random) -> None:
@@ -534,30 +452,51 @@ def pilot(bench: Bench, rng: random.Random) -> None:
     bench.link.push(Steer(0.5, rng.uniform(-math.pi, math.pi), 0.0))
 
 
-Inflict = Callable[[Bench, random.Random], None]
-FAULTS: dict[str, tuple[Inflict, Place]] = {
-    "NaN position": (nan_position, (0.0, 0.0)),
-    "frozen position": (frozen_position, (0.0, 0.0)),
-    "jumping position": (jumping_position, (0.0, 0.0)),
-    "silent position": (silent_position, (0.0, 0.0)),
-    "wrong origin": (wrong_origin, (0.0, 0.0)),
-    "current across the fence": (current, (0.35, 0.2)),
-    "primitive that never ends": (endless_primitive, (0.0, 0.0)),
-    "pilot": (pilot, (0.0, 0.0)),
+def under_way(bench: Bench, rng: random.Random) -> None:
+    bench.go(*_far_from_start(rng))
+    bench.run(rng.randint(4, 12))
+
+
+def in_docking(bench: Bench, rng: random.Random) -> None:
+    bench.dock(rng.randrange(4), rng.randrange(1, 10))
+    bench.run(rng.randint(2, 12))
+
+
+Act = Callable[[Bench, random.Random], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    inflict: Act
+    begin: Act = under_way
+    """The vehicle's act when the fault comes."""
+    drift_m_s: Place = (0.0, 0.0)
+
+
+FAULTS = {
+    "NaN position": Fault(nan_position),
+    "frozen position": Fault(frozen_position),
+    "jumping position": Fault(jumping_position),
+    "silent position": Fault(silent_position),
+    "wrong origin": Fault(wrong_origin),
+    "current across the fence": Fault(current, drift_m_s=(0.35, 0.2)),
+    "primitive that never ends": Fault(endless_primitive),
+    "pilot": Fault(pilot),
+    "pilot in a docking": Fault(pilot, in_docking),
 }
 ASTRAY = ("current across the fence", "primitive that never ends")
 """The vehicle leaves its way under a good position: it is unsafe from the fence on."""
+PILOTED = ("pilot", "pilot in a docking")
 _WATCHED_TICKS = 240
 
 
 def try_once(fault: str, generation: Generation, guards: GuardOptions, rng: random.Random) -> dict[str, Any]:
-    """Flies one try: a go-to, the fault under way, and orders that go on being given as if nothing had happened."""
-    inflict, drift_m_s = FAULTS[fault]
-    bench = Bench(generation, drift_m_s, guards=guards)
-    bench.go(*_far_from_start(rng))
-    bench.run(rng.randint(4, 12))
+    """Flies one try: the fault under way, and orders that go on being given as if nothing had happened."""
+    acts = FAULTS[fault]
+    bench = Bench(generation, acts.drift_m_s, guards=guards)
+    acts.begin(bench, rng)
     begun_ms = bench.now_ms
-    inflict(bench, rng)
+    acts.inflict(bench, rng)
     safe_ms = None
     unsafe_ms = None if fault in ASTRAY else begun_ms
     for _ in range(_WATCHED_TICKS):
@@ -611,31 +550,61 @@ def _place(pose: Pose) -> Place:
 
 
 def measure(tries: int = TRIES) -> dict[str, Any]:
-    """Each fault `tries` times for each generation; counts are sums, and `safe_after_s` is the longest time."""
+    """Each fault for each generation: counts are sums, and `safe_after_s` is the longest time.
+
+    A fault is tried `tries` times, or a tenth as often where real processes fly. `not_tried` says what was not, and why.
+    """
     guards = real_limits()
-    return {"rows": [_measured(fault, generation, guards, tries) for fault, generation in _pairs()]}
+    rows = [_tried(fault, generation, guards, tries) for fault, generation in _pairs()]
+    not_tried = {f"{it}, generation a": "that stack tells nobody of a pilot" for it in PILOTED}
+    if why := flights.why_no_flight():
+        not_tried |= dict.fromkeys(flights.FAULTS, why)
+    else:
+        for fault in flights.FAULTS:
+            for generation in Generation.A, Generation.B:
+                rows.append(_flown(fault, generation, guards, max(1, tries // TRIES_FOR_A_FLIGHT)))
+    return {"rows": rows, "not_tried": not_tried}
 
 
 def _pairs() -> Iterator[tuple[str, Generation]]:
     for fault in FAULTS:
         for generation in (Generation.A, Generation.B):
-            if fault != "pilot" or generation is Generation.B:  # the stack of A tells nobody of a pilot
+            if fault not in PILOTED or generation is Generation.B:
                 yield fault, generation
 
 
-def _measured(fault: str, generation: Generation, guards: GuardOptions, tries: int) -> dict[str, Any]:
+def _tried(fault: str, generation: Generation, guards: GuardOptions, tries: int) -> dict[str, Any]:
     rng = random.Random(f"{SEED} {fault} {generation}")
     results = [try_once(fault, generation, guards, rng) for _ in range(tries)]
+    return _row(fault, generation, flights.REACTION_S, results)
+
+
+def _flown(name: str, generation: Generation, guards: GuardOptions, tries: int) -> dict[str, Any]:
+    fault, flown = flights.FAULTS[name], scenario(generation, guards=guards)
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        results = list(
+            pool.map(
+                lambda it: flights.try_once(
+                    fault, flown, it, random.Random(f"{SEED} {name} {generation} {it}")
+                ),
+                range(tries),
+            )
+        )
+    return _row(name, generation, fault.limit_s, results)
+
+
+def _row(fault: str, generation: Generation, limit_s: float, results: list[dict[str, Any]]) -> dict[str, Any]:
     times_s = [it["safe_s"] for it in results]
     return {
         "fault": fault,
         "generation": generation.value,
-        "tries": tries,
+        "tries": len(results),
         "orders": sum(it["orders"] for it in results),
         "stops": sum(it["stops"] for it in results),
         "orders_outside_fence": sum(it["outside"] for it in results),
         "orders_against_pilot": sum(it["against_pilot"] for it in results),
         "safe_after_s": None if None in times_s else max(times_s),
+        "limit_s": limit_s,
     }
 
 
@@ -644,3 +613,5 @@ def show(result: dict[str, Any], console: Console) -> None:
     for row in result["rows"]:
         table.add_row(*("-" if value is None else str(value) for value in row.values()))
     console.print(table)
+    for fault, why in result["not_tried"].items():
+        console.print(f"not tried: {fault}: {why}")

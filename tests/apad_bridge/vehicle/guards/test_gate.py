@@ -37,7 +37,8 @@ from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWa
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 from apad_bridge.vehicle.stack_messages import PoseReceived
-from benchmarks.safety import FAULTS, ROOT, SIDE_M, Bench, _is_safe, truly
+from benchmarks.safety import FAULTS, ROOT, Bench, _is_safe, truly
+from benchmarks.safety_study.observer import SIDE_M
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 
 LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=2.0)
@@ -217,7 +218,7 @@ def test_by_the_real_apad_s_limits_a_bad_position_ends_in_a_safe_state_within_3_
 ) -> None:
     guards = load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml").guards
     assert guards is not None
-    inflict, _ = FAULTS[fault]
+    inflict = FAULTS[fault].inflict
     for seed in range(10):
         rng = random.Random(seed)
         bench = Bench(generation, guards=guards)
