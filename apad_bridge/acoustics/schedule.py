@@ -73,7 +73,7 @@ class AcousticScheduler:
         self._ping_period_ms = round(talk.ping_period_s * 1000)
         self._guard_ms = 0 if slots is None else slots.guard_ms
         if talk.waits and slots is not None:
-            self._window = TdmaWindow(slots.frame_ms, len(self._agent_ids) * slots.slot_ms)
+            self._window = TdmaWindow(slots.frame_ms, len(self._agent_ids) * slots.slot_ms, talk.turn)
         agent_ms = config.theta * now_ms
         self._free_from_ms = agent_ms
         """The time from which nothing is scheduled yet."""
@@ -252,11 +252,13 @@ class AcousticScheduler:
 class TdmaWindow:
     """The times when the aPad may send. The first `taken_ms` of each frame are the aMussels' timeslots.
 
-    A frame without any other time does not restrict the aPad.
+    A frame without any other time does not restrict the aPad. Of several aPads each has an equal part of that time: `turn`
+    is (which, of how many).
     """
 
     frame_ms: int
     taken_ms: int
+    turn: tuple[int, int] = (1, 1)
 
     def first_ms(self, now_ms: int, lasting_ms: int) -> int:
         """The first time from now on at which the aPad may send for so long.
@@ -265,12 +267,15 @@ class TdmaWindow:
         """
         if self.taken_ms >= self.frame_ms or self.taken_ms <= 0:
             return now_ms
+        which, count = self.turn
+        free_ms = self.frame_ms - self.taken_ms
+        opens_ms, closes_ms = (self.taken_ms + free_ms * n // count for n in (which - 1, which))
         into_ms = now_ms % self.frame_ms
-        if into_ms < self.taken_ms:
-            return now_ms + self.taken_ms - into_ms
-        if into_ms + lasting_ms <= self.frame_ms or into_ms == self.taken_ms:
+        if into_ms < opens_ms:
+            return now_ms + opens_ms - into_ms
+        if into_ms + lasting_ms <= closes_ms or into_ms == opens_ms:
             return now_ms
-        return now_ms + self.frame_ms - into_ms + self.taken_ms
+        return now_ms + self.frame_ms - into_ms + opens_ms
 
 
 ALWAYS = TdmaWindow(1, 0)

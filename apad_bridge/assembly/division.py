@@ -34,14 +34,18 @@ def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
 def divided(
     scenario: Scenario, starts: Sequence[Start], shares_of_apads: Sequence[tuple[int, ...]]
 ) -> tuple[Member, ...]:
-    """Returns the members with the given shares. They keep the whole scenario's ids, seed, timeslots and starts."""
+    """Returns the members with the given shares. They keep the whole scenario's ids, seed, timeslots and starts.
+
+    In water each aPad has its turn to send.
+    """
+    turns = [(n, 1 + len(scenario.apads)) for n in range(1, 2 + len(scenario.apads))]
     return tuple(
         Member(
             apad.name,
-            _of_one(scenario, apad, ids),
+            _of_one(scenario, apad, ids, turn),
             tuple(start for start in starts if start.agent_id in ids),
         )
-        for apad, ids in zip(_apads(scenario), shares_of_apads, strict=True)
+        for apad, ids, turn in zip(_apads(scenario), shares_of_apads, turns, strict=True)
     )
 
 
@@ -58,10 +62,14 @@ def _apads(scenario: Scenario) -> list[APad | AnotherAPad]:
     return [scenario.apad, *scenario.apads]
 
 
-def _of_one(scenario: Scenario, apad: APad | AnotherAPad, ids: tuple[int, ...]) -> Scenario:
+def _of_one(
+    scenario: Scenario, apad: APad | AnotherAPad, ids: tuple[int, ...], turn: tuple[int, int] | None = None
+) -> Scenario:
     data = resolve(scenario)
     data.update(name=f"{scenario.name}-{plain(apad.name)}", apads=[])
     data["fleet"]["share"] = list(ids)
+    if turn is not None and data["water"] is not None:
+        data["water"]["talk"]["turn"] = list(turn)
     data["apad"].update(name=apad.name, start_m=list(apad.start_m))
     if isinstance(apad, AnotherAPad):
         if apad.battery_start_fraction is not None:

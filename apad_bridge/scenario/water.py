@@ -8,6 +8,7 @@ from typing import Annotated, TypeVar
 from annotated_types import Ge, Gt, Le
 
 from agents.modem.frames import Generation
+from agents.water.bounds import Count
 from agents.water.sound import Sound
 from agents.water.wifi import Wifi
 from apad_bridge.scenario.quantities import (
@@ -125,6 +126,9 @@ class Talk:
 
     waits: bool = True
     """The aPad's packets keep out of the aMussels' timeslots."""
+    turn: tuple[Count, Count] = (1, 1)
+    """The aPad's part of the time outside all timeslots, as (which, of how many), so that several aPads do not collide. A
+    run of several aPads sets it for each."""
     assigns: bool = False
     """The aPad measures the propagation delay by pings and assigns each aMussel its timeslot."""
     beacon_period_s: NotNegativeSeconds = 0.0
@@ -136,6 +140,10 @@ class Talk:
     ask_worth_answers: NotNegative = 0.0
     """The aPad asks an aMussel for its status if a wrong plan is expected to cost the aMussel more than this number of
     answers; 0 for never. Needs twins."""
+
+    def __post_init__(self) -> None:
+        if self.turn[0] > self.turn[1]:
+            raise ValueError(f"turn: there is no part {self.turn[0]} of {self.turn[1]}")
 
 
 @frozen

@@ -168,3 +168,31 @@ def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
     scheduler.advance(10_000, NOBODY, [], [2])
     scheduler.short_status_received(2)
     assert scheduler.advance(20_000, NOBODY) == [] and scheduler.unanswered == 1
+
+
+def test_one_of_several_apads_keeps_to_its_turn_and_to_whom_it_serves() -> None:
+    """Four timeslots are 20 s of 300. The second of two aPads has the second 140 s: from 160 s on."""
+    config = talking(turn=(2, 2), ping_period_s=1000.0)
+    scheduler = AcousticScheduler(config, CODEC, SLOTS, [1, 2, 3, 4], served=[2, 4])
+    first, second, beacon, *_ = scheduler.advance(0, NOBODY)
+    assert [first, second] == [Ping(2, 160_000), Ping(4, 164_105)]
+    assert isinstance(beacon, Send) and beacon.not_before_ms == 168_210
+    (assignment,) = scheduler.ping_answered(4, 150.0, 170_000)
+    assert decoded(assignment) == SlotAssignment(
+        4, 300_000, 5000, 40, 3, -200
+    )  # its place in the whole fleet
+
+    scheduler.start_serving(1, 200_000)
+    scheduler.stop_serving(2)
+    scheduler.stop_serving(4)
+    pinged = [
+        it.agent_id
+        for now_ms in range(200_000, 10_000_000, 100_000)
+        for it in scheduler.advance(now_ms, NOBODY)
+        if isinstance(it, Ping)
+    ]
+    assert set(pinged) == {1}
+    assert decoded(scheduler.ping_answered(1, 150.0, 10_000_000)[0]) == SlotAssignment(
+        1, 300_000, 5000, 40, 0, -200
+    )
+    assert scheduler.ping_answered(4, 150.0, 10_000_000) == [] and scheduler.delays_ms.keys() == {1}

@@ -1,5 +1,7 @@
 """Tests the aPad's TDMA window by hand, and against a search through every millisecond."""
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,3 +34,29 @@ def test_it_is_the_first_such_time(frame_ms: int, taken_ms: int, now_ms: int, la
     assert found == next(
         at for at in tries if all((at + n) % frame_ms >= taken_ms for n in range(lasting_ms))
     )
+
+
+@given(
+    st.integers(2, 5),
+    st.integers(1, 300_000),
+    st.integers(1, 290_000),
+    st.integers(0, 2**40),
+    st.integers(1, 2**40),
+)
+def test_the_turns_of_several_apads_never_meet(
+    count: int, frame_ms: int, taken_ms: int, now_ms: int, later_ms: int
+) -> None:
+    """What fits into a turn lies in one frame's turn, outside the timeslots and outside everybody else's turn."""
+    taken_ms = min(taken_ms, frame_ms - 1)
+    lasting_ms = (frame_ms - taken_ms) // count
+    if lasting_ms == 0:
+        return
+    spans = []
+    for which in range(1, count + 1):
+        begins_ms = TdmaWindow(frame_ms, taken_ms, (which, count)).first_ms(
+            now_ms + which * later_ms, lasting_ms
+        )
+        assert begins_ms >= now_ms + which * later_ms
+        spans.append((begins_ms % frame_ms, begins_ms % frame_ms + lasting_ms))
+    assert spans[0][0] >= taken_ms and spans[-1][1] <= frame_ms
+    assert all(ends_ms <= begins_ms for (_, ends_ms), (begins_ms, _) in pairwise(spans))

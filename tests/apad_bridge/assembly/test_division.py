@@ -40,6 +40,18 @@ def test_five_aPads_serve_twenty_four_each(bay: Scenario) -> None:
         assert member.scenario.apad.name == member.name and member.scenario.apads == ()
 
 
+def test_in_water_each_has_its_turn_to_send(bay: Scenario) -> None:
+    data = small(bay)
+    data["water"] = {}
+    by_sound = from_data(data, "by sound")
+    each = members(by_sound, starts_of(by_sound))
+    turns = [it.scenario.water.talk.turn for it in each if it.scenario.water is not None]
+    assert turns == [(1, 2), (2, 2)]
+    data["water"] = {"talk": {"turn": [3, 2]}}
+    with pytest.raises(ScenarioError, match="there is no part 3 of 2"):
+        from_data(data, "by sound")
+
+
 def test_one_that_stands_in_another_namespace_has_files_of_a_plain_name() -> None:
     data = resolve(load(POOL_FILE))
     data["apad"]["name"] = "/lab/boat"

@@ -42,7 +42,7 @@ water:
   sound: {reverberation_s: 0.1, fading_db: 3, absorption_db_per_km: 3,
           error_curve: {snrs_db: [0, 10], sizes: [8, 64], rates: [[0.9, 0.1], [0.95, 0.2]]}}
   wifi: {}
-  talk: {ping_period_s: 10, assigns: true, beacon_period_s: 60}
+  talk: {ping_period_s: 10, turn: [1, 2], assigns: true, beacon_period_s: 60}
   localisation: {}
   current: {tides: [{period_h: 12, north_m_s: 0.05, east_m_s: 0.02}], profile: [[0, 1], [2, 0.5]]}
   wind: {north_m_s: 2, east_m_s: 1}
