@@ -1,13 +1,15 @@
-"""Faults of aMussels in flights in virtual time, each by itself and in seeded mixes: which laws of a run they break.
+"""Faults in flights in virtual time, each by itself and in seeded mixes: which laws of a run they break.
 
-The faults are those of /musselbed/inject_fault, and the laws those of `musselbed check`. A mix that breaks a law is flown
-again with fewer and fewer of its faults, until each that is left is needed for that.
+The faults are the rows of docs/faults.md, and the laws those of `musselbed check`. A mix that breaks a law is flown again
+with fewer and fewer of its faults, until each that is left is needed for that.
 """
 
 from __future__ import annotations
 
-import random
+import json
+import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -18,32 +20,26 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.analysis.invariants import check_run
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import open_in_process
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import NoFleet
-from apad_bridge.supervisor.roster import Fault, FaultRequest, Presences, Roster, RosterRequest
+from apad_bridge.scenario.timed_faults import TABLE, FaultAt, FaultMix, Faults, Injection, TimedFault, planned
 
-SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml"
+SCENARIOS = Path(__file__).parents[1] / "launch_scripts" / "scenarios"
+SCENARIO, WITH_SOUND = SCENARIOS / "pool-12.yaml", SCENARIOS / "sound-12.yaml"
+"""Every second mix is flown in water, with whole boards."""
 FLIGHT_S = 900
 TRIES = 10
 SEED = 20261122
 _FAULTS_OF_A_MIX = 60
+_EVERY_S = 2
 
 Item = TypeVar("Item")
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Injection:
-    """A fault of an aMussel in the tick at mission second `at_s`. A coil slips in a dock only."""
-
-    at_s: int
-    agent_id: int
-    fault: Fault
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,66 +50,54 @@ class Outcome:
     broken: tuple[str, ...]
 
 
-class _Injector:
-    """The roster's source of requests: those of each tick in turn. It counts the ones that were done."""
-
-    def __init__(self, injections: Sequence[Injection]) -> None:
-        self.happened = 0
-        self._injections = sorted(injections)
-        self._ticks = 0
-
-    def ask(self, request: RosterRequest) -> str | None:
-        return "nobody else asks here"
-
-    def take(self) -> list[RosterRequest]:
-        due = [it for it in self._injections if it.at_s == self._ticks]
-        self._ticks += 1
-        return [FaultRequest(it.agent_id, it.fault) for it in due]
-
-    def answer(self, request: RosterRequest, refusal: str | None) -> None:
-        self.happened += refusal is None
+def in_one_process(path: Path, flight_s: int = FLIGHT_S) -> Scenario:
+    whole = load(path)
+    return replace(whole, duration_s=flight_s, fleet=replace(whole.fleet, hosting=Hosting.ONE_PROCESS))
 
 
-def flown(injections: Sequence[Injection], flight_s: int = FLIGHT_S) -> Outcome:
-    """Flies the paper's pool in this process with these faults, and checks its records."""
-    whole = load(SCENARIO)
-    scenario = replace(whole, duration_s=flight_s, fleet=replace(whole.fleet, hosting=Hosting.ONE_PROCESS))
-    injector = _Injector(injections)
+def flown(scenario: Scenario, faults: Sequence[FaultAt]) -> Outcome:
+    """Flies the scenario in this process with these faults, and checks its records. An exception breaks a law, too."""
+    scenario = replace(scenario, faults=Faults(at=tuple(faults)))
     with tempfile.TemporaryDirectory(prefix="chaos-") as folder, ExitStack() as stack:
         directory, starts = RunDirectory(Path(folder)), starts_of(scenario)
         directory.write_inputs(scenario, starts)
-        progress = stack.enter_context(FlightProgress(scenario.name, 1000 * flight_s, quiet=True))
-        prepared = open_in_process(
-            stack, scenario, starts, directory, progress, join=lambda it: _with_roster(it, scenario, injector)
+        progress = stack.enter_context(
+            FlightProgress(scenario.name, round(1000 * scenario.duration_s), quiet=True)
         )
-        prepared.flight.run()
-        prepared.finish()
+        try:
+            prepared = open_in_process(stack, scenario, starts, directory, progress)
+            prepared.flight.run()
+            prepared.finish()
+        except Exception as error:  # the very thing that is looked for
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(frame.filename).name}, line {frame.lineno}"
+            return Outcome(0, (f"no exception: {type(error).__name__}: {error} ({where})",))
         broken = tuple(f"{it.law}: {it.reason}" for it in check_run(directory))
-    return Outcome(injector.happened, broken)
+        lines = read_journal(directory.journal).lines
+    happened = sum(it["kind"] == EventKind.FAULT and "refused" not in it for it in lines)
+    return Outcome(happened, broken)
 
 
-def _with_roster(context: FlightContext, scenario: Scenario, injector: _Injector) -> FlightContext:
-    assert not isinstance(context.fleet, NoFleet)
-    presences = Presences(scenario.fleet.ids, scenario.area.depth_m)
-    return replace(context, roster=Roster(presences, injector, context.fleet.coordinator))
+def alone(fault: TimedFault, ids: Sequence[int]) -> list[FaultAt]:
+    """The same fault of one aMussel after the other, or of the aPad again and again."""
+    if TABLE[fault].is_of_apad:
+        return [
+            FaultAt(fault=fault, at_s=at_s) for at_s in range(10, FLIGHT_S, 2 * round(TABLE[fault].span_s))
+        ]
+    return [
+        FaultAt(fault=fault, at_s=at_s, id=ids[at_s // _EVERY_S % len(ids)])
+        for at_s in range(0, FLIGHT_S, _EVERY_S)
+    ]
 
 
-def alone(fault: Fault, ids: Sequence[int]) -> list[Injection]:
-    """The same fault of one aMussel after the other, every two seconds."""
-    return [Injection(at_s, ids[at_s // 2 % len(ids)], fault) for at_s in range(0, FLIGHT_S, 2)]
+def mixed(seed: int, ids: Sequence[int]) -> list[FaultAt]:
+    """Bursts of faults: several of one aMussel in a row, or of several within a tick; as a scenario's `faults.mix`."""
+    mix = Faults(mix=FaultMix(seed=seed, count=_FAULTS_OF_A_MIX))
+    return [_at(at_ms, it) for at_ms, it in planned(mix, ids, FLIGHT_S, processes=False)]
 
 
-def mixed(seed: str, ids: Sequence[int]) -> list[Injection]:
-    """Bursts of faults: several of one aMussel in a row, or of several within a tick."""
-    rng = random.Random(seed)
-    injections: set[Injection] = set()
-    while len(injections) < _FAULTS_OF_A_MIX:
-        at_s, agent_id = rng.randrange(FLIGHT_S), rng.choice(ids)
-        for _ in range(rng.randint(1, 6)):
-            injections.add(Injection(min(at_s, FLIGHT_S - 1), agent_id, rng.choice(list(Fault))))
-            at_s += rng.choice((0, 1, 5))
-            agent_id = rng.choice((agent_id, *ids))
-    return sorted(injections)
+def _at(at_ms: int, it: Injection) -> FaultAt:
+    return FaultAt(fault=it.fault, at_s=at_ms / 1000, id=it.agent_id)
 
 
 def shrunk(items: Sequence[Item], breaks: Callable[[Sequence[Item]], bool]) -> list[Item]:
@@ -134,22 +118,33 @@ def shrunk(items: Sequence[Item], breaks: Callable[[Sequence[Item]], bool]) -> l
 
 def measure(tries: int = TRIES) -> dict[str, Any]:
     """Each fault by itself, and so many mixes. A row that broke a law has the faults that it needs for that."""
-    ids = load(SCENARIO).fleet.ids
-    stories = {f"{fault} alone": alone(fault, ids) for fault in Fault}
-    stories |= {f"mix, seed {SEED + n}": mixed(str(SEED + n), ids) for n in range(tries)}
-    return {"flight_s": FLIGHT_S, "rows": [_row(name, story) for name, story in stories.items()]}
+    pool, sound = in_one_process(SCENARIO), in_one_process(WITH_SOUND)
+    ids = pool.fleet.ids
+    faults = [it for it in TimedFault if not TABLE[it].needs_process]
+    rows = [_row(f"{it} alone", pool, alone(it, ids)) for it in faults]
+    for n in range(tries):
+        scenario = sound if n % 2 else pool
+        rows.append(
+            _row(f"mix, seed {SEED + n}, {scenario.name}", scenario, mixed(SEED + n, scenario.fleet.ids))
+        )
+    return {"flight_s": FLIGHT_S, "rows": rows}
 
 
-def _row(name: str, story: Sequence[Injection]) -> dict[str, Any]:
-    outcome = flown(story)
-    needed = shrunk(story, lambda part: bool(flown(part).broken)) if outcome.broken else []
-    return {
+def _row(name: str, scenario: Scenario, story: Sequence[FaultAt]) -> dict[str, Any]:
+    outcome = flown(scenario, story)
+    needed = shrunk(story, lambda part: bool(flown(scenario, part).broken)) if outcome.broken else []
+    row = {
         "story": name,
         "asked": len(story),
         "happened": outcome.happened,
         "broken": list(outcome.broken[:5]),
-        "needed": [f"{it.fault} of aMussel {it.agent_id} at {it.at_s} s" for it in needed],
+        "needed": [
+            f"{it.fault} of {'the aPad' if it.id is None else f'aMussel {it.id}'} at {it.at_s:g} s"
+            for it in needed
+        ],
     }
+    print(json.dumps(row), file=sys.stderr, flush=True)
+    return row
 
 
 def show(result: dict[str, Any], console: Console) -> None:

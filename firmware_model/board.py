@@ -24,6 +24,9 @@ from firmware_model.stimuli import (
     BottomReached,
     ChargePinFell,
     ChargePinRose,
+    ChargeVanished,
+    ClockJumped,
+    ClockSkewed,
     ModemSpoke,
     PacketHeard,
     PowerCameOn,
@@ -70,6 +73,8 @@ class Board:
         self._codec = codec
         self._now_ms = now_ms
         self._pin = ChargePin(config.pin_debounce_ms, False, config.pin_chatter_ms, config.pin_check_ms)
+        self._is_powered = True
+        """False while the pin is high without a charger."""
         self._at_surface = False
         self._clear_to_sink = False
         self._deadline: Deadline | None = None
@@ -170,7 +175,8 @@ class Board:
         """Takes a fact from outside at `now_ms`, after every timer that was due by then."""
         actions = self.advance(now_ms)
         match stimulus:
-            case ChargePinRose(noticed):
+            case ChargePinRose(noticed, powered):
+                self._is_powered = powered
                 actions += self._pin_changed(True, noticed)
             case ChargePinFell(noticed):
                 actions += self._pin_changed(False, noticed)
@@ -189,9 +195,24 @@ class Board:
             case PowerCameOn(cause, at_surface, pin_high):
                 self.reset_cause = cause
                 self._at_surface = at_surface
+                self._is_powered = True
                 self._pin.restart(pin_high)
                 actions += self._apply(Trigger.POWER_CAME_ON)
+            case ChargeVanished(primary, secondary):
+                actions += self._lose(primary, secondary)
+            case ClockJumped() | ClockSkewed():
+                actions += self._disturb_clock(stimulus)
         return actions
+
+    def _lose(self, primary: int, secondary: int) -> list[Action]:
+        """Takes charges out of the batteries, in grains."""
+        self._batteries.lose(primary, secondary, self._now_ms)
+        if self.state is State.ACTIVE:
+            self._deadline = self._deadline_of(self.state, self._now_ms)
+        return []
+
+    def _disturb_clock(self, stimulus: ClockJumped | ClockSkewed) -> list[Action]:
+        return [Dropped(self._now_ms, "a defect of the clock: the worst case has none")]
 
     def _pin_changed(self, high: bool, noticed: bool) -> list[Action]:
         """Gives the charger's pin another level, even if the firmware did not notice the edge."""
@@ -273,7 +294,7 @@ class Board:
     def _power(self) -> list[Action]:
         """Sets the batteries' load and charger for the state just entered."""
         if isinstance(self._batteries, WorstCase) and self.state is not State.BOOTING:
-            self._batteries.charge(self.state is State.CHARGING, self._now_ms)
+            self._batteries.charge(self.state is State.CHARGING and self._is_powered, self._now_ms)
         return []
 
     def _report(self, by: Rail) -> list[Action]:

@@ -109,6 +109,18 @@ class SettingsStore:
         self.clock.set(reading_ms, now_ms)
         self._keep()
 
+    def jump_clock(self, by_ms: int, now_ms: int) -> None:
+        """The clock's reading changes by itself; no reading is negative."""
+        clock = self.clock.clock
+        self.clock.clock = clock.set(max(0, clock.reading_at(now_ms) + by_ms), now_ms)
+        self._keep()
+
+    def skew_clock(self, drift_ppb: int, now_ms: int) -> None:
+        """The crystal has another drift from now on, until the board is reset."""
+        reading_ms = self.clock.clock.reading_at(now_ms)
+        self.clock.clock = Clock(now_ms, reading_ms, drift_ppb)
+        self._keep()
+
     def apply(self, command: SleepSchedule | SlotAssignment | SetThreshold, now_ms: int) -> bool:
         """Applies and stores the command; returns False if it is impossible."""
         settings = self.settings.changed_by(command)

@@ -23,9 +23,13 @@ class PowerCameOn:
 
 @dataclass(frozen=True, slots=True)
 class ChargePinRose:
-    """The charger's pin went high: raw, not yet debounced. `noticed` is False when the edge's interrupt was lost."""
+    """The charger's pin went high: raw, not yet debounced. `noticed` is False when the edge's interrupt was lost.
+
+    `powered` is False for a level that no charger raised, so that nothing flows.
+    """
 
     noticed: bool = True
+    powered: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,28 @@ class BottomReached:
     """The pressure sensor stopped rising: the aMussel rests on the bottom."""
 
 
+@dataclass(frozen=True, slots=True)
+class ChargeVanished:
+    """The batteries lost these charges at once (grains), by a defect; at most what they held."""
+
+    primary: int
+    secondary: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClockJumped:
+    """The clock's reading changed by `by_ms`, by a defect: the board does not notice."""
+
+    by_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClockSkewed:
+    """The crystal runs this much faster than as delivered from now on (parts of 10^9; negative: slower); 0 as delivered."""
+
+    skew_ppb: int
+
+
 Stimulus = (
     PowerCameOn
     | ChargePinRose
@@ -73,4 +99,7 @@ Stimulus = (
     | WifiReceived
     | SurfaceReached
     | BottomReached
+    | ChargeVanished
+    | ClockJumped
+    | ClockSkewed
 )

@@ -34,6 +34,7 @@ from firmware_model.power.rails import Rail
 from firmware_model.power.switchboard import Switchboard
 from firmware_model.settings import SettingsStore, StoredSettings
 from firmware_model.states import TABLE, State, Trigger
+from firmware_model.stimuli import ClockJumped, ClockSkewed
 from firmware_model.timers import Deadline, full_deadline, last_resort
 
 _EMPTIED = {ActiveBattery.SECONDARY: Trigger.BATTERY_EMPTIED, ActiveBattery.NEITHER: Trigger.BOTH_EMPTIED}
@@ -189,6 +190,14 @@ class WholeBoard(Board):
         self._renew_clock_deadline()
         return self._apply_if_allowed(Trigger.BEACON_HEARD)
 
+    def _disturb_clock(self, stimulus: ClockJumped | ClockSkewed) -> list[Action]:
+        if isinstance(stimulus, ClockJumped):
+            self._store.jump_clock(stimulus.by_ms, self._now_ms)
+        else:
+            self._store.skew_clock(self.config.drift_ppb + stimulus.skew_ppb, self._now_ms)
+        self._renew_clock_deadline()
+        return []
+
     def _change_setting(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> list[Action]:
         if not self._store.apply(command, self._now_ms):
             return [Dropped(self._now_ms, f"a {command.kind.name} that cannot be")]
@@ -238,7 +247,8 @@ class WholeBoard(Board):
         return self._set_rails()
 
     def _set_rails(self) -> list[Action]:
-        switched = self._switches.switch(self.state, self._pin.wire_high, self._now_ms)
+        is_charging = self._pin.wire_high and self._is_powered
+        switched = self._switches.switch(self.state, is_charging, self._now_ms)
         if self.state is State.EMPTY:
             # A short contact with a charger ends the safe level.
             self._deadline = self._deadline_of(self.state, self._now_ms)

@@ -70,8 +70,12 @@ def test_what_breaks_a_law_is_shrunk_to_what_is_needed(items: set[int], data: st
 
 
 def test_a_flight_with_faults_is_checked_by_the_laws_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    resets = [chaos.Injection(5, 3, chaos.Fault.BROWN_OUT), chaos.Injection(7, 4, chaos.Fault.COIL_SLIP)]
-    assert chaos.flown(resets, flight_s=10) == chaos.Outcome(1, ())  # none is in a dock yet
+    scenario = chaos.in_one_process(chaos.SCENARIO, flight_s=10)
+    resets = [
+        chaos.FaultAt(fault=chaos.TimedFault.BROWN_OUT, at_s=5, id=3),
+        chaos.FaultAt(fault=chaos.TimedFault.COIL_SLIP, at_s=7, id=4),
+    ]
+    assert chaos.flown(scenario, resets) == chaos.Outcome(1, ())  # none is in a dock yet
     real = chaos.check_run
 
     def without_a_charge(directory: RunDirectory) -> list[object]:
@@ -83,5 +87,5 @@ def test_a_flight_with_faults_is_checked_by_the_laws_of_a_run(monkeypatch: pytes
         return real(directory)
 
     monkeypatch.setattr(chaos, "check_run", without_a_charge)
-    (broken,) = chaos.flown(resets, flight_s=10).broken
+    (broken,) = chaos.flown(scenario, resets).broken
     assert broken.startswith("energy is neither made nor lost: aMussel 3")

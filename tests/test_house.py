@@ -89,6 +89,7 @@ def test_no_road_to_a_vehicle_goes_around_its_guards() -> None:
     assert callers_of("command", {"vehicle", "link", "tasks", "core", "self"}) == {
         ("apad_bridge/supervisor/loop.py", "self._vehicle"),
         ("apad_bridge/vehicle/guards/gate.py", "self._link"),
+        ("apad_bridge/vehicle/faulty_link.py", "self._link"),
         ("apad_bridge/ros/links/laboratory.py", "self._vehicle"),
         ("apad_bridge/ros/links/generation_a.py", "self._core"),
         ("apad_bridge/ros/links/generation_b.py", "self._core"),
@@ -96,7 +97,8 @@ def test_no_road_to_a_vehicle_goes_around_its_guards() -> None:
         ("apad_bridge/vehicle/generation_b/tasks.py", "self"),
     }
     loop = (ROOT / "apad_bridge/supervisor/loop.py").read_text()
-    assert "self._vehicle = GuardedVehicle(context.vehicle, context.safety" in loop
+    assert "faulty = self._faults.behind(context.vehicle)\n" in loop
+    assert "self._vehicle = GuardedVehicle(faulty, context.safety" in loop
     assert loop.count("context.vehicle") == 1
 
 

@@ -41,6 +41,15 @@ class Host(Protocol):
         """The reason why no agent can be restarted any more; None as long as one can."""
         ...
 
+    @property
+    def pids(self) -> Mapping[int, int]:
+        """The processes of the living agents, by id; empty where they have none of their own."""
+        ...
+
+    def kill(self, agent_id: int) -> None:
+        """Ends an agent as kill -9 does: its next window stays unanswered. Nothing for one that is dead."""
+        ...
+
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         """Grants windows and waits for the outcome of each: an answer or a death, within a stated time-out."""
         ...

@@ -31,6 +31,10 @@ class InProcessHost:
         self._truths: list[Truth] = []
         self.lost: str | None = None
 
+    @property
+    def pids(self) -> Mapping[int, int]:
+        return {}
+
     def kill(self, agent_id: int) -> None:
         self._doomed.add(agent_id)
 

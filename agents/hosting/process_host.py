@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import resource
+import signal
 import subprocess
 import time
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 
 from agents.fleet import FleetConfig
 from agents.hosting.agent_links import AgentLinks, Answered
@@ -115,6 +117,12 @@ class ProcessHost:
     @property
     def links(self) -> AgentLinks:
         return self._links
+
+    def kill(self, agent_id: int) -> None:
+        pid = self.pids.get(agent_id)
+        if pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         self._sequence += 1

@@ -12,11 +12,17 @@ from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, Trut
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
 from agents.mussel.stimuli import (
+    BuoyancyJammed,
+    ChargeLost,
+    ClockShifted,
     CoilSlipped,
+    ContactBounced,
     ContactClosed,
     ContactOpened,
+    CrystalSkewed,
     DockMoved,
     ModemSent,
+    PinDisturbed,
     PingArrived,
     Placed,
     SoundArrived,
@@ -37,6 +43,7 @@ from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
+    from agents.mussel.defects import Defects
     from agents.mussel.logbook import Logbook
     from firmware_model.sampling.flash import Flash
 
@@ -70,6 +77,7 @@ class Agent:
         self.config = config
         self._codec = codec
         self._flash = flash
+        self._defects: Defects | None = None
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
@@ -206,8 +214,25 @@ class Agent:
 
     def _align(self, now_ms: int) -> list[Output]:
         """The coils have come together: the charger raises its pin."""
+        defects = self._defects
+        if defects is not None and defects.bounces > 1:
+            return self._bounce(defects, now_ms)
+        if defects is not None:
+            defects.bounces = 0
         self.body.align()
-        return self._stimulate_board(board_stimuli.ChargePinRose(), now_ms)
+        return self._pin_changed(True, now_ms)
+
+    def _pin_changed(self, high: bool, now_ms: int) -> list[Output]:
+        """The charger's output changed, and with it the pin's level; a defect of the pin changes what the board sees."""
+        defects = self._defects
+        if defects is None:
+            return self._stimulate_board(
+                board_stimuli.ChargePinRose() if high else board_stimuli.ChargePinFell(), now_ms
+            )
+        noticed = not defects.unseen
+        if high is defects.inverted:
+            return self._stimulate_board(board_stimuli.ChargePinFell(noticed), now_ms)
+        return self._stimulate_board(board_stimuli.ChargePinRose(noticed, high), now_ms)
 
     def _report(self, now_ms: int) -> list[Output]:
         self._report_due_ms += self.config.reports.period_ms
@@ -223,9 +248,7 @@ class Agent:
                 if not self._at_surface(now_ms) or self.body.docked:
                     return [Dropped(now_ms, "a dock closed, but not around this aMussel")]
                 self.body.dock(north_um, east_um, now_ms)
-                return (
-                    self._stimulate_board(board_stimuli.ChargePinRose(), now_ms) if self.body.pin_high else []
-                )
+                return self._pin_changed(True, now_ms) if self.body.pin_high else []
             case DockMoved(north_um, east_um):
                 if not self.body.docked:
                     return [Dropped(now_ms, "a dock moved that does not hold this aMussel")]
@@ -235,14 +258,16 @@ class Agent:
                 if not self.body.docked:
                     return [Dropped(now_ms, "a dock opened that does not hold this aMussel")]
                 self.body.let_go(now_ms)
-                return self._stimulate_board(board_stimuli.ChargePinFell(), now_ms)
+                if self._defects is not None:
+                    self._defects.bounces = 0
+                return self._pin_changed(False, now_ms)
             case CoilSlipped():
                 if not self.body.docked:
                     return [Dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
                 self.body.slip(now_ms)
-                outputs = self._stimulate_board(board_stimuli.ChargePinFell(), now_ms)
+                outputs = self._pin_changed(False, now_ms)
                 if self.body.pin_high:
-                    outputs += self._stimulate_board(board_stimuli.ChargePinRose(), now_ms)
+                    outputs += self._pin_changed(True, now_ms)
                 return outputs
             case SoundArrived(data):
                 if self._at_surface(now_ms):
@@ -266,6 +291,50 @@ class Agent:
                 return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
             case WasReset(cause):
                 return self._power_on(self.physical, now_ms, ResetCause(cause))
+            case _:
+                return self._take_defect(stimulus, now_ms)
+
+    def _take_defect(
+        self,
+        defect: ChargeLost | ClockShifted | CrystalSkewed | BuoyancyJammed | PinDisturbed | ContactBounced,
+        now_ms: int,
+    ) -> list[Output]:
+        # Imported here: few agents are ever defective.
+        from agents.mussel.defects import Defects
+
+        defects = self._defects = self._defects or Defects()
+        match defect:
+            case ChargeLost(primary, secondary):
+                return self._stimulate_board(board_stimuli.ChargeVanished(primary, secondary), now_ms)
+            case ClockShifted(by_ms):
+                return self._stimulate_board(board_stimuli.ClockJumped(by_ms), now_ms)
+            case CrystalSkewed(skew_ppb):
+                return self._stimulate_board(board_stimuli.ClockSkewed(skew_ppb), now_ms)
+            case BuoyancyJammed(jammed):
+                run, defects.held_run = defects.held_run, None
+                defects.jammed = bool(jammed)
+                return [] if run is None else self._run_buoyancy(run, now_ms)
+            case PinDisturbed(inverted, unseen):
+                was_inverted, defects.inverted, defects.unseen = (
+                    defects.inverted,
+                    bool(inverted),
+                    bool(unseen),
+                )
+                is_steady = not defects.bounces and was_inverted != defects.inverted
+                return self._pin_changed(self.body.pin_high, now_ms) if is_steady else []
+            case ContactBounced(times):
+                if not self.body.docked:
+                    return [Dropped(now_ms, "a contact bounced in a dock that does not hold this aMussel")]
+                defects.bounces = 2 * times
+                return self._bounce(defects, now_ms)
+
+    def _bounce(self, defects: Defects, now_ms: int) -> list[Output]:
+        """Opens or closes the contact in the dock; `_align` closes it the last time."""
+        from agents.mussel.defects import BOUNCE_MS
+
+        defects.bounces -= 1
+        self.body.pin_due_ms = now_ms + BOUNCE_MS
+        return self._pin_changed(defects.bounces % 2 == 0, now_ms)
 
     def _placed(self, at: Placed, now_ms: int) -> Physical:
         """The physical state of an aMussel that was just put there; it keeps the log of its samples."""
@@ -301,10 +370,8 @@ class Agent:
         outputs: list[Output] = []
         for action in actions:
             match action:
-                case board_actions.RunBuoyancy(at_ms, to, depth_mm):
-                    self.body.run_buoyancy(to, at_ms, depth_mm)
-                    if to is Buoyancy.SINK and self.body.rests_on_bottom:
-                        outputs += self._stimulate_board(board_stimuli.BottomReached(), at_ms)
+                case board_actions.RunBuoyancy():
+                    outputs += self._run_buoyancy(action, action.at_ms)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(Dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):
@@ -316,6 +383,15 @@ class Agent:
                 case _:
                     pass  # the truth that follows the event has the new state and the charge flows
         return outputs
+
+    def _run_buoyancy(self, run: board_actions.RunBuoyancy, now_ms: int) -> list[Output]:
+        if self._defects is not None and self._defects.jammed:
+            self._defects.held_run = run
+            return []
+        self.body.run_buoyancy(run.to, now_ms, run.depth_mm)
+        if run.to is Buoyancy.SINK and self.body.rests_on_bottom:
+            return self._stimulate_board(board_stimuli.BottomReached(), now_ms)
+        return []
 
     def _log(
         self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog

@@ -74,6 +74,50 @@ class WasReset:
     cause: int
 
 
+@dataclass(frozen=True, slots=True)
+class ChargeLost:
+    """A defect: the batteries lost these charges at once (grains), at most what they held."""
+
+    primary: int
+    secondary: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClockShifted:
+    """A defect: the clock's reading jumped by `by_ms`."""
+
+    by_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class CrystalSkewed:
+    """A defect: the clock's crystal runs faster by these parts of 10^9 than as delivered; 0 heals it."""
+
+    skew_ppb: int
+
+
+@dataclass(frozen=True, slots=True)
+class BuoyancyJammed:
+    """A defect: the motors do not move the buoyancy. A healed one (`jammed` 0) carries out the last motor run."""
+
+    jammed: int
+
+
+@dataclass(frozen=True, slots=True)
+class PinDisturbed:
+    """A defect of the charger's pin: its level is the opposite one, or its edges cause no interrupt; 0, 0 heals it."""
+
+    inverted: int
+    unseen: int
+
+
+@dataclass(frozen=True, slots=True)
+class ContactBounced:
+    """A defect of a dock's contact: it opens and closes so often, one after the other, unless its dock opens."""
+
+    times: int
+
+
 Stimulus = (
     ContactClosed
     | DockMoved
@@ -85,6 +129,12 @@ Stimulus = (
     | Placed
     | WasReset
     | ModemSent
+    | ChargeLost
+    | ClockShifted
+    | CrystalSkewed
+    | BuoyancyJammed
+    | PinDisturbed
+    | ContactBounced
 )
 
 _KINDS: tuple[type[Any], ...] = (
@@ -98,6 +148,12 @@ _KINDS: tuple[type[Any], ...] = (
     Placed,
     WasReset,
     ModemSent,
+    ChargeLost,
+    ClockShifted,
+    CrystalSkewed,
+    BuoyancyJammed,
+    PinDisturbed,
+    ContactBounced,
 )
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
@@ -111,6 +167,12 @@ _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
     (("north_um", int), ("east_um", int), ("depth_um", int), ("primary", int), ("secondary", int)),
     (("cause", int),),
     (("lasting_ms", int),),
+    (("primary", int), ("secondary", int)),
+    (("by_ms", int),),
+    (("skew_ppb", int),),
+    (("jammed", int),),
+    (("inverted", int), ("unseen", int)),
+    (("times", int),),
 )
 
 

@@ -9,12 +9,12 @@ import json
 import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from agents.mussel.outputs import Truth
-from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, from_json
+from agents.mussel.stimuli import ChargeLost, ContactClosed, ContactOpened, Placed, from_json
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.line_file import Line, read_lines
@@ -23,7 +23,8 @@ from apad_bridge.records.samples import Water
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from firmware_model.power.charge import FULL
+from apad_bridge.scenario.timed_faults import TimedFault
+from firmware_model.power.charge import FULL, Battery
 
 NEAR_M = 5.0
 """A docked aMussel is nearer to the aPad than this, beside the way of the aPad since its last line."""
@@ -61,6 +62,10 @@ class Invariants:
         """True for an aMussel whose newest contact closed around it."""
         self._placed: set[int] = set()
         """aMussels that were put somewhere since their last truth."""
+        self._lost: dict[int, list[tuple[int, ChargeLost]]] = {}
+        """Charges that a fault took from batteries, with its agent time, until a truth has them."""
+        self._lie_m, self._lie_until_ms = 0.0, -1
+        """The aPad reports its place so far off the true one until then."""
         self._apad_m: tuple[int, float, float] | None = None
         self._way_m = 0.0
         self._legs_m = 0.0
@@ -99,6 +104,10 @@ class Invariants:
                 yield from self._of_apad(line)
             case EventKind.LEG:
                 self._legs_m += line["metres"]
+            case EventKind.FAULT if line["fault"] == TimedFault.APAD_LIES and "refused" not in line:
+                self._lie_m, self._lie_until_ms = abs(line["value"]), 1 << 62
+            case EventKind.FAULT_OVER if line["fault"] == TimedFault.APAD_LIES:
+                self._lie_until_ms = line["t"] + 2000  # the place of that tick came before
             case EventKind.RESUMED:
                 self._docks, self._contact = {}, {}
 
@@ -130,7 +139,8 @@ class Invariants:
             return
         at_ms, north_m, east_m = self._apad_m
         there_m = truth.physical.north_um / 1e6, truth.physical.east_um / 1e6
-        most_m = NEAR_M + self._scenario.apad.max_speed_m_s * (self._now_ms - at_ms) / 1000
+        lie_m = self._lie_m if self._now_ms <= self._lie_until_ms else 0.0
+        most_m = NEAR_M + lie_m + self._scenario.apad.max_speed_m_s * (self._now_ms - at_ms) / 1000
         if (away_m := math.dist(there_m, (north_m, east_m))) > most_m:
             yield (
                 "a docked aMussel is at the aPad",
@@ -147,18 +157,40 @@ class Invariants:
                 "a log forgets nothing",
                 f"aMussel {agent_id}: {was.samples}, {was.acknowledged} became {now.samples}, {now.acknowledged}",
             )
-        charge_at = self._charge_of(agent_id).charge_at
-        for name, old, new in (
-            ("primary", was.primary, now.primary),
-            ("secondary", was.secondary, now.secondary),
-        ):
-            if new.anchor_ms < old.anchor_ms:
-                yield "time never falls", f"aMussel {agent_id}, {name} battery"
-            elif (expected := charge_at(old, new.anchor_ms)) != new.charge:
+        batteries = (("primary", was.primary, now.primary), ("secondary", was.secondary, now.secondary))
+        fallen = [name for name, old, new in batteries if new.anchor_ms < old.anchor_ms]
+        if fallen:
+            yield from (("time never falls", f"aMussel {agent_id}, {name} battery") for name in fallen)
+            return
+        losses = self._lost.get(agent_id, [])
+        # A fault of this very time may come after the event that this truth follows.
+        fewest = sum(at_ms < truth.at_ms for at_ms, _ in losses)
+        most = sum(at_ms <= truth.at_ms for at_ms, _ in losses)
+        for count in range(fewest, most + 1):
+            expected = [
+                self._charge_after(agent_id, name, old, new, losses[:count]) for name, old, new in batteries
+            ]
+            if expected == [new.charge for _, _, new in batteries]:
+                del losses[:count]
+                return
+        for name, old, new in batteries:
+            follows = self._charge_after(agent_id, name, old, new, losses[:fewest])
+            if follows != new.charge:
                 yield (
                     "energy is neither made nor lost",
-                    f"aMussel {agent_id}, {name}: {new.charge / FULL:.9f}, and {expected / FULL:.9f} follows from before",
+                    f"aMussel {agent_id}, {name}: {new.charge / FULL:.9f}, and {follows / FULL:.9f} follows from before",
                 )
+        del losses[:most]
+
+    def _charge_after(
+        self, agent_id: int, name: str, old: Battery, new: Battery, losses: list[tuple[int, ChargeLost]]
+    ) -> int:
+        """The charge at the anchor of `new` that follows from `old` and from what faults took, in grains."""
+        charge_at = self._charge_of(agent_id).charge_at
+        for at_ms, lost in losses:
+            held = charge_at(old, at_ms)
+            old = replace(old, anchor_ms=at_ms, charge=max(0, held - getattr(lost, name)))
+        return charge_at(old, max(old.anchor_ms, new.anchor_ms))
 
     def _take_stimulus(self, line: Line) -> None:
         match from_json(line["wire"]):
@@ -166,8 +198,11 @@ class Invariants:
                 self._contact[line["id"]] = True
             case ContactOpened():
                 self._contact[line["id"]] = False
+            case ChargeLost() as lost:
+                self._lost.setdefault(line["id"], []).append((line["agent_ms"], lost))
             case Placed():
                 self._placed.add(line["id"])
+                self._lost.pop(line["id"], None)
                 self._contact[line["id"]] = False
 
     def _of_dock(self, dock_index: int, agent_id: int, *, closed: bool) -> Iterator[tuple[str, str]]:

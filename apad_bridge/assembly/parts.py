@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
+from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.host import Host
 from agents.mussel.body import gps_fix_um
 from agents.mussel.physical import Physical
@@ -36,10 +37,12 @@ from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.core import LearnedState, Supervisor
-from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, WithoutWater
+from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
+from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, NoFleet, WithoutWater
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
@@ -85,6 +88,7 @@ def fleet_of(
     several flights share; without one, a scenario with water has a sea of its own.
     """
     scenario = config.scenario
+    host = FaultyHost(host, scenario.seed)
     coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
     if config.sea is None or scenario.water is None:
         return Fleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
@@ -105,6 +109,29 @@ def shared_sea(members: Sequence[Member]) -> Sea | None:
     if config is None or len(members) == 1:
         return None
     return Sea(config, scenario.theta, scenario.fleet.all_ids, len(members))
+
+
+def fault_injection(
+    config: FlightConfig,
+    fleet: Fleet | NoFleet,
+    after_ms: int = -1,
+    ongoing: Iterable[Ongoing] = (),
+    *,
+    real_hull: bool = False,
+) -> FaultInjection:
+    """The faults of a flight that goes on after `after_ms`; `ongoing` are those that had begun and not ended by then."""
+    scenario = config.scenario
+    host = None if isinstance(fleet, NoFleet) else fleet.host
+    assert host is None or isinstance(host, FaultyHost)
+    ids = () if host is None else config.ids
+    due = []
+    if scenario.faults is not None:
+        processes = scenario.fleet.hosting is Hosting.PROCESSES
+        due = planned(scenario.faults, ids, scenario.duration_s, processes=processes)
+    later = [
+        (at_ms, it) for at_ms, it in due if at_ms > after_ms and (it.agent_id is None or it.agent_id in ids)
+    ]
+    return FaultInjection(host, scenario.theta, later, ongoing, real_hull=real_hull)
 
 
 def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:

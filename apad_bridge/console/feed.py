@@ -6,6 +6,7 @@ The journal has all that the page needs, so a console takes nothing from the sup
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,19 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import Part, RunOptions
+from apad_bridge.scenario.timed_faults import TABLE
 from apad_bridge.supervisor.control import listens
-from apad_bridge.supervisor.roster import Fault
 
+_FAULTS = [
+    {
+        "fault": fault.value,
+        "does": row.does,
+        "span_s": row.span_s,
+        "parameter": None if row.parameter is None else asdict(row.parameter),
+    }
+    for fault, row in TABLE.items()
+]
+"""The rows of the table of faults, for the page's form."""
 _TICK_MS = 1000
 _MOST_SAMPLES = 2 * MAX_SAMPLES
 """With one more, every second sample is dropped, here and on each page."""
@@ -70,7 +81,7 @@ class Feed:
     def page_data(self) -> dict[str, Any]:
         """The page's data at the last poll. `live` tells the page to follow, and from where."""
         state = self._told
-        orders = {"ping": self._has_water, "faults": list(Fault) if self._takes_faults else []}
+        orders = {"ping": self._has_water, "faults": _FAULTS if self._takes_faults else []}
         live = {
             "orders": orders,
             "counts": self._view.counts,

@@ -20,7 +20,8 @@ from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.state import EARLIER_COMMANDED, Phase
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import MAX_DOCKS
-from apad_bridge.supervisor.roster import Fault, Presence
+from apad_bridge.scenario.timed_faults import TimedFault
+from apad_bridge.supervisor.roster import Presence
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Flow
 from firmware_model.states import State
@@ -56,6 +57,7 @@ class EventKind(StrEnum):
     DIED = "died"
     PRESENCE = "presence"
     FAULT = "fault"
+    FAULT_OVER = "fault_over"
     PACKET = "packet"
     RANGE = "range"
     FIX = "fix"
@@ -493,8 +495,29 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.FAULT,
-        "a fault was caused in a simulated aMussel",
-        (_ID, Field("fault", _values(Fault), "which")),
+        "a fault began, of a simulated aMussel or of the simulated aPad ([faults.md](faults.md))",
+        (
+            _optional(_ID._replace(meaning="the aMussel; absent for a fault of the aPad")),
+            Field("fault", _values(TimedFault), "which"),
+            _optional(Field("value", NUMBER, "its value, in the unit of its row")),
+            _optional(
+                Field(
+                    "until_ms",
+                    INTEGER,
+                    "when it ends; the line's own time for one that is over at once",
+                    "ms",
+                )
+            ),
+            _optional(Field("refused", TEXT, "why a fault of the scenario did not begin")),
+        ),
+    ),
+    Kind(
+        EventKind.FAULT_OVER,
+        "a fault that lasted was healed",
+        (
+            _optional(_ID._replace(meaning="the aMussel; absent for a fault of the aPad")),
+            Field("fault", _values(TimedFault), "which"),
+        ),
     ),
     Kind(
         EventKind.PACKET,

@@ -75,8 +75,13 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return f"the process of aMussel {agent} died{f': {gave_up}' if gave_up else ', and was started again'}"
         case EventKind.PRESENCE, {"id": agent, "is": presence}:
             return f"aMussel {agent} is {presence}"
-        case EventKind.FAULT, {"id": agent, "fault": fault}:
-            return f"fault of aMussel {agent}: {fault}"
+        case EventKind.FAULT, {"fault": fault, "refused": refused}:
+            return f"fault{_whose(data)} did not begin: {fault}, {refused}"
+        case EventKind.FAULT, {"fault": fault}:
+            value = f", {data['value']:g}" if "value" in data else ""
+            return f"fault{_whose(data)}: {fault}{value}"
+        case EventKind.FAULT_OVER, {"fault": fault}:
+            return f"fault{_whose(data)} healed: {fault}"
         case EventKind.REFUSED, {"order": "permit to surface", "agent": agent}:
             return f"aMussel {agent} is not permitted to surface: {reason}"
         case EventKind.REFUSED, {"order": order, "guard": guard}:
@@ -101,3 +106,8 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return f"the mission ended: {reason}"
         case _:
             return None
+
+
+def _whose(data: Mapping[str, Any]) -> str:
+    """The one whose fault it is, with a blank before it."""
+    return f" of aMussel {data['id']}" if "id" in data else " of the aPad"

@@ -48,6 +48,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.fault_injection import FaultInjection
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
@@ -83,6 +84,7 @@ def open_flight_context(
     truths_at: TruthsAt,
     presences: Presences,
     allocation: Allocation,
+    faults: FaultInjection,
     tell: Callable[[str], None],
 ) -> Iterator[FlightContext]:
     """Keeps everything on the graph while it is entered. PeerFailed, in one line, when a part does not come up.
@@ -100,7 +102,7 @@ def open_flight_context(
                 _refuse_other_origin(scenario, options)
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
-            roster = _roster(stack, fleet, presences, options, tell)
+            roster = _roster(stack, fleet, presences, options, faults, tell)
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
@@ -140,6 +142,7 @@ def open_flight_context(
             dropped=lambda: vehicle.dropped + laboratory.dropped + relayed.dropped + others.dropped,
             take_events=_graph_events(stack, options, scenario, vehicle),
             roster=roster,
+            faults=faults,
             keeps_samples=options.part is not Part.FLEET,
         )
 
@@ -232,6 +235,7 @@ def _roster(
     fleet: Fleet | NoFleet,
     presences: Presences,
     options: RunOptions,
+    faults: FaultInjection,
     tell: Callable[[str], None],
 ) -> Roster | NoRoster:
     if isinstance(fleet, NoFleet):
@@ -244,7 +248,7 @@ def _roster(
         claims.refuse_overlap(presences.simulated)
     services = FleetServices(presences, claims)
     stack.callback(services.close)
-    return Roster(presences, services, fleet.coordinator)
+    return Roster(presences, services, fleet.coordinator, faults)
 
 
 _Channel = PacketTopics | AMusselServices | AMusselTopics | LegacyOrders

@@ -149,7 +149,10 @@ OURS = Section(
         _service("musselbed/hand_over", "musselbed_msgs/AmusselById", "supervisor", "from simulated to real"),
         _service("musselbed/take_back", "musselbed_msgs/AmusselById", "supervisor", "from real to simulated"),
         _service(
-            "musselbed/inject_fault", "musselbed_msgs/InjectFault", "supervisor", "a fault of an aMussel"
+            "musselbed/inject_fault",
+            "musselbed_msgs/InjectFault",
+            "supervisor",
+            "a fault of an aMussel or of the aPad",
         ),
     ),
 )

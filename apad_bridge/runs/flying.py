@@ -107,7 +107,7 @@ def open_in_process(
     journal_start(recorder, scenario, starts)
     fleet = open_fleet(config, starts, directory.path / FOLDER, sea)
     stack.callback(fleet.close)
-    return prepare(config, join(in_process_context(scenario, fleet)), recorder, progress, spec)
+    return prepare(config, join(in_process_context(config, fleet)), recorder, progress, spec)
 
 
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:
@@ -153,10 +153,15 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path, sea:
     return parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
 
 
-def in_process_context(scenario: Scenario, fleet: Fleet) -> FlightContext:
+def in_process_context(config: FlightConfig, fleet: Fleet) -> FlightContext:
     """Virtual time with the simulated aPad in this process."""
-    vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-    return FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet, safety=safety_of(scenario))
+    return FlightContext(
+        vehicle=InProcessVehicle(parts.simulated_apad(config.scenario)),
+        pace=AsFastAsPossible(),
+        fleet=fleet,
+        safety=safety_of(config.scenario),
+        faults=parts.fault_injection(config, fleet),
+    )
 
 
 def fly(

@@ -10,7 +10,6 @@ from agents.mussel.outputs import Truth
 from agents.water.sea import Sea
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.assembly.safety import safety_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.events import PlacedSample
@@ -19,16 +18,15 @@ from apad_bridge.mission.state import MissionState
 from apad_bridge.records.event_kinds import EventKind, refuse_wrong
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.runs.flying import in_process_context
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from apad_bridge.vehicle.link import InProcessVehicle
 from firmware_model.packets.sample_record import SampleRecord
 
 
@@ -86,9 +84,7 @@ def open_flight(
     config, initial_states = flight_config(scenario), parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(parts.fleet_config(config), initial_states)
     fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
-    vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-    safety = safety_of(scenario)
-    context = join(FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet, safety=safety))
+    context = join(in_process_context(config, fleet))
     supervisor = parts.supervisor(
         config,
         command_sources=command_sources,

@@ -21,7 +21,9 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.timed_faults import TimedFault, injection
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
+from apad_bridge.supervisor.fault_injection import Ongoing
 from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.docks import after_report
@@ -80,6 +82,19 @@ def presence_changes(journal: JournalContents) -> Iterator[PresenceChange]:
     for line in journal.lines:
         if line["kind"] == EventKind.PRESENCE:
             yield PresenceChange(line["t"], line["id"], Presence(line["is"]), line["by"])
+
+
+def ongoing_faults(journal: JournalContents) -> list[Ongoing]:
+    """The faults that had begun and not ended, in the order in which they began."""
+    begun: dict[tuple[str, int | None], Ongoing] = {}
+    for line in journal.lines:
+        if line["kind"] == EventKind.FAULT and line.get("until_ms", 0) > line["t"] and "refused" not in line:
+            fault, agent_id = TimedFault(line["fault"]), line.get("id")
+            asked = injection(fault, agent_id, line.get("value"), (line["until_ms"] - line["t"]) / 1000)
+            begun[fault, agent_id] = Ongoing(asked, line["until_ms"])
+        elif line["kind"] == EventKind.FAULT_OVER:
+            begun.pop((line["fault"], line.get("id")), None)
+    return list(begun.values())
 
 
 def repeat_placements(

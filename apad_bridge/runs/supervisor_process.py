@@ -17,6 +17,7 @@ from typing import Any
 
 from agents.hosting.interrupts import held_back, let_in
 from apad_bridge.acoustics.serial.lines import open_serial_lines
+from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
@@ -145,6 +146,13 @@ def _flight_context(run: _Run, fleet: Fleet | NoFleet) -> Iterator[FlightContext
             truths_at=start_state.recorder.truths_at,
             presences=start_state.presences,
             allocation=start_state.learned.allocation,
+            faults=parts.fault_injection(
+                run.config,
+                fleet,
+                start_state.journal.last_ms if options.is_resumed else -1,
+                resuming.ongoing_faults(start_state.journal),
+                real_hull=options.has_real_vehicle,
+            ),
             tell=say,
         ) as context,
         open_serial_lines(
@@ -159,7 +167,7 @@ def _flight_context(run: _Run, fleet: Fleet | NoFleet) -> Iterator[FlightContext
 def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: CallQueue) -> FlightContext:
     """Takes orders of commands, too, and counts those that it drops."""
     has_water = run.config.scenario.water is not None and run.options.part is not Part.MISSION
-    amussels = AMusselOrders(run.config.ids, context.roster, has_water, run.options.has_real_vehicle)
+    amussels = AMusselOrders(run.config.ids, context.roster, has_water)
     gate = context.safety.gate
     dropped = stack.enter_context(control_offered(run.path, calls, gate, amussels=amussels))
     return replace(context, dropped=lambda: context.dropped() + dropped)

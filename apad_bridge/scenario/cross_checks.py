@@ -20,6 +20,7 @@ from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.scenario.water import Water
 
 Contradiction = tuple[str, str]
@@ -39,6 +40,7 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_check_water(scenario),
         *_check_apad(scenario),
         *_check_further_apads(scenario),
+        *_check_faults(scenario),
     ]
 
 
@@ -58,9 +60,20 @@ def problems_with_real_vehicle(scenario: Scenario) -> list[str]:
     faulty += [
         f"apads[{n}].fault" for n, it in enumerate(scenario.apads) if it.fault not in (None, Fault.NONE)
     ]
+    faulty += ["faults"] if scenario.faults is not None else []
     if faulty:
         problems.append(f"no fault is injected into a real aPad: leave {', '.join(faulty)} out")
     return problems
+
+
+def _check_faults(scenario: Scenario) -> Iterator[Contradiction]:
+    """Faults of aMussels and docks that there are not."""
+    ids = frozenset(scenario.fleet.all_ids)
+    for n, it in enumerate(scenario.faults.at if scenario.faults is not None else ()):
+        if it.id is not None and it.id not in ids:
+            yield f"faults.at[{n}].id", f"aMussel {it.id} is not of the fleet"
+        if it.fault is TimedFault.DOCK_JAMMED and it.injection.value not in range(scenario.apad.docks):
+            yield f"faults.at[{n}].value", f"the docks are 0 to {scenario.apad.docks - 1} (apad.docks)"
 
 
 def warnings(scenario: Scenario) -> list[Contradiction]:

@@ -35,6 +35,7 @@ from apad_bridge.scenario.quantities import (
     frozen,
 )
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
+from apad_bridge.scenario.timed_faults import Faults
 from apad_bridge.scenario.water import Water
 
 AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
@@ -464,5 +465,7 @@ class Scenario:
     beliefs: Beliefs = Beliefs()
     guards: GuardOptions | None = None
     """Limits of every order that moves the aPad; None: a fence alone has the defaults."""
+    faults: Faults | None = None
+    """Faults of simulated aMussels and of the simulated aPad, at their times; None for none."""
     water: Water | None = None
     """None: every message arrives at once and whole, as in the paper's experiments."""

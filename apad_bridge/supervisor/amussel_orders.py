@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, FiniteFloat
 
 from apad_bridge.mission.call_queue import CallQueue, FlightMission
 from apad_bridge.mission.orders import Order, PermitSurfacing, PingAgent
 from apad_bridge.mission.values import Refused
+from apad_bridge.scenario.timed_faults import TABLE, TimedFault
 from apad_bridge.supervisor.roster import (
-    Fault,
     FaultRequest,
     NoRoster,
     PresenceRequest,
@@ -40,8 +40,12 @@ class AMusselRequest:
     by: Annotated[str, Field(min_length=1, max_length=100)]
     """The person's name."""
     agent: int
-    fault: Fault | None = None
+    fault: TimedFault | None = None
     """The fault to cause; None in every other order."""
+    value: FiniteFloat | None = None
+    """The fault's value; None for the table's."""
+    for_s: FiniteFloat | None = None
+    """Its span in seconds of mission time; None for the table's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +56,6 @@ class AMusselOrders:
     roster: Roster | NoRoster = field(default_factory=NoRoster)
     has_water: bool = False
     """False: nothing is pinged, because there is no water between the modems."""
-    real_hull: bool = False
-    """True: a real aPad moves by what its aMussels do, so nobody causes faults in them."""
 
     def carry_out(self, request: AMusselRequest, calls: CallQueue) -> str:
         """Gives the order; returns what a person has to know of it. Refused, with the reason."""
@@ -74,10 +76,9 @@ class AMusselOrders:
                 return self._ask(PresenceRequest(request.agent, Trigger.TAKE_BACK, request.by))
             case AMusselAct.FAULT:
                 if request.fault is None:
-                    raise Refused(f"name the fault: {', '.join(Fault)}")
-                if self.real_hull:
-                    raise Refused("a real aPad flies: faults are for runs with the simulated one")
-                return self._ask(FaultRequest(request.agent, request.fault))
+                    raise Refused(f"name the fault: {', '.join(TimedFault)}")
+                agent = None if TABLE[request.fault].is_of_apad else request.agent
+                return self._ask(FaultRequest(agent, request.fault, request.value, request.for_s))
 
     def _order(self, request: AMusselRequest, order: Order, calls: CallQueue) -> None:
         note = {"order": request.act.value, "by": request.by, "agent": request.agent}

@@ -11,6 +11,7 @@ from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.fault_injection import FaultInjection, NoFaults
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.supervisor.packet_relay import PacketRelay, no_relay
@@ -60,6 +61,8 @@ class FlightContext:
     """Serial lines, which are polled between ticks too."""
     roster: Roster | NoRoster = field(default_factory=NoRoster)
     """Changes which aMussels of the fleet are simulated."""
+    faults: FaultInjection | NoFaults = field(default_factory=NoFaults)
+    """Carries out the faults of the scenario, and those that the roster's callers ask for."""
     keeps_samples: bool = True
     """False for a fleet whose mission is at the other end of a relay: its samples are uploaded there."""
     stands_down: StandDownRule = field(default_factory=NeverStandsDown)

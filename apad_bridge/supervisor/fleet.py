@@ -218,7 +218,7 @@ class Fleet:
         self.leave_water = water.leave_water
         self.has_other_apads = water.has_other_apads
         self.close = host.close
-        self._host = host
+        self.host = host
 
     @property
     def ids(self) -> Sequence[int]:
@@ -250,8 +250,8 @@ class Fleet:
     @property
     def lost(self) -> MissionEnd | None:
         """The mission's end when no agent lives and none can be started again; None as long as one lives."""
-        if self._host.lost is not None:
-            why = self._host.lost
+        if self.host.lost is not None:
+            why = self.host.lost
         elif not self.coordinator.agent_ids:
             why = "every aMussel died too often"
         else:

@@ -114,7 +114,9 @@ class Flight:
         self.now_ms = start_ms
         self._context = context
         can_stop = context.capabilities is None or context.capabilities.can_stop
-        self._vehicle = GuardedVehicle(context.vehicle, context.safety, can_stop=can_stop)
+        self._faults = context.faults
+        faulty = self._faults.behind(context.vehicle)
+        self._vehicle = GuardedVehicle(faulty, context.safety, can_stop=can_stop)
         self._recorder = recorder
         self._fleet = context.fleet
         self._relay = context.relay
@@ -270,6 +272,7 @@ class Flight:
                         reason=reason,
                         gave_up=gave_up,
                     )
+                    self._faults.restarted(agent_id)
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
                 case Heard(at_ms, agent_id, WifiSent(_, data)):
@@ -322,8 +325,10 @@ class Flight:
                 self.supervisor.receive(item)
 
     def _apply_requests(self, now_ms: int) -> None:
-        """Applies requests to make aMussels simulated, real or retired, and to cause faults."""
-        for action in self._roster.advance(self.supervisor.beliefs, now_ms):
+        """Applies requests to make aMussels simulated, real or retired; begins and ends faults."""
+        beliefs, is_simulated = self.supervisor.beliefs, self._roster.is_simulated
+        asked = self._roster.advance(beliefs, now_ms)
+        for action in [*asked, *self._faults.advance(now_ms, beliefs, is_simulated)]:
             if isinstance(action, Note):
                 self._recorder.event(now_ms, action.kind, **action.data)
             else:

@@ -17,13 +17,13 @@ from enum import StrEnum
 from typing import Protocol
 
 from agents.coordinator import Coordinator
-from agents.mussel.stimuli import CoilSlipped, Placed, Stimulus, WasReset
+from agents.mussel.stimuli import Placed
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.orders import Note
+from apad_bridge.scenario.timed_faults import TimedFault, injection
+from apad_bridge.supervisor.fault_injection import Action, FaultInjection, NoFaults, is_docked
 from firmware_model.power.charge import grains
-from firmware_model.state_groups import DOCKED
-from firmware_model.stimuli import ResetCause
 
 
 class Presence(StrEnum):
@@ -60,14 +60,6 @@ class PresenceChange:
     by: str
 
 
-class Fault(StrEnum):
-    """A fault that can be injected into a simulated aMussel."""
-
-    BROWN_OUT = "brown_out"
-    WATCHDOG = "watchdog"
-    COIL_SLIP = "coil_slip"
-
-
 @dataclass(frozen=True, slots=True)
 class PresenceRequest:
     """A request to change an aMussel's presence. `by` is for the journal."""
@@ -83,10 +75,12 @@ class PresenceRequest:
 
 @dataclass(frozen=True, slots=True)
 class FaultRequest:
-    """A request for a fault."""
+    """A request for a fault; `agent_id` is None for one of the aPad, and what else is None has the table's default."""
 
-    agent_id: int
-    fault: Fault
+    agent_id: int | None
+    fault: TimedFault
+    value: float | None = None
+    for_s: float | None = None
 
 
 RosterRequest = PresenceRequest | FaultRequest
@@ -151,13 +145,6 @@ class AskedRequests:
         return False
 
 
-_STIMULI: dict[Fault, Stimulus] = {
-    Fault.BROWN_OUT: WasReset(ResetCause.BROWN_OUT),
-    Fault.WATCHDOG: WasReset(ResetCause.WATCHDOG),
-    Fault.COIL_SLIP: CoilSlipped(),
-}
-
-
 class Presences:
     """The presences of a fleet's aMussels. It belongs to the flight's thread; any thread may read `simulated`."""
 
@@ -185,28 +172,20 @@ class Presences:
         return self._now.get(agent_id)
 
     def do(
-        self, request: RosterRequest, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
-    ) -> tuple[list[tuple[int, Stimulus]], Note] | str:
+        self, request: PresenceRequest, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
+    ) -> list[Action] | str:
         """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change."""
         before = self._now.get(request.agent_id)
         if before is None:
             return f"aMussel {request.agent_id} is not of this fleet"
-        if isinstance(request, FaultRequest):
-            if before is not Presence.SIMULATED:
-                return f"aMussel {request.agent_id} is {before}: faults are for simulated ones"
-            if request.fault is Fault.COIL_SLIP and not _is_docked(beliefs, request.agent_id):
-                return f"aMussel {request.agent_id} is in no dock, by its reports: a coil slips only there"
-            return [(request.agent_id, _STIMULI[request.fault])], Note(
-                "fault", {"id": request.agent_id, "fault": request.fault.value}
-            )
-        if _is_docked(beliefs, request.agent_id):
+        if is_docked(beliefs, request.agent_id):
             return f"aMussel {request.agent_id} is in a dock: undock it first"
         after = TABLE.get((before, request.trigger))
         if after is None:
             return f"aMussel {request.agent_id} is {before}: it cannot {request.trigger}"
         if request.trigger is Trigger.SPAWN and (why := _no_spawn(request)) is not None:
             return why
-        stimuli: list[tuple[int, Stimulus]] = []
+        stimuli: list[Action] = []
         if after is Presence.SIMULATED:
             placed = self._placed(request, beliefs)
             if placed is None:
@@ -219,7 +198,7 @@ class Presences:
             beliefs.forget(request.agent_id)
         self._now[request.agent_id] = after
         self.simulated = self._simulated_ids()
-        return stimuli, Note("presence", {"id": request.agent_id, "is": after.value, "by": request.by})
+        return [*stimuli, Note("presence", {"id": request.agent_id, "is": after.value, "by": request.by})]
 
     def _simulated_ids(self) -> frozenset[int]:
         return frozenset(it for it, presence in self._now.items() if presence is Presence.SIMULATED)
@@ -244,11 +223,6 @@ class Presences:
         )
 
 
-def _is_docked(beliefs: FleetBeliefs, agent_id: int) -> bool:
-    belief = beliefs.get(agent_id)
-    return belief is not None and belief.state in DOCKED
-
-
 def _no_spawn(request: PresenceRequest) -> str | None:
     """The reason for refusing to spawn, or None. Charge 0 is refused: ROS 1 fills a field that is left out with 0."""
     if not all(0.0 < charge <= 1.0 for charge in request.charges):
@@ -259,10 +233,17 @@ def _no_spawn(request: PresenceRequest) -> str | None:
 
 
 class Roster:
-    """The presences of a flight's fleet, and the requests that change them."""
+    """The presences of a flight's fleet, and the requests that change them or cause faults."""
 
-    def __init__(self, presences: Presences, requests: RosterRequests, coordinator: Coordinator) -> None:
+    def __init__(
+        self,
+        presences: Presences,
+        requests: RosterRequests,
+        coordinator: Coordinator,
+        faults: FaultInjection | NoFaults,
+    ) -> None:
         self.presences = presences
+        self._faults = faults
         self._coordinator = coordinator
         self._requests = requests
         self._answers: list[tuple[RosterRequest, str | None]] = []
@@ -270,18 +251,33 @@ class Roster:
     def is_simulated(self, agent_id: int) -> bool:
         return agent_id in self.presences.simulated
 
-    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[tuple[int, Stimulus] | Note]:
+    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[Action]:
         """Applies the requests since the last tick. No caller gets an answer before `answer`."""
-        actions: list[tuple[int, Stimulus] | Note] = []
+        actions: list[Action] = []
         for request in self._requests.take():
-            outcome = self.presences.do(request, self._coordinator, beliefs, now_ms)
-            if isinstance(outcome, str):
-                self._answers.append((request, outcome))
-                continue
-            stimuli, note = outcome
-            actions += [*stimuli, note]
-            self._answers.append((request, None))
+            outcome = (
+                self._cause(request, beliefs, now_ms)
+                if isinstance(request, FaultRequest)
+                else self.presences.do(request, self._coordinator, beliefs, now_ms)
+            )
+            refusal = outcome if isinstance(outcome, str) else None
+            actions += outcome if not isinstance(outcome, str) else ()
+            self._answers.append((request, refusal))
         return actions
+
+    def _cause(self, request: FaultRequest, beliefs: FleetBeliefs, now_ms: int) -> list[Action] | str:
+        """Begins a fault, or returns the reason for a refusal."""
+        if request.agent_id is not None:
+            presence = self.presences.of(request.agent_id)
+            if presence is None:
+                return f"aMussel {request.agent_id} is not of this fleet"
+            if presence is not Presence.SIMULATED:
+                return f"aMussel {request.agent_id} is {presence}: faults are for simulated ones"
+        try:
+            asked = injection(request.fault, request.agent_id, request.value, request.for_s)
+        except ValueError as error:
+            return str(error)
+        return self._faults.cause(asked, beliefs, now_ms)
 
     def ask(self, request: RosterRequest) -> str | None:
         """A request of another thread, which waits: the reason for a refusal; None when it was done."""
@@ -303,7 +299,7 @@ class NoRoster:
     def is_simulated(self, agent_id: int) -> bool:
         return True
 
-    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[tuple[int, Stimulus] | Note]:
+    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[Action]:
         return []
 
     def answer(self) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from enum import IntEnum
 
 from firmware_model.power.charge import Battery, ChargeModel, Flow
@@ -15,6 +14,12 @@ class ActiveBattery(IntEnum):
     SECONDARY = 1
     NEITHER = 2
     """Both are empty."""
+
+
+def without(battery: Battery, grains: int, model: ChargeModel, now_ms: int) -> Battery:
+    """The battery with so much less charge from `now_ms` on, in grains; empty at least."""
+    held = model.charge_at(battery, now_ms)
+    return Battery(now_ms, max(0, held - grains), battery.flow, battery.load, battery.coils)
 
 
 class WorstCase:
@@ -36,8 +41,12 @@ class WorstCase:
     def spend(self, grains: int, now_ms: int) -> None:
         """Takes a charge from the primary battery at once, at most what it holds."""
         if grains:
-            held = self._model.charge_at(self.primary, now_ms)
-            self.primary = replace(self.primary, anchor_ms=now_ms, charge=max(0, held - grains))
+            self.primary = without(self.primary, grains, self._model, now_ms)
+
+    def lose(self, primary: int, secondary: int, now_ms: int) -> None:
+        """Takes these charges (grains) from both batteries at once, at most what they hold."""
+        self.primary = without(self.primary, primary, self._model, now_ms)
+        self.secondary = without(self.secondary, secondary, self._model, now_ms)
 
     def readings(self, now_ms: int) -> tuple[int, int]:
         """Primary and secondary charge, in grains: the worst case knows them exactly."""

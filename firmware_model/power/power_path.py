@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from firmware_model.config import PATH_UNIT, Power
-from firmware_model.power.active_battery import ActiveBattery
+from firmware_model.power.active_battery import ActiveBattery, without
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
 from firmware_model.power.voltage import Meter, Watch
 
@@ -86,6 +86,13 @@ class PowerPath:
         if charging:
             self.safe_ms, self._is_low = None, False
         self.charging, self.load = charging, load
+        self._settle(now_ms)
+
+    def lose(self, primary: int, secondary: int, now_ms: int) -> None:
+        """Takes these charges (grains) from both batteries at once, at most what they hold."""
+        self._count_samples(now_ms)
+        self.primary = without(self.primary, primary, self._model, now_ms)
+        self.secondary = without(self.secondary, secondary, self._model, now_ms)
         self._settle(now_ms)
 
     def set_levels(self, levels: tuple[int, int, int], now_ms: int) -> None:

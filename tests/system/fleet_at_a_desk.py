@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.coordinator import Coordinator
+from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
@@ -30,6 +31,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.fault_injection import FaultInjection
 from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import Outcome, PacketRelay, whole_flight
@@ -89,6 +91,7 @@ def main() -> None:
     relay = PacketRelay(division, [topics.take], {Outcome.PUBLISH: topics.publish})
     host = InProcessHost(parts.fleet_config(flight_config(flown)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta)
+    faults = FaultInjection(FaultyHost(host, flown.seed), flown.theta)
     supervisor = parts.supervisor(flight_config(flown))
     flight = Flight(
         supervisor,
@@ -98,7 +101,8 @@ def main() -> None:
             fleet=Fleet(coordinator, host, WithoutWater(coordinator, host)),
             watchers=lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
             relay=relay,
-            roster=Roster(presences, services, coordinator),
+            roster=Roster(presences, services, coordinator, faults),
+            faults=faults,
         ),
         PrintingRecorder(),
     )

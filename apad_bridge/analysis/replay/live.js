@@ -115,11 +115,33 @@ if (data.live) {
   heardMs = performance.now();
   $("orders").hidden = $("one-orders").hidden = false;
   const { ping, faults } = data.live.orders;
-  $("fault").replaceChildren(...faults.map((it) => new Option(words(it), it)));
+  $("fault").replaceChildren(...faults.map((it) => new Option(words(it.fault), it.fault)));
+  const rowOfFault = () => faults.find((it) => it.fault === $("fault").value);
+  const showFault = () => {
+    const row = rowOfFault();
+    if (!row) return;
+    $("fault").title = row.does;
+    $("fault-value-of").hidden = !row.parameter;
+    $("fault-for-of").hidden = !row.span_s;
+    $("fault-for").value = row.span_s;
+    if (!row.parameter) return;
+    $("fault-unit").textContent = `${row.parameter.name} (${row.parameter.unit})`;
+    Object.assign($("fault-value"), { value: row.parameter.default, min: row.parameter.least, max: row.parameter.most });
+  };
+  const chosenFault = () => {
+    const row = rowOfFault();
+    return {
+      fault: row.fault,
+      ...(row.parameter ? { value: $("fault-value").valueAsNumber } : {}),
+      ...(row.span_s ? { for_s: $("fault-for").valueAsNumber } : {}),
+    };
+  };
+  $("fault").addEventListener("change", showFault);
+  showFault();
   for (const button of $("one-orders").querySelectorAll("button")) {
     const { act } = button.dataset;
     button.hidden = (act === "ping" && !ping) || (act === "cause a fault" && !faults.length);
-    button.addEventListener("click", () => order(act, { agent: selected, ...(act === "cause a fault" ? { fault: $("fault").value } : {}) }));
+    button.addEventListener("click", () => order(act, { agent: selected, ...(act === "cause a fault" ? chosenFault() : {}) }));
   }
   $("fault").hidden = !faults.length;
   for (const act of ["stop", "continue", "abort"]) $(act).addEventListener("click", () => order(act));

@@ -15,9 +15,9 @@ import rospy
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
+from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.roster import (
     AskedRequests,
-    Fault,
     FaultRequest,
     PresenceRequest,
     Presences,
@@ -88,10 +88,12 @@ class FleetServices:
         return SpawnAmusselResponse(accepted=refusal is None, message=refusal or "")
 
     def _inject(self, request: Any) -> Any:
-        if request.fault not in list(Fault):
-            known = ", ".join(Fault)
+        if request.fault not in list(TimedFault):
+            known = ", ".join(TimedFault)
             return InjectFaultResponse(
                 accepted=False, message=f"no fault {request.fault!r}: there are {known}"
             )
-        refusal = self.ask(FaultRequest(request.id, Fault(request.fault)))
+        # ROS 1 fills a field that is left out with 0: that is the table's default here, and no aMussel's id.
+        value, for_s = request.value or None, request.for_s or None
+        refusal = self.ask(FaultRequest(request.id or None, TimedFault(request.fault), value, for_s))
         return InjectFaultResponse(accepted=refusal is None, message=refusal or "")

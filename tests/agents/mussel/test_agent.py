@@ -13,9 +13,13 @@ from agents.fleet import resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Dropped, Output, Truth, WifiSent
 from agents.mussel.stimuli import (
+    BuoyancyJammed,
+    ChargeLost,
+    ContactBounced,
     ContactClosed,
     ContactOpened,
     DockMoved,
+    PinDisturbed,
     Placed,
     SoundArrived,
     Stimulus,
@@ -40,6 +44,14 @@ STIMULI: tuple[Stimulus, ...] = (
     ContactOpened(),
     Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
     WasReset(ResetCause.BROWN_OUT),
+    ChargeLost(grains(0.3), grains(0.1)),
+    BuoyancyJammed(1),
+    BuoyancyJammed(0),
+    PinDisturbed(1, 0),
+    PinDisturbed(0, 1),
+    PinDisturbed(0, 0),
+    ContactBounced(3),
+    ContactBounced(60),
 )
 FLEET = PAPER
 END_MS = 2_000_000

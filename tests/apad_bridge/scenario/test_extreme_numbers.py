@@ -32,6 +32,7 @@ area: {fence: [[-50, -50], [80, -50], [80, 80], [-50, 80]], keep_out: [[[60, 60]
 guards: {leg_m: 500, leg_s: 600, speed_limit_m_s: 5, battery_reserve: 0.1, amussel_depth_m: 50}
 apad: {home: {charging_w: 200, go_at: 0.2, leave_at: 0.9}, unavailable: [{from_s: 5, until_s: 8}]}
 apads: [{name: apad2, start_m: [5, 5], battery_start_fraction: 0.9}]
+faults: {at: [{fault: bit_flip, id: 1, at_s: 5, for_s: 4, value: 0.5}], mix: {seed: 3, count: 10, of: [apad_lies]}}
 """
 SOUND = """
 fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: physical}, hosting: one_process}

@@ -13,11 +13,14 @@ import pytest
 from flying import Flying
 from scenario_files import SOUND_FILE
 
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.amussel_orders import AMusselAct, AMusselOrders, AMusselRequest
 from apad_bridge.supervisor.control import Answer, ask, control_offered
-from apad_bridge.supervisor.roster import AskedRequests, Fault, FaultRequest, Presences, Roster
+from apad_bridge.supervisor.roster import AskedRequests, FaultRequest, Presences, Roster
 from firmware_model.states import State
 
 
@@ -28,13 +31,14 @@ class Requests(AskedRequests):
         assert super().answer(request, refusal)
 
 
-def flown(scenario: Scenario, **orders: Any) -> tuple[Flying, AMusselOrders]:
+def flown(scenario: Scenario, *, real_hull: bool = False, **orders: Any) -> tuple[Flying, AMusselOrders]:
     presences = Presences(scenario.fleet.ids, scenario.area.depth_m)
     rosters: list[Roster] = []
 
     def with_roster(context: Any) -> Any:
-        rosters.append(Roster(presences, Requests(), context.fleet.coordinator))
-        return replace(context, roster=rosters[0])
+        faults = parts.fault_injection(flight_config(scenario), context.fleet, real_hull=real_hull)
+        rosters.append(Roster(presences, Requests(), context.fleet.coordinator, faults))
+        return replace(context, roster=rosters[0], faults=faults)
 
     flying = Flying(scenario, with_roster)
     flying.seconds(3)
@@ -57,7 +61,7 @@ def answered(flying: Flying, request: Callable[[], Any]) -> Any:
 
 
 def asked(
-    flying: Flying, run_dir: Path, act: AMusselAct, agent: int = 3, fault: Fault | None = None
+    flying: Flying, run_dir: Path, act: AMusselAct, agent: int = 3, fault: TimedFault | None = None
 ) -> Answer:
     answer = answered(flying, lambda: ask(run_dir, AMusselRequest(act, "Anna", agent, fault)))
     assert isinstance(answer, Answer)
@@ -75,11 +79,11 @@ def test_a_permission_reaches_the_amussel_and_is_noted(flying: Flying, tmp_path:
 def test_presence_and_faults_go_through_the_roster(flying: Flying, tmp_path: Path) -> None:
     assert asked(flying, tmp_path, AMusselAct.HAND_OVER) == Answer(True, "")
     assert [(it["id"], it["is"], it["by"]) for it in flying.events("presence")] == [(3, "real", "Anna")]
-    refused = asked(flying, tmp_path, AMusselAct.FAULT, 3, Fault.BROWN_OUT)
+    refused = asked(flying, tmp_path, AMusselAct.FAULT, 3, TimedFault.BROWN_OUT)
     assert refused == Answer(False, "aMussel 3 is real: faults are for simulated ones")
-    assert asked(flying, tmp_path, AMusselAct.FAULT, 4, Fault.BROWN_OUT) == Answer(True, "")
+    assert asked(flying, tmp_path, AMusselAct.FAULT, 4, TimedFault.BROWN_OUT) == Answer(True, "")
     assert [(it["id"], it["fault"]) for it in flying.events("fault")] == [(4, "brown_out")]
-    not_docked = asked(flying, tmp_path, AMusselAct.FAULT, 4, Fault.COIL_SLIP)
+    not_docked = asked(flying, tmp_path, AMusselAct.FAULT, 4, TimedFault.COIL_SLIP)
     assert "in no dock" in not_docked.message and not not_docked.accepted
 
 
@@ -88,7 +92,7 @@ def test_presence_and_faults_go_through_the_roster(flying: Flying, tmp_path: Pat
     [
         (AMusselRequest(AMusselAct.PERMIT, "Anna", 99), "there is no aMussel 99 in this run"),
         (AMusselRequest(AMusselAct.PING, "Anna", 3), "there is nothing to ping by"),
-        (AMusselRequest(AMusselAct.FAULT, "Anna", 3), "name the fault: brown_out, watchdog, coil_slip"),
+        (AMusselRequest(AMusselAct.FAULT, "Anna", 3), "name the fault: brown_out, watchdog, killed"),
     ],
 )
 def test_what_cannot_be_is_refused(
@@ -102,7 +106,7 @@ def test_what_cannot_be_is_refused(
 def test_no_fault_is_caused_where_a_real_hull_flies(pool: Scenario, tmp_path: Path) -> None:
     flying, orders = flown(pool, real_hull=True)
     with control_offered(tmp_path, flying.calls, flying.gate, amussels=orders):
-        answer = asked(flying, tmp_path, AMusselAct.FAULT, 3, Fault.WATCHDOG)
+        answer = asked(flying, tmp_path, AMusselAct.FAULT, 3, TimedFault.WATCHDOG)
     assert answer == Answer(False, "a real aPad flies: faults are for runs with the simulated one")
     assert flying.events("fault") == []
 
@@ -123,7 +127,7 @@ def test_a_ping_brings_a_range() -> None:
 def test_a_flight_that_does_not_tick_answers_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("apad_bridge.supervisor.roster.ANSWER_S", 0.05)
     requests = AskedRequests()
-    assert requests.ask(FaultRequest(1, Fault.WATCHDOG)) == "the flight made no tick for 0.05 s"
+    assert requests.ask(FaultRequest(1, TimedFault.WATCHDOG)) == "the flight made no tick for 0.05 s"
     assert requests.take() == []
 
 
@@ -131,7 +135,7 @@ def test_each_caller_gets_its_own_answer() -> None:
     requests, answers = AskedRequests(), {}
 
     def caller(agent: int) -> None:
-        answers[agent] = requests.ask(FaultRequest(agent, Fault.WATCHDOG))
+        answers[agent] = requests.ask(FaultRequest(agent, TimedFault.WATCHDOG))
 
     threads = [threading.Thread(target=caller, args=(n,)) for n in range(5)]
     for thread in threads:
@@ -144,4 +148,4 @@ def test_each_caller_gets_its_own_answer() -> None:
     for thread in threads:
         thread.join()
     assert answers == {n: f"no, {n}" for n in range(5)}
-    assert not requests.answer(FaultRequest(9, Fault.WATCHDOG), None)
+    assert not requests.answer(FaultRequest(9, TimedFault.WATCHDOG), None)

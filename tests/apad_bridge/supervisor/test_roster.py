@@ -10,6 +10,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from agents.coordinator import Coordinator, Heard
+from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.packet_medium import Medium
@@ -23,14 +24,15 @@ from apad_bridge.runs.resuming import presence_changes, repeat_placements
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.fault_injection import FaultInjection
 from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import PacketRelay, RelayedPacket, Source, whole_flight
 from apad_bridge.supervisor.roster import (
     TABLE,
-    Fault,
     FaultRequest,
     Presence,
     PresenceChange,
@@ -103,7 +105,10 @@ class Bench:
             host,
             Coordinator(host, dict.fromkeys(initial_states, 0), self.scenario.theta),
         )
-        self.flight = self.begin(self.recorder, Roster(self.presences, self.paper, self.coordinator))
+        self.faults = FaultInjection(FaultyHost(host, self.scenario.seed), self.scenario.theta)
+        self.flight = self.begin(
+            self.recorder, Roster(self.presences, self.paper, self.coordinator, self.faults)
+        )
 
     def begin(self, recorder: MemoryRecorder, roster: Roster) -> Flight:
         return Flight(
@@ -114,6 +119,7 @@ class Bench:
                 fleet=Fleet(self.coordinator, self.host, WithoutWater(self.coordinator, self.host)),
                 relay=PacketRelay(whole_flight(lambda: self.presences.simulated), [self.elsewhere.take], {}),
                 roster=roster,
+                faults=self.faults,
             ),
             recorder,
         )
@@ -225,7 +231,7 @@ def test_a_reset_by_fault_is_a_reset() -> None:
     bench = Bench()
     bench.ticks(3)
     before = bench.truth()
-    assert bench.ask(FaultRequest(THE_ONE, Fault.BROWN_OUT)) == [None]
+    assert bench.ask(FaultRequest(THE_ONE, TimedFault.BROWN_OUT)) == [None]
     wires = [data["wire"] for _, kind, data in bench.recorder.events if kind == "stimulus"]
     assert wires[-1:] == [[8, 1]]
     bench.ticks(3)
@@ -241,10 +247,10 @@ def test_what_cannot_be_is_refused_in_words() -> None:
     assert unknown == "aMussel 77 is not of this fleet"
     assert spawned == "aMussel 1 is simulated: it cannot spawn"
     bench.ask(PresenceRequest(1, Trigger.HAND_OVER, "a test"))
-    (faulty,) = bench.ask(FaultRequest(1, Fault.WATCHDOG))
+    (faulty,) = bench.ask(FaultRequest(1, TimedFault.WATCHDOG))
     assert faulty == "aMussel 1 is real: faults are for simulated ones"
-    (slipped,) = bench.ask(FaultRequest(2, Fault.COIL_SLIP))
-    assert slipped == "aMussel 2 is in no dock, by its reports: a coil slips only there"
+    (slipped,) = bench.ask(FaultRequest(2, TimedFault.COIL_SLIP))
+    assert slipped == "aMussel 2 is in no dock, by its reports: coil_slip happens only there"
 
 
 @pytest.mark.parametrize(
@@ -299,7 +305,9 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
 
     requests = RosterRequests()
     requests.asked = [PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test")]
-    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, requests, bench.coordinator))
+    bench.flight = bench.begin(
+        Records(bench.scenario), Roster(bench.presences, requests, bench.coordinator, bench.faults)
+    )
     bench.ticks(1)
     assert order == ["said", "on disk", "answered"]
 

@@ -1,0 +1,267 @@
+"""Carries out the faults of a run, from their begin to their end: those of the scenario, and those that people cause.
+
+The one place that knows the effect of a row of `apad_bridge.scenario.timed_faults`. Effects go to the aMussels' bodies as
+stimuli, to their links and processes by the `FaultyHost`, and to the aPad's reports and orders by the `FaultyLink`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from agents.hosting.faulty_host import FaultyHost, LinkDefect
+from agents.mussel.stimuli import (
+    BuoyancyJammed,
+    ChargeLost,
+    ClockShifted,
+    CoilSlipped,
+    ContactBounced,
+    CrystalSkewed,
+    PinDisturbed,
+    Stimulus,
+    WasReset,
+)
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.mission.orders import Note
+from apad_bridge.scenario.timed_faults import Injection, TimedFault
+from apad_bridge.vehicle.faulty_link import FaultyLink
+from apad_bridge.vehicle.link import VehicleLink
+from firmware_model.power.charge import grains
+from firmware_model.state_groups import DOCKED
+from firmware_model.stimuli import ResetCause
+
+REAL_HULL = "a real aPad flies: faults are for runs with the simulated one"
+_LEAK_MS = 10_000
+"""A leaking battery loses its charge in steps of so much mission time."""
+
+Action = tuple[int, Stimulus] | Note
+_Key = tuple[TimedFault, int | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Ongoing:
+    """A fault that had begun and not ended when a former supervisor died."""
+
+    injection: Injection
+    until_ms: int
+
+
+class FaultInjection:
+    """The faults of one flight. It belongs to the flight's thread."""
+
+    def __init__(
+        self,
+        host: FaultyHost | None,
+        theta: int,
+        planned: Sequence[tuple[int, Injection]] = (),
+        ongoing: Iterable[Ongoing] = (),
+        *,
+        real_hull: bool = False,
+    ) -> None:
+        """`host` None: no aMussel is simulated here. `planned` are (mission ms, fault), rising; those before are left out.
+
+        With a `real_hull` every fault is refused.
+        """
+        self._host = host
+        self._theta = theta
+        self._planned = list(planned)
+        self._real_hull = real_hull
+        self._link: FaultyLink | None = None
+        self._active: dict[_Key, Ongoing] = {}
+        self._again: list[Ongoing] = list(ongoing)
+        """Faults that begin once more at the next tick, without a word: their end is in the journal already or to come."""
+
+    def behind(self, vehicle: VehicleLink) -> VehicleLink:
+        """The vehicle with the faults of the aPad in front of it. Call it once."""
+        if self._real_hull:
+            return vehicle
+        self._link = FaultyLink(vehicle)
+        return self._link
+
+    def restarted(self, agent_id: int) -> None:
+        """The process of an aMussel is another one: what the former one was told begins in it once more."""
+        self._again += [it for (_, of), it in self._active.items() if of == agent_id]
+
+    def advance(
+        self, now_ms: int, beliefs: FleetBeliefs, is_simulated: Callable[[int], bool]
+    ) -> list[Action]:
+        """Ends and begins what is due at this tick."""
+        actions: list[Action] = []
+        again, self._again = self._again, []
+        for fault in again:
+            self._active[_key(fault.injection)] = fault
+            actions += self._begin(fault.injection)
+        for key, fault in list(self._active.items()):
+            if fault.until_ms <= now_ms:
+                del self._active[key]
+                actions += [*self._end(fault.injection), Note("fault_over", _identity(fault.injection))]
+        while self._planned and self._planned[0][0] <= now_ms:
+            _, injection = self._planned.pop(0)
+            agent_id = injection.agent_id
+            if agent_id is not None and not is_simulated(agent_id):
+                outcome: list[Action] | str = f"aMussel {agent_id} is not simulated now"
+            else:
+                outcome = self.cause(injection, beliefs, now_ms)
+            if isinstance(outcome, str):
+                outcome = [Note("fault", {**_described(injection, now_ms), "refused": outcome})]
+            actions += outcome
+        if now_ms % _LEAK_MS == 0:
+            for (kind, _), fault in self._active.items():
+                if kind is TimedFault.BATTERY_AGEING:
+                    loss = grains(fault.injection.value * _LEAK_MS / 60_000)
+                    actions += _to(fault.injection, ChargeLost(loss, 0))
+        return actions
+
+    def cause(self, injection: Injection, beliefs: FleetBeliefs, now_ms: int) -> list[Action] | str:
+        """Begins a fault: the stimuli and the note for the journal, or the reason for a refusal, without a change."""
+        refusal = self._refusal(injection, beliefs)
+        if refusal is not None:
+            return refusal
+        actions = self._begin(injection)
+        if injection.span_ms:
+            self._active[_key(injection)] = Ongoing(injection, now_ms + injection.span_ms)
+        return [*actions, Note("fault", _described(injection, now_ms))]
+
+    def _refusal(self, injection: Injection, beliefs: FleetBeliefs) -> str | None:
+        row, agent_id = injection.row, injection.agent_id
+        whose = "the aPad" if agent_id is None else f"aMussel {agent_id}"
+        if self._real_hull:
+            return REAL_HULL
+        if _key(injection) in self._active:
+            return f"{whose} has the fault {injection.fault} already"
+        if agent_id is None:
+            return None if self._link is not None else "no aPad is commanded in this run"
+        if self._host is None:
+            return "no fleet is simulated in this run"
+        if row.needs_dock and not is_docked(beliefs, agent_id):
+            return f"aMussel {agent_id} is in no dock, by its reports: {injection.fault} happens only there"
+        if row.needs_process and agent_id not in self._host.pids:
+            return f"aMussel {agent_id} has no process of its own: {injection.fault} needs one"
+        return None
+
+    def _begin(self, injection: Injection) -> list[Action]:
+        host, link, value, agent_id = self._host, self._link, injection.value, injection.agent_id or 0
+        match injection.fault:
+            case TimedFault.BROWN_OUT:
+                return _to(injection, WasReset(ResetCause.BROWN_OUT))
+            case TimedFault.WATCHDOG:
+                return _to(injection, WasReset(ResetCause.WATCHDOG))
+            case TimedFault.COIL_SLIP:
+                return _to(injection, CoilSlipped())
+            case TimedFault.CLOCK_JUMP:
+                return _to(injection, ClockShifted(round(1000 * value)))
+            case TimedFault.CLOCK_SKEW:
+                return _to(injection, CrystalSkewed(round(1000 * value)))
+            case TimedFault.BATTERY_LOSS:
+                return _to(injection, ChargeLost(grains(value), 0))
+            case TimedFault.BUOYANCY_STUCK:
+                return _to(injection, BuoyancyJammed(1))
+            case TimedFault.EDGE_CHATTER:
+                return _to(injection, ContactBounced(round(value)))
+            case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
+                return self._pin(injection, begins=True)
+            case TimedFault.APAD_FROZEN if link is not None:
+                link.is_frozen = True
+            case TimedFault.APAD_LIES if link is not None:
+                link.north_error_m = value
+            case TimedFault.DOCK_JAMMED if link is not None:
+                link.jammed_docks = frozenset([int(value)])
+            case TimedFault.KILLED if host is not None:
+                host.kill(agent_id)
+            case TimedFault.STOPPED if host is not None:
+                host.stop(agent_id)
+            case TimedFault.MEMORY_LIMIT if host is not None:
+                host.limit_memory(agent_id, value)
+            case TimedFault.LINK_CUT if host is not None:
+                host.set_defect(agent_id, LinkDefect.CUT)
+            case TimedFault.MODEM_DEAF if host is not None:
+                host.set_defect(agent_id, LinkDefect.DEAF)
+            case TimedFault.LINK_DELAY if host is not None:
+                host.set_defect(agent_id, LinkDefect.DELAY, round(1000 * value) * self._theta)
+            case TimedFault.BIT_FLIP if host is not None:
+                host.set_defect(agent_id, LinkDefect.FLIPS, value)
+            case _:
+                pass  # a leak, of which `advance` takes each step
+        return []
+
+    def _end(self, injection: Injection) -> list[Action]:
+        """Heals what lasts; the rest heals by itself."""
+        host, link, agent_id = self._host, self._link, injection.agent_id or 0
+        match injection.fault:
+            case TimedFault.CLOCK_SKEW:
+                return _to(injection, CrystalSkewed(0))
+            case TimedFault.BUOYANCY_STUCK:
+                return _to(injection, BuoyancyJammed(0))
+            case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
+                return self._pin(injection, begins=False)
+            case TimedFault.APAD_FROZEN if link is not None:
+                link.is_frozen = False
+            case TimedFault.APAD_LIES if link is not None:
+                link.north_error_m = 0.0
+            case TimedFault.DOCK_JAMMED if link is not None:
+                link.jammed_docks = frozenset()
+            case TimedFault.MEMORY_LIMIT if host is not None:
+                host.limit_memory(agent_id, None)
+            case TimedFault.LINK_CUT if host is not None:
+                host.heal(agent_id, LinkDefect.CUT)
+            case TimedFault.MODEM_DEAF if host is not None:
+                host.heal(agent_id, LinkDefect.DEAF)
+            case TimedFault.LINK_DELAY if host is not None:
+                host.heal(agent_id, LinkDefect.DELAY)
+            case TimedFault.BIT_FLIP if host is not None:
+                host.heal(agent_id, LinkDefect.FLIPS)
+            case _:
+                pass
+        return []
+
+    def _pin(self, injection: Injection, *, begins: bool) -> list[Action]:
+        """The pin's two defects share its state: each keeps the other as it is."""
+
+        def has(fault: TimedFault) -> int:
+            return int(begins if fault is injection.fault else (fault, injection.agent_id) in self._active)
+
+        return _to(injection, PinDisturbed(has(TimedFault.EDGE_FALSE), has(TimedFault.EDGE_MISSED)))
+
+
+class NoFaults:
+    """A flight in which nothing is made to fail."""
+
+    def behind(self, vehicle: VehicleLink) -> VehicleLink:
+        return vehicle
+
+    def restarted(self, agent_id: int) -> None:
+        pass
+
+    def advance(
+        self, now_ms: int, beliefs: FleetBeliefs, is_simulated: Callable[[int], bool]
+    ) -> Sequence[Action]:
+        return ()
+
+    def cause(self, injection: Injection, beliefs: FleetBeliefs, now_ms: int) -> list[Action] | str:
+        return "this flight takes no faults"
+
+
+def is_docked(beliefs: FleetBeliefs, agent_id: int) -> bool:
+    """True for an aMussel that is in a dock, by its reports."""
+    belief = beliefs.get(agent_id)
+    return belief is not None and belief.state in DOCKED
+
+
+def _key(injection: Injection) -> _Key:
+    return injection.fault, injection.agent_id
+
+
+def _to(injection: Injection, stimulus: Stimulus) -> list[Action]:
+    assert injection.agent_id is not None
+    return [(injection.agent_id, stimulus)]
+
+
+def _identity(injection: Injection) -> dict[str, Any]:
+    of = {} if injection.agent_id is None else {"id": injection.agent_id}
+    return {**of, "fault": injection.fault.value}
+
+
+def _described(injection: Injection, now_ms: int) -> dict[str, Any]:
+    value = {} if injection.row.parameter is None else {"value": injection.value}
+    return {**_identity(injection), **value, "until_ms": now_ms + injection.span_ms}

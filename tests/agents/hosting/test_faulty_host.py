@@ -1,0 +1,148 @@
+"""A host behind defects: what is lost, late or changed on a link, however time is cut; and nothing without a defect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fleets import PAPER
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.coordinator import Coordinator, Heard
+from agents.fleet import resting_on_bottom
+from agents.hosting.faulty_host import FaultyHost, LinkDefect
+from agents.hosting.host import Death, Grant, Reply
+from agents.hosting.in_process import InProcessHost
+from agents.mussel.outputs import Dropped, Output, Truth, WifiSent
+from agents.mussel.stimuli import PingArrived, SoundArrived, Stimulus, WifiArrived
+from firmware_model.stimuli import ResetCause
+
+END_MS = 100_000
+DELAY_MS = 7_000
+
+
+class Echo:
+    """A host whose one agent sends by Wi-Fi each packet that reaches it, when it does; its next window may die."""
+
+    lost = None
+    pids: Mapping[int, int] = {}
+
+    def __init__(self) -> None:
+        self.dies = False
+
+    def kill(self, agent_id: int) -> None:
+        self.dies = True
+
+    def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
+        if self.dies:
+            self.dies = False
+            return dict.fromkeys(grants, Death(ResetCause.BROWN_OUT, "killed"))
+        return {n: Reply(None, tuple(_echoes(it))) for n, it in grants.items()}
+
+    def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
+        return None
+
+    def take_truths(self) -> list[Truth]:
+        return []
+
+    def close(self) -> None:
+        pass
+
+
+def _echoes(grant: Grant) -> list[Output]:
+    assert list(grant.stimuli) == sorted(grant.stimuli, key=lambda it: it[0])
+    assert all(at_ms <= grant.until_ms for at_ms, _ in grant.stimuli)
+    return [
+        WifiSent(at_ms, it.data) for at_ms, it in grant.stimuli if isinstance(it, WifiArrived | SoundArrived)
+    ]
+
+
+def heard(
+    defects: Mapping[LinkDefect, float],
+    sent: list[tuple[int, Stimulus]],
+    cuts: list[int],
+    killed: bool = False,
+) -> list[tuple[int, Output]]:
+    """What comes back from the echo, with its time, of packets sent at these times."""
+    echo = Echo()
+    host = FaultyHost(echo, seed=1)
+    for defect, value in defects.items():
+        host.set_defect(1, defect, value)
+    coordinator, came = Coordinator(host, {1: 0}, theta=1), list[tuple[int, Output]]()
+    moments: list[tuple[int, Stimulus | None]] = [*sent, *((cut, None) for cut in (*cuts, END_MS))]
+    for at_ms, stimulus in sorted(moments, key=lambda it: it[0]):
+        if killed and stimulus is None:
+            echo.kill(1)
+        came += [(it.mission_ms, it.output) for it in coordinator.advance(at_ms) if isinstance(it, Heard)]
+        if stimulus is not None:
+            coordinator.receive(1, stimulus, at_ms)
+    return came
+
+
+TIMES = st.integers(0, END_MS // 2)
+PACKETS = st.lists(
+    st.tuples(TIMES, st.binary(min_size=1, max_size=20).map(WifiArrived)),
+    max_size=8,
+    unique_by=lambda it: it[0],
+)
+
+
+@settings(deadline=None)
+@given(sent=PACKETS, cuts=st.lists(TIMES, max_size=10), killed=st.booleans())
+def test_late_packets_all_come_once_in_order_and_as_late(
+    sent: list[tuple[int, Stimulus]], cuts: list[int], killed: bool
+) -> None:
+    came = heard({LinkDefect.DELAY: DELAY_MS}, sent, cuts, killed)
+    # Late on the way there, and on the way back.
+    expected = [(at_ms + 2 * DELAY_MS, it) for at_ms, it in sorted(sent, key=lambda it: it[0])]
+    assert [(at_ms, it.data) for at_ms, it in came if isinstance(it, WifiSent)] == [
+        (at_ms, it.data) for at_ms, it in expected if isinstance(it, WifiArrived)
+    ]
+
+
+@settings(deadline=None)
+@given(sent=PACKETS, cuts=st.lists(TIMES, max_size=10))
+def test_flipped_bits_do_not_depend_on_how_time_is_cut(
+    sent: list[tuple[int, Stimulus]], cuts: list[int]
+) -> None:
+    flips = {LinkDefect.FLIPS: 0.2}
+    assert heard(flips, sent, cuts) == heard(flips, sent, [])
+    assert heard({LinkDefect.FLIPS: 0.0}, sent, cuts) == heard({}, sent, [])
+
+
+def test_every_bit_flips_at_probability_one() -> None:
+    ((_, echo),) = heard({LinkDefect.FLIPS: 1.0}, [(5, WifiArrived(b"\x00\xf0"))], [])
+    assert isinstance(echo, WifiSent) and echo.data == b"\x00\xf0"  # twice, there and back
+
+
+def test_a_cut_link_loses_all_and_counts_it() -> None:
+    sent: list[tuple[int, Stimulus]] = [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))]
+    assert heard({LinkDefect.CUT: 0}, sent, []) == [
+        (at_ms, Dropped(at_ms, "a packet on a link that was cut")) for at_ms in (1, 2, 3)
+    ]
+
+
+def test_a_deaf_modem_hears_no_sound_and_the_radio_goes_on() -> None:
+    came = heard(
+        {LinkDefect.DEAF: 0}, [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))], []
+    )
+    assert [type(it) for _, it in came] == [WifiSent, Dropped, Dropped]
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(TIMES, max_size=5))
+def test_a_healed_link_is_as_if_it_had_never_been_faulty(cuts: list[int]) -> None:
+    states = {7: resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)}
+    plain, faulty = InProcessHost(PAPER, states), FaultyHost(InProcessHost(PAPER, states), seed=1)
+    lives = []
+    for host in (plain, faulty):
+        coordinator = Coordinator(host, {7: 0}, theta=1)
+        events = coordinator.advance(0)
+        if isinstance(host, FaultyHost):
+            host.set_defect(7, LinkDefect.DELAY, 50)
+            host.heal(7, LinkDefect.DELAY)
+            assert not host._defects
+        for at_ms in [*sorted(cuts), END_MS]:
+            events += coordinator.advance(at_ms)
+        lives.append((events, host.take_truths()))
+    assert lives[0] == lives[1]

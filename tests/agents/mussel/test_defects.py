@@ -1,0 +1,151 @@
+"""Defects of one aMussel: what it does with each, and that it does as before when it is healed."""
+
+from __future__ import annotations
+
+from fleets import PAPER
+from hypothesis import given
+from hypothesis import strategies as st
+from seas import FLEET as WHOLE
+
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.mussel.agent import Agent
+from agents.mussel.outputs import Dropped
+from agents.mussel.stimuli import (
+    BuoyancyJammed,
+    ChargeLost,
+    ClockShifted,
+    ContactBounced,
+    ContactClosed,
+    CrystalSkewed,
+    PinDisturbed,
+    SoundArrived,
+)
+from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.active_battery import ActiveBattery
+from firmware_model.power.charge import Flow, grains
+from firmware_model.power.charge_pin import Fault
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+CODEC = MusselbedCodec()
+PERMISSION = SoundArrived(CODEC.encode(CommandPacket(Kind.PERMISSION, 7)))
+
+
+def agent(fleet: FleetConfig = PAPER, charge: float = 0.5, secondary: float = 1.0) -> Agent:
+    physical = resting_on_bottom(1.0, 2.0, 3.0, charge, secondary)
+    return Agent(fleet.maker().config(7), CODEC, physical, 0, ResetCause.POWER_ON)
+
+
+def floating() -> Agent:
+    mussel = agent()
+    mussel.receive(PERMISSION, 3_000)
+    mussel.advance(70_000)
+    assert mussel.board.state is State.FLOATING
+    return mussel
+
+
+def docked() -> Agent:
+    mussel = floating()
+    mussel.receive(ContactClosed(0, 0), 70_000)
+    mussel.advance(71_000)
+    assert mussel.board.state is State.CHARGING
+    return mussel
+
+
+def charge(mussel: Agent, now_ms: int) -> int:
+    return mussel.config.board.charge.charge_at(mussel.board.primary, now_ms)
+
+
+def test_a_jam_holds_the_body_where_it_is_and_then_lets_the_last_run_be_done() -> None:
+    mussel = agent()
+    mussel.receive(BuoyancyJammed(1), 1_000)
+    mussel.receive(PERMISSION, 3_000)
+    mussel.advance(20_000)
+    assert mussel.board.state is State.SURFACING and mussel.body.depth_at_um(20_000) == 3_000_000
+    mussel.receive(BuoyancyJammed(0), 20_000)
+    mussel.advance(80_000)
+    assert mussel.board.state is State.FLOATING and mussel.body.depth_at_um(80_000) == 0
+
+
+def test_a_false_edge_deceives_the_board_and_charges_nothing() -> None:
+    mussel = floating()
+    before = charge(mussel, 70_000)
+    mussel.receive(PinDisturbed(1, 0), 70_000)
+    mussel.advance(100_000)
+    assert mussel.board.state is State.CHARGING
+    assert charge(mussel, 100_000) < before and mussel.board.primary.flow is Flow.DISCHARGING
+    mussel.receive(PinDisturbed(0, 0), 100_000)
+    mussel.advance(101_000)
+    assert mussel.board.state is State.RELEASED
+
+
+def test_a_missed_edge_is_found_by_the_level() -> None:
+    mussel = floating()
+    mussel.receive(PinDisturbed(0, 1), 70_000)
+    mussel.receive(ContactClosed(0, 0), 70_000)
+    check_ms = mussel.config.board.pin_check_ms
+    dropped = mussel.advance(70_000 + 2 * check_ms)
+    assert Fault.MISSED.value in [it.reason for it in dropped if isinstance(it, Dropped)]
+    assert mussel.board.state is State.CHARGING
+
+
+def test_a_bouncing_contact_chatters_until_it_holds() -> None:
+    mussel = docked()
+    mussel.receive(ContactBounced(50), 71_000)
+    dropped = mussel.advance(73_000)
+    assert Fault.CHATTER.value in [it.reason for it in dropped if isinstance(it, Dropped)]
+    mussel.advance(74_000)
+    assert mussel.board.state is State.CHARGING and mussel.body.pin_high and mussel.body.pin_due_ms == 0
+
+
+def test_a_contact_bounces_in_a_dock_only() -> None:
+    reason = "a contact bounced in a dock that does not hold this aMussel"
+    assert floating().receive(ContactBounced(20), 70_000) == [Dropped(70_000, reason)]
+
+
+@given(
+    st.sampled_from([PAPER, WHOLE]),
+    st.sampled_from([0.0, 0.01, 0.5, 1.0]),
+    st.lists(st.tuples(st.integers(0, 10**6), st.sampled_from([0.0, 0.001, 0.3, 1.0])), max_size=6),
+)
+def test_a_loss_takes_its_charge_and_no_more_than_there_is(
+    fleet: FleetConfig, at_first: float, losses: list[tuple[int, float]]
+) -> None:
+    mussel = agent(fleet, at_first)
+    for at_ms, loss in sorted(losses):
+        mussel.advance(at_ms)
+        held, other = charge(mussel, at_ms), mussel.board.secondary
+        mussel.receive(ChargeLost(grains(loss), 0), at_ms)
+        assert charge(mussel, at_ms) == max(0, held - grains(loss))
+        assert mussel.config.board.charge.charge_at(other, at_ms) == mussel.board.secondary.charge
+
+
+def test_a_battery_that_lost_all_its_charge_is_empty_at_once() -> None:
+    worst, whole = agent(PAPER), agent(WHOLE)
+    for mussel in (worst, whole):
+        mussel.receive(ChargeLost(grains(1.0), 0), 60_000)
+        mussel.advance(60_000)
+    assert worst.board.state is whole.board.state is State.EMPTY
+    assert whole.board.feed is ActiveBattery.SECONDARY
+    whole.receive(ChargeLost(0, grains(1.0)), 61_000)
+    whole.advance(61_000)
+    assert whole.board.feed is ActiveBattery.NEITHER
+
+
+def test_a_clock_jumps_and_runs_fast_until_it_is_healed() -> None:
+    mussel = agent(WHOLE)
+    drift = mussel.config.board.drift_ppb
+    mussel.receive(ClockShifted(60_000), 10_000)
+    off_ms = mussel.board.clock_ms(10_000) - 10_000
+    assert abs(off_ms - 60_000) <= 1
+    mussel.receive(CrystalSkewed(10**6), 10_000)
+    assert mussel.board.clock_ms(1_010_000) - 1_010_000 - off_ms == 10**6 * (drift + 10**6) // 10**9
+    mussel.receive(CrystalSkewed(0), 1_010_000)
+    fast_ms = mussel.board.clock_ms(1_010_000) - 1_010_000
+    assert abs(mussel.board.clock_ms(2_010_000) - 2_010_000 - fast_ms - drift // 1000) <= 1
+
+
+def test_the_worst_case_has_no_clock_to_disturb() -> None:
+    (dropped,) = agent(PAPER).receive(ClockShifted(60_000), 0)
+    assert isinstance(dropped, Dropped) and "the worst case has none" in dropped.reason

@@ -1,0 +1,113 @@
+"""Every row of the table in a flight: it begins, it ends, both are in the journal, and nothing of it is left."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from flying import Flying
+
+from agents.hosting.faulty_host import FaultyHost
+from apad_bridge.records.journal import JournalContents
+from apad_bridge.runs.resuming import ongoing_faults
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.timed_faults import TABLE, FaultAt, Faults, TimedFault, injection
+from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
+from apad_bridge.vehicle.faulty_link import FaultyLink
+
+
+def flown(pool: Scenario, *faults: FaultAt) -> Flying:
+    return Flying(replace(pool, faults=Faults(at=faults)))
+
+
+def at(fault: TimedFault, at_s: float, for_s: float | None = None, value: float | None = None) -> FaultAt:
+    return FaultAt(
+        fault=fault, at_s=at_s, id=None if TABLE[fault].is_of_apad else 3, for_s=for_s, value=value
+    )
+
+
+@pytest.mark.parametrize("fault", [it for it in TimedFault if not TABLE[it].needs_process])
+def test_a_fault_begins_and_heals_and_leaves_nothing(pool: Scenario, fault: TimedFault) -> None:
+    row = TABLE[fault]
+    flying = flown(pool, at(fault, 5, 4 if row.span_s else None))
+    flying.seconds(15)
+    (begun,) = flying.events("fault")
+    assert begun["fault"] == fault and begun.get("id") == (None if row.is_of_apad else 3)
+    if row.needs_dock:
+        assert begun["refused"] == f"aMussel 3 is in no dock, by its reports: {fault} happens only there"
+        return
+    assert begun["until_ms"] == 5_000 + 1000 * (4 if row.span_s else 0) and "refused" not in begun
+    over = [(at_ms, data["fault"]) for at_ms, kind, data in flying.records.events if kind == "fault_over"]
+    assert over == ([(9_000, fault)] if row.span_s else [])
+    faults = flying.flight._faults
+    assert isinstance(faults, FaultInjection)
+    host, link = faults._host, faults._link
+    assert isinstance(host, FaultyHost) and not host._defects and not faults._active
+    assert isinstance(link, FaultyLink)
+    assert (link.is_frozen, link.north_error_m, link.jammed_docks) == (False, 0.0, frozenset())
+
+
+@pytest.mark.parametrize("fault", [it for it in TimedFault if TABLE[it].needs_process])
+def test_what_needs_a_process_is_refused_without_one(pool: Scenario, fault: TimedFault) -> None:
+    flying = flown(pool, at(fault, 1))
+    flying.seconds(2)
+    (begun,) = flying.events("fault")
+    assert begun["refused"] == f"aMussel 3 has no process of its own: {fault} needs one"
+
+
+def test_a_fault_happens_once_at_a_time(pool: Scenario) -> None:
+    flying = flown(
+        pool, at(TimedFault.LINK_CUT, 1, 10), at(TimedFault.LINK_CUT, 5, 10), at(TimedFault.LINK_CUT, 12, 10)
+    )
+    flying.seconds(15)
+    assert [it.get("refused") for it in flying.events("fault")] == [
+        None,
+        "aMussel 3 has the fault link_cut already",
+        None,
+    ]
+
+
+def test_a_defect_of_the_body_outlives_its_process(pool: Scenario) -> None:
+    """A process that was killed is told again, so that the jam lasts as long as it should."""
+    flying = flown(pool, at(TimedFault.BUOYANCY_STUCK, 1, 60), at(TimedFault.KILLED, 5))
+    flying.seconds(10)
+    assert [data["id"] for data in flying.events("died")] == [3]
+    jams = [data["wire"] for data in flying.events("stimulus") if data["wire"][0] == 13]
+    assert jams == [[13, 1], [13, 1]]
+
+
+def test_a_leak_takes_as_much_as_it_says(pool: Scenario) -> None:
+    lossy, sound = (flown(pool, *faults) for faults in ([at(TimedFault.BATTERY_AGEING, 0, 60, 0.1)], []))
+    for flying in (lossy, sound):
+        flying.seconds(62)
+    low, high = (it.flight.supervisor.beliefs.get(3).primary for it in (lossy, sound))
+    assert high - low == pytest.approx(0.1, abs=1e-4)  # a packet has 16 bits for it
+
+
+def test_a_supervisor_goes_on_with_the_faults_that_another_began(pool: Scenario) -> None:
+    lines = [
+        {"t": 1000, "kind": "fault", "id": 3, "fault": "link_delay", "value": 2.0, "until_ms": 61_000},
+        {"t": 2000, "kind": "fault", "id": 4, "fault": "link_cut", "until_ms": 9_000},
+        {"t": 3000, "kind": "fault", "id": 5, "fault": "brown_out", "until_ms": 3000},
+        {"t": 3000, "kind": "fault", "fault": "apad_lies", "value": 5.0, "until_ms": 33_000},
+        {"t": 4000, "kind": "fault", "id": 6, "fault": "link_cut", "until_ms": 64_000, "refused": "why"},
+        {"t": 9000, "kind": "fault_over", "id": 4, "fault": "link_cut"},
+    ]
+    ongoing = ongoing_faults(JournalContents(lines, 0))
+    assert ongoing == [
+        Ongoing(injection(TimedFault.LINK_DELAY, 3, 2.0, 60), 61_000),
+        Ongoing(injection(TimedFault.APAD_LIES, None, 5.0, 30), 33_000),
+    ]
+
+    def resumed(context):  # type: ignore[no-untyped-def]
+        return replace(context, faults=FaultInjection(context.fleet.host, pool.theta, (), ongoing))
+
+    flying = Flying(pool, resumed)
+    flying.seconds(20)
+    faults = flying.flight._faults
+    assert isinstance(faults, FaultInjection) and faults._host is not None and faults._link is not None
+    assert faults._host._defects and faults._link.north_error_m == 5.0
+    flying.seconds(50)
+    assert not faults._host._defects and faults._link.north_error_m == 0.0
+    assert flying.events("fault") == []
+    assert [it["fault"] for it in flying.events("fault_over")] == ["apad_lies", "link_delay"]

@@ -1,0 +1,70 @@
+"""The link to an aPad that freezes, lies or whose docks jam."""
+
+from __future__ import annotations
+
+from apad_bridge.vehicle.commands import (
+    CloseDock,
+    CommandFailed,
+    GoTo,
+    OpenDock,
+    PoseReported,
+    VehicleCommand,
+)
+from apad_bridge.vehicle.faulty_link import FaultyLink
+from apad_bridge.vehicle.link import Carried, LinkFact
+
+
+class Vehicle:
+    """Reports its place and a contact each time it is asked, and keeps the commands that reach it."""
+
+    def __init__(self) -> None:
+        self.commands: list[VehicleCommand] = []
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        return [PoseReported(now_ms, 1.0, 2.0, 0.0), Carried(now_ms, 3, 1.0, 2.0)]
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        self.commands.append(command)
+
+    def close(self) -> None:
+        pass
+
+
+GO = GoTo(1, 5.0, 5.0, 0.5, 1.0)
+
+
+def test_a_healthy_link_passes_everything() -> None:
+    vehicle = Vehicle()
+    link = FaultyLink(vehicle)
+    link.command(GO, 0)
+    assert link.advance(1000) == vehicle.advance(1000) and vehicle.commands == [GO]
+
+
+def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing() -> None:
+    vehicle = Vehicle()
+    link = FaultyLink(vehicle)
+    link.is_frozen = True
+    link.command(GO, 1000)
+    assert [type(it) for it in link.advance(1000)] == [Carried]  # the docks hold all the same
+    assert vehicle.commands == []
+    link.is_frozen = False
+    facts = link.advance(2000)
+    assert vehicle.commands == [GO]
+    assert [it.at_ms for it in facts if isinstance(it, PoseReported)] == [1000, 2000]
+    assert len(link.advance(3000)) == 2
+
+
+def test_a_vehicle_lies_about_its_place_and_about_nothing_else() -> None:
+    link = FaultyLink(Vehicle())
+    link.north_error_m = 5.0
+    assert link.advance(0) == [PoseReported(0, 6.0, 2.0, 0.0), Carried(0, 3, 1.0, 2.0)]
+
+
+def test_a_jammed_dock_fails_its_orders_and_the_others_move() -> None:
+    vehicle = Vehicle()
+    link = FaultyLink(vehicle)
+    link.jammed_docks = frozenset([2])
+    link.command(CloseDock(7, 2, 3), 0)
+    link.command(OpenDock(8, 1, 4), 0)
+    assert CommandFailed(0, 7, "dock 2 is jammed") in link.advance(0)
+    assert vehicle.commands == [OpenDock(8, 1, 4)]
