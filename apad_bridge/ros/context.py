@@ -135,7 +135,7 @@ def open_flight_context(
                 *_allocation_watcher(allocation, vehicle),
             ),
             announce=gateway.event,
-            show_forecast=gateway.show_forecast,
+            show_forecast=lambda now_ms, forecast: gateway.show_forecast(now_ms, forecast()),
             relay=relayed.relay,
             held=held,
             capabilities=capabilities,

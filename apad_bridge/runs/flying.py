@@ -38,7 +38,7 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import Announce, FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
-from apad_bridge.supervisor.forecast import Forecaster
+from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.errors import PeerFailed
@@ -220,9 +220,16 @@ def prepare(
     forecaster = Forecaster(config.scenario.mission, round(config.scenario.duration_s * 1000))
 
     def show_tick(now_ms: int) -> None:
-        forecast = supervisor.forecast(forecaster, now_ms)
+        def forecast() -> Forecast:
+            return supervisor.forecast(forecaster, now_ms)
+
+        def status() -> Status:
+            return Status.of(supervisor, now_ms, context.pace.behind_s, forecast())
+
+        if forecaster.is_due(now_ms):
+            forecast()
         context.show_forecast(now_ms, forecast)
-        progress.show_status(Status.of(supervisor, now_ms, context.pace.behind_s, forecast))
+        progress.show_status(now_ms, status)
         if spec.until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 

@@ -215,7 +215,7 @@ class SupervisorWatch:
     def _handle(self, name: str, message: Message | None) -> None:
         match message:
             case Status():
-                self._displays[name].show_status(message)
+                self._displays[name].show_status(message.now_ms, lambda: message)
             case Said(text):
                 self._print(name, text)
             case Summary(figures):

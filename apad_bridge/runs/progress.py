@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,12 @@ from apad_bridge.runs.status import Status
 from apad_bridge.supervisor.forecast import Forecast
 
 _LINE_EVERY_MS = 300_000
+_REFRESH_HZ = 8
 _MOST_NAMED = 8
+
+
+MakeStatus = Callable[[], Status]
+"""Makes the newest status. It takes longer than many a tick, so a display calls it for a status that it shows."""
 
 
 class ProgressDisplay(Protocol):
@@ -26,7 +32,9 @@ class ProgressDisplay(Protocol):
 
     def print_message(self, text: str) -> None: ...
 
-    def show_status(self, status: Status) -> None: ...
+    def show_status(self, now_ms: int, status: MakeStatus) -> None:
+        """Called at every tick with its mission time."""
+        ...
 
 
 class ParentDisplay:
@@ -38,9 +46,9 @@ class ParentDisplay:
     def print_message(self, text: str) -> None:
         say(text)
 
-    def show_status(self, status: Status) -> None:
+    def show_status(self, now_ms: int, status: MakeStatus) -> None:
         outlive_starter()
-        write(status)
+        write(status())
 
 
 class JointDisplay:
@@ -49,7 +57,7 @@ class JointDisplay:
     def __init__(self, names: Sequence[str], progress: ProgressDisplay) -> None:
         self._names = names
         self._progress = progress
-        self._statuses: dict[str, Status] = {}
+        self._newest: dict[str, tuple[int, MakeStatus]] = {}
 
     def of(self, name: str) -> ProgressDisplay:
         """This aPad's part of the display."""
@@ -58,9 +66,12 @@ class JointDisplay:
     def print_message(self, name: str, text: str) -> None:
         self._progress.print_message(text if len(self._names) == 1 else f"{name}: {text}")
 
-    def show_status(self, name: str, status: Status) -> None:
-        self._statuses[name] = status
-        self._progress.show_status(Status.combined(list(self._statuses.values()), len(self._names)))
+    def show_status(self, name: str, now_ms: int, status: MakeStatus) -> None:
+        self._newest[name] = now_ms, status
+        self._progress.show_status(min(at_ms for at_ms, _ in self._newest.values()), self._combined)
+
+    def _combined(self) -> Status:
+        return Status.combined([status() for _, status in self._newest.values()], len(self._names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +84,8 @@ class _JointPart:
     def print_message(self, text: str) -> None:
         self.joint.print_message(self.name, text)
 
-    def show_status(self, status: Status) -> None:
-        self.joint.show_status(self.name, status)
+    def show_status(self, now_ms: int, status: MakeStatus) -> None:
+        self.joint.show_status(self.name, now_ms, status)
 
 
 def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
@@ -96,6 +107,7 @@ class FlightProgress:
         """The lines for people, in order, without the status lines."""
         # No markup: the text comes from others, and a script that prints "[lat, lon]" means just that.
         self._console = Console(stderr=True, quiet=quiet, markup=False)
+        self._clock = clock
         self._duration_ms = duration_ms
         self._progress = Progress(
             TextColumn("{task.description}", style="bold", markup=False),
@@ -104,13 +116,16 @@ class FlightProgress:
             TextColumn("{task.fields[doing]}", markup=False),
             TimeRemainingColumn(),
             console=self._console,
-            refresh_per_second=8,
+            refresh_per_second=_REFRESH_HZ,
             get_time=clock,
             disable=not self._console.is_terminal or quiet,
         )
         self._name = name
         self._task: TaskID | None = None
         self._last_line_ms = -_LINE_EVERY_MS
+        self._last_shown_s = -math.inf
+        self._unshown: MakeStatus | None = None
+        """The newest status on a terminal, if the bar does not show it yet."""
 
     def __enter__(self) -> FlightProgress:
         self._progress.start()
@@ -120,6 +135,8 @@ class FlightProgress:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._unshown is not None and kind is None:
+            self._show_in_bar(self._unshown())
         self._progress.stop()
 
     def print_message(self, text: str) -> None:
@@ -127,23 +144,29 @@ class FlightProgress:
         self.messages.append(text)
         self._print(text)
 
-    def show_status(self, status: Status) -> None:
-        clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"
-        reports = f"{status.active}/{status.agents} active" if status.agents else "waiting for first reports"
-        doing = (
-            f"{_apad_text(status)}: {reports}, {_docked_text(status.docked)}, "
-            f"{status.services} served, {status.cost_m:.0f} m"
-        )
-        if status.apad_fraction is not None:
-            doing += f", aPad {100 * status.apad_fraction:.0f} %"
-        doing += _forecast_text(status.forecast)
-        if status.behind_s > 1:
-            doing += f", {status.behind_s:.1f} s behind real time"
+    def show_status(self, now_ms: int, status: MakeStatus) -> None:
+        if not self._progress.disable:
+            if self._clock() - self._last_shown_s >= 1 / _REFRESH_HZ:
+                self._show_in_bar(status())
+            else:
+                self._unshown = status
+        elif not self._console.quiet:
+            self._update(completed=now_ms)
+            if now_ms - self._last_line_ms >= _LINE_EVERY_MS:
+                self._last_line_ms = now_ms
+                self._print(f"{self._clock_text(now_ms)}  {_doing(status())}{self._left()}")
+
+    def _show_in_bar(self, status: Status) -> None:
+        self._unshown = None
+        self._last_shown_s = self._clock()
+        self._update(completed=status.now_ms, clock=self._clock_text(status.now_ms), doing=_doing(status))
+
+    def _clock_text(self, now_ms: int) -> str:
+        return f"{_clock(now_ms)} / {_clock(self._duration_ms)}"
+
+    def _update(self, **fields: Any) -> None:
         if self._task is not None:
-            self._progress.update(self._task, completed=status.now_ms, clock=clock, doing=doing)
-        if self._progress.disable and status.now_ms - self._last_line_ms >= _LINE_EVERY_MS:
-            self._last_line_ms = status.now_ms
-            self._print(f"{clock}  {doing}{self._left()}")
+            self._progress.update(self._task, **fields)
 
     def _left(self) -> str:
         """The real time left, once the flight's pace is known."""
@@ -153,6 +176,21 @@ class FlightProgress:
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
+
+
+def _doing(status: Status) -> str:
+    """The status in words, without its time."""
+    reports = f"{status.active}/{status.agents} active" if status.agents else "waiting for first reports"
+    doing = (
+        f"{_apad_text(status)}: {reports}, {_docked_text(status.docked)}, "
+        f"{status.services} served, {status.cost_m:.0f} m"
+    )
+    if status.apad_fraction is not None:
+        doing += f", aPad {100 * status.apad_fraction:.0f} %"
+    doing += _forecast_text(status.forecast)
+    if status.behind_s > 1:
+        doing += f", {status.behind_s:.1f} s behind real time"
+    return doing
 
 
 def _apad_text(status: Status) -> str:

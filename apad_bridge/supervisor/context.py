@@ -53,7 +53,7 @@ class FlightContext:
     """The vehicle's; None: those of the simulated aPad with the scenario's docks."""
     dropped: Callable[[], Counter[str]] = Counter
     """The counts of messages that the context dropped, by reason."""
-    show_forecast: Callable[[int, Forecast], None] = lambda now_ms, forecast: None
+    show_forecast: Callable[[int, Callable[[], Forecast]], None] = lambda now_ms, forecast: None
     """Receives the forecast of each tick."""
     take_events: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
     """Returns the context's new events (kind, data): a master that is gone, a vehicle that is silent."""

@@ -58,8 +58,11 @@ class _Rates:
         """The mean rates of the charges that have ended."""
         self._looked_ms = -_LOOK_MS
 
+    def is_due(self, now_ms: int) -> bool:
+        return now_ms >= self._looked_ms + _LOOK_MS
+
     def take(self, beliefs: Iterable[Belief], now_ms: int) -> None:
-        if now_ms < self._looked_ms + _LOOK_MS:
+        if not self.is_due(now_ms):
             return
         self._looked_ms = now_ms
         for belief in beliefs:
@@ -101,7 +104,7 @@ def _rate(readings: Sequence[_Reading]) -> float | None:
 
 
 class Forecaster:
-    """Made once for a flight; `look` is called at every tick."""
+    """Made once for a flight; `look` is called at least at every tick at which it `is_due`."""
 
     def __init__(self, config: Mission, duration_ms: int) -> None:
         self._config = config
@@ -109,6 +112,10 @@ class Forecaster:
         self._rates = _Rates()
         self._battery: _Reading | None = None
         """The aPad's battery when it was first heard."""
+
+    def is_due(self, now_ms: int) -> bool:
+        """True if beliefs are to be looked at again, so that their rates are known."""
+        return self._rates.is_due(now_ms)
 
     def look(
         self,

@@ -146,14 +146,36 @@ def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_lat
     first = Status(0, "commanded", "none", 0, 0, (), 0, 0.0, 1.0, 0.0)
     clock_s = 0.0
     with FlightProgress("pool", 600_000, clock=lambda: clock_s) as progress:
-        progress.show_status(first)
+        progress.show_status(0, lambda: first)
         docking = replace(first, phase="commanded", primitive="dock", docked=(7, 3), active=8, agents=12)
         for minutes in (2.5, 5):
             clock_s = 4 * minutes
-            progress.show_status(replace(docking, now_ms=round(60_000 * minutes), behind_s=1.3))
+            status = replace(docking, now_ms=round(60_000 * minutes), behind_s=1.3)
+            progress.show_status(status.now_ms, lambda status=status: status)  # type: ignore[misc]
     lines = [" ".join(line.split()) for line in capsys.readouterr().err.splitlines()]
     assert lines == [
         "00:00 / 10:00 commanded: waiting for first reports, none docked, 0 served, 0 m, aPad 100 %",
         "05:00 / 10:00 commanded (dock): 8/12 active, 7 3 docked, 0 served, 0 m, aPad 100 %, 1.3 s behind real time; "
         "00:20 left",
     ]
+
+
+def test_a_bar_makes_the_statuses_that_it_shows_and_no_others(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")  # a terminal, for rich
+    monkeypatch.setenv("COLUMNS", "200")
+    made: list[int] = []
+    clock_s = 100.0
+    with FlightProgress("pool", 600_000, clock=lambda: clock_s) as progress:
+        for now_ms in range(0, 600_001, 1000):
+            clock_s += 0.001
+
+            def status(now_ms: int = now_ms) -> Status:
+                made.append(now_ms)
+                return Status(now_ms, "idle", "none", 12, 12, (), 0, 0.0, None, 0.0)
+
+            progress.show_status(now_ms, status)
+    assert made[0] == 0 and made[-1] == 600_000
+    assert len(made) == 6  # 0.6 s of real time, eight of them a second, and the last one
+    assert "10:00 / 10:00" in capsys.readouterr().err

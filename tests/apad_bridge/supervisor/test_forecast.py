@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from statistics import median
 
 import pytest
@@ -145,9 +146,9 @@ def test_the_forecast_crosses_to_the_parent_and_stands_beside_the_progress(
     status = Status(540_000, "dock", "dock", 12, 9, (7,), 3, 41.0, 0.9, 0.0, forecast)
     assert from_line(to_line(status)) == status
     with FlightProgress("pool", 2_400_000) as progress:
-        progress.show_status(status)
+        progress.show_status(status.now_ms, lambda: status)
     shown = capsys.readouterr().err
     assert "next pick-up in 03:20, batch full in 12:05, end in 31:00 at 62 %" in shown
     with FlightProgress("pool", 2_400_000) as progress:
-        progress.show_status(Status(540_000, "dock", "dock", 12, 9, (7,), 3, 41.0, 0.9, 0.0, Forecast()))
+        progress.show_status(status.now_ms, lambda: replace(status, forecast=Forecast()))
     assert "pick-up" not in capsys.readouterr().err
