@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import select
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -60,8 +61,9 @@ _COMMANDS = (
 _NS = "__ns:="
 
 
-def parser() -> argparse.ArgumentParser:
-    from importlib.metadata import version
+def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """The parser of these arguments: with the command alone that they begin with, or else with all of them."""
+    import argparse
 
     from apad_bridge.commands.help_text import CommandParser, ending
 
@@ -71,9 +73,17 @@ def parser() -> argparse.ArgumentParser:
         "aMussels, each in its own process.",
         epilog=ending("musselbed doctor", "musselbed run launch_scripts/scenarios/pool-12.yaml --time asap"),
     )
-    top.add_argument("--version", action="version", version=f"musselbed {version('musselbed')}")
+
+    class ShowVersion(argparse.Action):
+        def __call__(self, *_: Any) -> None:
+            from importlib.metadata import version  # it takes long
+
+            print(f"musselbed {version('musselbed')}")
+            top.exit()
+
+    top.add_argument("--version", action=ShowVersion, nargs=0, help="show program's version number and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND")
-    for name in _COMMANDS:
+    for name in arguments[:1] if arguments[:1] and arguments[0] in _COMMANDS else _COMMANDS:
         try:
             import_module(f"apad_bridge.commands.{name}").add_parser(commands)
         except ImportError as error:
@@ -111,8 +121,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(arguments: list[str]) -> int:
-    top = parser()
-    chosen = top.parse_args(_in_namespace(arguments))
+    arguments = _in_namespace(arguments)
+    top = parser(arguments)
+    chosen = top.parse_args(arguments)
     if chosen.command is None:
         top.print_help()
         return Exit.USER_MISTAKE
