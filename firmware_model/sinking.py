@@ -17,7 +17,11 @@ class Sinking:
 
     def depth_um(self, from_um: int, buoyancy: Buoyancy, hover_um: int, elapsed_ms: int) -> int:
         """The depth of a body that began to move at `from_um`: up, down, or to its hovering depth."""
-        goal_um = {Buoyancy.FLOAT: 0, Buoyancy.HOVER: hover_um}.get(buoyancy, self.bottom_um)
+        goal_um = self.bottom_um
+        if buoyancy is Buoyancy.FLOAT:
+            goal_um = 0
+        elif buoyancy is Buoyancy.HOVER:
+            goal_um = hover_um
         if goal_um < from_um:
             return max(goal_um, from_um - self.bottom_um * elapsed_ms // self.surfacing_ms)
         return min(goal_um, from_um + self.bottom_um * elapsed_ms // self.sinking_ms)

@@ -131,6 +131,11 @@ class Agent:
 
     @property
     def physical(self) -> Physical:
+        """The physical state after the last event: nothing else changes it."""
+        assert self._last is not None  # noted at the end of __init__
+        return self._last[1]
+
+    def _physical_now(self) -> Physical:
         body, board = self.body, self.board
         log = None if self._logbook is None else self._logbook.log
         return Physical(
@@ -182,19 +187,24 @@ class Agent:
 
     def _next_timer(self) -> tuple[int, Callable[[int], list[Output]]] | None:
         """When the next timer is due, and what it does then; of those due at one time the first in the stated order."""
+        # Written out, because agents do this more often than anything else.
         body = self.body
-        is_heard = self.config.reports.heard_always or self._at_surface(self._now_ms)
-        first = None
-        for due_ms, fire in (
-            (body.arrival_ms, self._arrive),
-            (body.drift_due_ms, self._drift),
-            (self.board.next_due_ms, self._advance_board),
-            (body.pin_due_ms or None, self._align),
-            (self._report_due_ms if is_heard else None, self._report),
+        first_ms, fire = body.arrival_ms, self._arrive
+        due_ms = body.drift_due_ms
+        if due_ms is not None and (first_ms is None or due_ms < first_ms):
+            first_ms, fire = due_ms, self._drift
+        due_ms = self.board.next_due_ms
+        if due_ms is not None and (first_ms is None or due_ms < first_ms):
+            first_ms, fire = due_ms, self._advance_board
+        due_ms = body.pin_due_ms
+        if due_ms and (first_ms is None or due_ms < first_ms):
+            first_ms, fire = due_ms, self._align
+        due_ms = self._report_due_ms
+        if (first_ms is None or due_ms < first_ms) and (
+            self.config.reports.heard_always or self._at_surface(self._now_ms)
         ):
-            if due_ms is not None and (first is None or due_ms < first[0]):
-                first = due_ms, fire
-        return first
+            first_ms, fire = due_ms, self._report
+        return None if first_ms is None else (first_ms, fire)
 
     def _arrive(self, now_ms: int) -> list[Output]:
         """The body has reached the surface or the bottom."""
@@ -417,7 +427,7 @@ class Agent:
         return SoundSent(now_ms, self._codec.encode(self._reporter.sound_status(now_ms)))
 
     def _note_truth(self, now_ms: int) -> None:
-        now = (self.board.state, self.physical)
+        now = (self.board.state, self._physical_now())
         if now != self._last:
             self._last = now
             self._truths.append(Truth(now_ms, self.config.board.agent_id, *now))

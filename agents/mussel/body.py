@@ -215,10 +215,17 @@ class Body:
         else:
             north_um = east_um = 0
         depth_um = self.depth_at_um(now_ms)
-        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um, depth_um, self._step)
-        leeway_north_um, leeway_east_um = self._config.leeway_um_s if depth_um == 0 else (0, 0)
-        self.north_um += north_um + north_um_s + leeway_north_um
-        self.east_um += east_um + east_um_s + leeway_east_um
+        if depth_um == 0:
+            leeway_north_um, leeway_east_um = self._config.leeway_um_s
+            north_um += leeway_north_um
+            east_um += leeway_east_um
+        if not water.current.is_still:
+            place_um = self.north_um, self.east_um
+            north_um_s, east_um_s = water.current.velocity_um_s(*place_um, depth_um, self._step)
+            north_um += north_um_s
+            east_um += east_um_s
+        self.north_um += north_um
+        self.east_um += east_um
 
     @property
     def pin_high(self) -> bool:

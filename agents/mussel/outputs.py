@@ -62,6 +62,9 @@ def from_wire(wire: Any) -> Output:
     return output
 
 
+_STATES = {int(state): state for state in State}
+
+
 @dataclass(frozen=True, slots=True)
 class Truth:
     """An aMussel's true state, from `at_ms` until its next Truth. The recorder alone reads it."""
@@ -77,7 +80,10 @@ class Truth:
         return self.HEAD.pack(self.at_ms, self.agent_id, self.state) + self.physical.pack()
 
     @classmethod
-    def unpack(cls, data: bytes) -> Truth:
+    def unpack(cls, data: bytes | memoryview) -> Truth:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
-        at_ms, agent_id, state = cls.HEAD.unpack_from(data)
-        return cls(at_ms, agent_id, State(state), Physical.unpack(data[cls.HEAD.size :]))
+        at_ms, agent_id, code = cls.HEAD.unpack_from(data)
+        state = _STATES.get(code)
+        if state is None:
+            raise ValueError(f"no state {code}")
+        return cls(at_ms, agent_id, state, Physical.unpack(data[cls.HEAD.size :]))

@@ -15,6 +15,10 @@ from firmware_model.power.charge import Battery, Flow
 if TYPE_CHECKING:
     from firmware_model.settings import StoredSettings
 
+# Look-ups, because an enum's call takes longer than all the rest of a truth.
+_FLOWS = {int(flow): flow for flow in Flow}
+_BUOYANCIES = {int(buoyancy): buoyancy for buoyancy in Buoyancy}
+
 
 @dataclass(frozen=True, slots=True)
 class Physical:
@@ -70,20 +74,24 @@ class Physical:
         )
 
     @classmethod
-    def unpack(cls, data: bytes) -> Physical:
+    def unpack(cls, data: bytes | memoryview) -> Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
         fields = cls.FORMAT.unpack(data)
         a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
         north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, hover_um, *registers = body
         samples, acknowledged, fix_north, fix_east, *kept = registers
+        try:
+            flows, buoyancy = (_FLOWS[a_flow], _FLOWS[b_flow]), _BUOYANCIES[buoyancy]
+        except KeyError as unknown:
+            raise ValueError(f"no flow or buoyancy {unknown}") from None
         return cls(
-            Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
-            Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
+            Battery(a_ms, a, flows[0], a_load, a_coils),
+            Battery(b_ms, b, flows[1], b_load, b_coils),
             north,
             east,
             depth_ms,
             depth,
-            Buoyancy(buoyancy),
+            buoyancy,
             docked,
             pin_due_ms,
             hover_um,

@@ -34,7 +34,7 @@ def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
     ]
 
 
-def decode(data: bytes) -> TruthMessage:
+def decode(data: bytes | memoryview) -> TruthMessage:
     """The inverse of `encode`, for one datagram; LinkError for other bytes."""
     if len(data) > LIMIT_BYTES or len(data) < _HEAD.size or (len(data) - _HEAD.size) % _TRUTH_BYTES:
         raise LinkError("bytes that are no truths")
@@ -59,19 +59,20 @@ class TruthReceiver:
     def __init__(self, sock: socket.socket, dropped: Counter[str]) -> None:
         self._sock = sock
         self._dropped = dropped
+        self._buffer = memoryview(bytearray(LIMIT_BYTES + 1))
         self._messages: dict[int, list[TruthMessage]] = {}
 
     def receive(self) -> None:
         """Reads all waiting datagrams. An agent sends its truths before it answers."""
         while True:
             try:
-                data = self._sock.recv(LIMIT_BYTES + 1, socket.MSG_DONTWAIT)
+                size = self._sock.recv_into(self._buffer, 0, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 return
-            if not data and hung_up(self._sock):
+            if size == 0 and hung_up(self._sock):
                 return
             try:
-                message = decode(data)
+                message = decode(self._buffer[:size])
             except LinkError as error:
                 self._dropped[f"truth: {error}"] += 1
                 continue
