@@ -12,6 +12,7 @@ import socket
 import time
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 from agents.hosting.host import Death, Reply
 from agents.hosting.link_protocol import (
@@ -29,6 +30,8 @@ from agents.mussel.truths import TruthReceiver
 from firmware_model.stimuli import ResetCause
 
 _PATIENCE = 10
+_ASKED_AT_ONCE = 500
+"""More agents than these wait for each other longer than the watchdog waits for one, when all of a large fleet boots."""
 _REASON_TIMEOUT_S = 1.0
 
 
@@ -39,9 +42,7 @@ class Answered:
     window: Key
     granted_ms: int
     reply: Reply
-    truths_sent: int
-    """The number of truths that the window sent."""
-    truths: tuple[Truth, ...] = ()
+    truths: tuple[Truth, ...]
 
 
 @dataclass(slots=True)
@@ -104,7 +105,14 @@ class AgentLinks:
 
         Raises Fenced if another supervisor has taken over, ValueError if an agent refuses its frame.
         """
-        outcomes: dict[int, Answered | Death] = {}
+        outcomes: dict[int, Answer | Death] = {}
+        agent_ids = iter(frames)
+        while some := list(islice(agent_ids, _ASKED_AT_ONCE)):
+            self._ask(key, {agent_id: frames[agent_id] for agent_id in some}, outcomes)
+        self._truth_receiver.receive()
+        return {agent_id: self._complete(agent_id, key, outcomes[agent_id]) for agent_id in frames}
+
+    def _ask(self, key: Key, frames: dict[int, bytes], outcomes: dict[int, Answer | Death]) -> None:
         open_: dict[int, _Open] = {}
         for agent_id, frame in frames.items():
             if agent_id in self._living:
@@ -121,17 +129,15 @@ class AgentLinks:
                 asked_at_s = now_s
                 self._watch(open_, outcomes, impatience)
             self._wait(asked_at_s + self._timeout_s - now_s, key, open_, outcomes)
-        self._truth_receiver.receive()
-        return {agent_id: self._complete(agent_id, key, outcomes[agent_id]) for agent_id in frames}
 
-    def _complete(self, agent_id: int, key: Key, outcome: Answered | Death) -> Answered | Death:
+    def _complete(self, agent_id: int, key: Key, outcome: Answer | Death) -> Answered | Death:
         if isinstance(outcome, Death):
             self._truth_receiver.forget(agent_id)
             return outcome
         truths = self._truth_receiver.take(agent_id, key)
-        if len(truths) < outcome.truths_sent:
-            self.dropped["truth: lost"] += outcome.truths_sent - len(truths)
-        return replace(outcome, truths=truths)
+        if len(truths) < outcome.truths:
+            self.dropped["truth: lost"] += outcome.truths - len(truths)
+        return Answered(outcome.window, outcome.granted_ms, outcome.reply, truths)
 
     def _send(self, agent_id: int, frame: bytes) -> None:
         try:
@@ -142,7 +148,7 @@ class AgentLinks:
             pass  # it is dead: the end of its link follows, and the nursery reports the reason
 
     def _wait(
-        self, timeout_s: float, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answered | Death]
+        self, timeout_s: float, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answer | Death]
     ) -> None:
         for descriptor, _ in self._epoll.poll(timeout_s) if open_ else ():
             agent_id = self._agent_of.get(descriptor)
@@ -154,7 +160,7 @@ class AgentLinks:
                 self._pump_nursery()
 
     def _receive(
-        self, agent_id: int, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answered | Death]
+        self, agent_id: int, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answer | Death]
     ) -> None:
         link = self._living[agent_id].link
         try:
@@ -178,9 +184,9 @@ class AgentLinks:
             self._refused(agent_id, message, key, waiting=request is not None)
         elif request is None or message.key != key:
             self.dropped["agent: an answer that was not waited for"] += 1
-        elif (answered := _assemble(request, message)) is not None:
+        elif (answer := _assemble(request, message)) is not None:
             del open_[agent_id]
-            outcomes[agent_id] = answered
+            outcomes[agent_id] = answer
 
     def _refused(self, agent_id: int, refusal: Refusal, key: Key, waiting: bool) -> None:
         # A refusal for an old supervisor may reach this one: they hold the same end of the link.
@@ -191,7 +197,7 @@ class AgentLinks:
         # Details follow a colon.
         self.dropped[f"refused: {refusal.reason.partition(':')[0]}"] += 1
 
-    def _watch(self, open_: dict[int, _Open], outcomes: dict[int, Answered | Death], impatience: int) -> None:
+    def _watch(self, open_: dict[int, _Open], outcomes: dict[int, Answer | Death], impatience: int) -> None:
         """Kills stopped or long silent agents. Asks the others again: an old supervisor may have their answers."""
         for agent_id, request in list(open_.items()):
             if impatience < _PATIENCE and not _stopped(self._living[agent_id].pid):
@@ -236,12 +242,15 @@ class AgentLinks:
 _NOT_RUNNING = Death(ResetCause.BROWN_OUT, "it was not running")
 
 
-def _assemble(request: _Open, answer: Answer) -> Answered | None:
+def _assemble(request: _Open, answer: Answer) -> Answer | None:
+    """The answer in one piece; None as long as a part of it is missing."""
+    if answer.parts == 1:
+        return answer
     request.parts[answer.part] = answer.reply.outputs
     if len(request.parts) < answer.parts:
         return None
     outputs = tuple([output for part in range(answer.parts) for output in request.parts[part]])
-    return Answered(answer.window, answer.granted_ms, Reply(answer.reply.next_due_ms, outputs), answer.truths)
+    return replace(answer, reply=Reply(answer.reply.next_due_ms, outputs))
 
 
 def _stopped(pid: int) -> bool:
