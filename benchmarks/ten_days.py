@@ -44,7 +44,7 @@ STRATEGIES: list[dict[str, Any]] = [
         "collection": "cautious",
         "dispatch": "asynchronous",
         "pool_threshold": 0.7,
-        "charge_to": 0.9,
+        "charge_to": 0.95,
     },
 ]
 """The pool's charging curve is fastest above its knee at 0.56. The parameters were chosen on the seeds 301 and 302."""

@@ -4,8 +4,9 @@ Source: D. P. Bertsekas, J. N. Tsitsiklis, C. Wu, "Rollout Algorithms for Combin
 3, 1997: each decision is tried, a base policy carries the mission on from there, and the decision with the best result is
 taken. The result is never worse than the base policy's by the same model.
 
-The plans that are tried are those of the base policy with several gains, and the best of them with one aMussel exchanged,
-as long as that helps. A plan's worth, in the unit of the scenario's `mission.costs`, is
+The plans that are tried are those of the base policy with several gains, and the best of them with one aMussel exchanged
+for one that the base policy would take soon. That goes on as long as it helps and `MOST_PROJECTED` allows. A plan's worth,
+in the unit of the scenario's `mission.costs`, is
 
     energy_per_charge x (batteries spent at work + SALVAGE x batteries left at the end) - distance_per_m x metres
 
@@ -34,6 +35,10 @@ BASE_GAIN_M = 60.0
 """The base policy goes so far for an aMussel that lacks a whole battery."""
 GAINS_M = (0.0, 30.0, 60.0, 120.0, 1e6)
 """Gains of the plans that are tried first: the nearest, blends, and those most in need."""
+MOST_PROJECTED = 48
+"""Plans that are projected for one decision, so that one for 120 aMussels takes a quarter of a second."""
+SOON = 2
+"""An exchange takes those whom the base policy would collect with a plan of so many times the length."""
 
 
 class Rollout:
@@ -65,18 +70,23 @@ class Rollout:
                 weighed[plan] = Option(ids, self.parts_of(projection.of(plan), model, horizon_s))
             return weighed[plan].cost
 
-        starts = {_by_gain(situation, gain_m, count) for gain_m in GAINS_M}
+        longer = [_by_gain(situation, gain_m, SOON * count) for gain_m in GAINS_M]
+        starts = {plan[:count] for plan in longer}
         starts |= {_shortest(situation, plan) for plan in starts}
         best = min(sorted(starts), key=cost)
+        soon = list(dict.fromkeys(index for step in zip(*longer, strict=True) for index in step))
         improved = True
-        while improved and count < len(candidates):
-            others = [index for index in range(len(candidates)) if index not in best]
+        while improved:
             exchanged = [
                 _shortest(situation, (*best[:place], other, *best[place + 1 :]))
+                for other in soon
+                if other not in best
                 for place in range(count)
-                for other in others
             ]
-            better = min(exchanged, key=cost)
+            affordable = [
+                it for it in exchanged if it in weighed or (len(weighed) < MOST_PROJECTED and cost(it))
+            ]
+            better = min(affordable, key=cost, default=best)
             improved = cost(better) < cost(best) - 1e-9
             best = better if improved else best
         self._weighed = situation, weighed
@@ -113,7 +123,7 @@ def _by_gain(situation: Situation, gain_m: float, count: int) -> tuple[int, ...]
     """The plan of the base policy with another gain; of equal costs the first candidate."""
     candidates, place_m = situation.candidates, situation.apad_m
     plan: list[int] = []
-    for _ in range(count):
+    for _ in range(min(count, len(candidates))):
         left = [index for index in range(len(candidates)) if index not in plan]
         plan.append(
             min(left, key=lambda it: dist(place_m, candidates[it].place_m) + gain_m * candidates[it].charge)

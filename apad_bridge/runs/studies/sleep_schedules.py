@@ -19,6 +19,8 @@ from apad_bridge.runs.studies.table_two import SCENARIOS
 
 AMUSSELS = 24
 """More than the law allows for the longest wakes of the most frequent schedules, and fewer than for all others."""
+_UNLIMITED_WH = 1e6
+"""The aPad's battery. One of 230 Wh ends before five days of the aMussels' time, and sooner where docks have more to do."""
 _ALARM, _SAMPLE, _PROCESSING = (f"board.whole.cycle.{key}" for key in ("alarm_s", "sample_s", "processing_s"))
 _SCHEDULES: dict[str, list[float]] = {
     _ALARM: [900.0, 1800.0, 3600.0],
@@ -60,7 +62,11 @@ def sleep_study(seeds: int) -> Plan:
         "scenarios": ["whole-board-12.yaml"],
         "strategies": ["cautious"],
         "seeds": seeds,
-        "parameters": {"fleet.count": [AMUSSELS], **_SCHEDULES},
+        "parameters": {
+            "fleet.count": [AMUSSELS],
+            "apad.battery.capacity_wh": [_UNLIMITED_WH],
+            **_SCHEDULES,
+        },
         "model": Model.MISSION.value,
     }
     return plan_of(data, "sleep", SCENARIOS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import permutations
+from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -16,7 +17,7 @@ from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.cautious import Cautious
 from apad_bridge.planning.costs import CostScales
 from apad_bridge.planning.projection import Projection
-from apad_bridge.planning.rollout import Rollout
+from apad_bridge.planning.rollout import MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution
 from apad_bridge.planning.triage import FLOOR_DISCHARGES, Triage, is_overloaded
 from apad_bridge.scenario.loader import load
@@ -62,6 +63,18 @@ def test_the_model_charges_as_the_paper_s_equation_does(charge: float, minutes: 
 def test_the_time_of_a_charge_is_the_inverse_of_the_charge_after_a_time(charge: float, to: float) -> None:
     seconds = MODEL.charging_s(charge, to)
     assert MODEL.charged(charge, seconds) == pytest.approx(max(charge, to), abs=1e-9)
+
+
+def test_a_rollout_in_a_large_pool_projects_so_many_plans_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    chance, projected, of = Random(1), [], Projection.of
+    monkeypatch.setattr(Projection, "of", lambda self, plan: (projected.append(plan), of(self, plan))[1])
+    low = [
+        swimming(k, 60 * chance.random(), 60 * chance.random(), 0.8 * chance.random()) for k in range(1, 60)
+    ]
+    plan = Rollout(CostScales(1.0, 100.0)).plan(
+        Situation(0.0, 0.0, tuple(low), (0, 1, 2, 3), (), MODEL), batch=4
+    )
+    assert len(plan.steps) == 4 and 10 < len(projected) <= MOST_PROJECTED
 
 
 @settings(max_examples=60, deadline=None)
