@@ -325,7 +325,9 @@ class GenerationACore:
         sent.is_accepted = True
         if sent.progress is not None:
             sent.progress.begin(self.readings.pose, at_ms)
-        if isinstance(sent.command, GoTo | Hold):
+        if isinstance(sent.command, OpenDock):
+            self.docks.release_accepted(sent.command.agent_id, at_ms)
+        elif isinstance(sent.command, GoTo | Hold):
             self._facts.append(CommandAccepted(at_ms, sent.command.command_id))
 
     def _end_goal(self, status: GoalStatusEntry, sent: _SentGoal, at_ms: int) -> None:

@@ -23,8 +23,10 @@ from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.telemetry import Readings
 
 RELEASE_SILENCE_MS = 2_000
-"""After a release order, so long a silence of `position_static` counts as the release, because the published
+"""From the acceptance of a release, so long a silence of `position_static` counts as the release, because the published
 server crashes in it."""
+UNACCEPTED_SILENCE_MS = 5_000
+"""So long from a release order that was not accepted: it may be on its way, or the server crashed before it said so."""
 SILENCE_MS = 10_000
 """After so long a silence without an order the aPad is asked what it holds, again and again while it lasts. It is longer,
 because a gap in the Wi-Fi is no release. For the same reason silence counts only while the aPad itself is heard."""
@@ -44,7 +46,9 @@ class _Holding:
     is_new: bool
     """The place was not returned by `places` yet."""
     release_ms: int | None = None
-    """The time of the release order."""
+    """The time of the release order; from its acceptance on, the time of that."""
+    is_accepted: bool = False
+    """The aPad carries the release out."""
     asked_ms: int | None = None
     """The time since which the aPad's answer is awaited."""
     confirmed_ms: int = -1
@@ -133,7 +137,11 @@ class ReportedDocks:
 
     def order_release(self, agent_id: int, now_ms: int) -> None:
         if (holding := self._held.get(agent_id)) is not None:
-            holding.release_ms = now_ms
+            holding.release_ms, holding.is_accepted = now_ms, False
+
+    def release_accepted(self, agent_id: int, at_ms: int) -> None:
+        if (holding := self._held.get(agent_id)) is not None:
+            holding.release_ms, holding.is_accepted = at_ms, True
 
     def take_question(self) -> bool:
         """True, once, when the aPad should be asked what it holds."""
@@ -219,7 +227,8 @@ class ReportedDocks:
         for agent_id, holding in list(self._held.items()):
             since_ms = max(holding.heard_ms, holding.confirmed_ms, readings.heard_since_ms)
             if holding.release_ms is not None:
-                due_ms = max(since_ms, holding.release_ms) + RELEASE_SILENCE_MS
+                silence_ms = RELEASE_SILENCE_MS if holding.is_accepted else UNACCEPTED_SILENCE_MS
+                due_ms = max(since_ms, holding.release_ms) + silence_ms
                 if due_ms <= heard_ms:
                     self.dropped["silence on position_static, taken for a release"] += 1
                     facts += self._open(agent_id, due_ms)

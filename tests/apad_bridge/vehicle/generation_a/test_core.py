@@ -266,6 +266,32 @@ def test_a_release_that_never_answers_is_one_after_two_seconds_of_silence(core: 
     assert tells(core, 60_000) == []
 
 
+def test_a_release_on_its_way_is_none_while_position_static_stalls(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    core.command(OpenDock(1, 0, 7), 0)
+    tells(core, 0)
+    is_at(core, 3_000)
+    assert tells(core, 3_000) == []
+    shows(core, 3_500, 7)
+    core.receive(GoalStatusReceived(4_000, (GoalStatusEntry("run-1", GoalCode.ACTIVE),), whole=True), 4_000)
+    is_at(core, 5_900)
+    assert [type(it) for it in tells(core, 5_900)] == [Carried]
+    is_at(core, 6_000)
+    assert tells(core, 6_000) == [DockOpened(6_000, 0, 7), LetGo(6_000, 7)]
+
+
+def test_a_release_in_which_the_server_crashes_before_it_accepts_is_one_all_the_same(
+    core: GenerationACore,
+) -> None:
+    shows(core, 0, 7)
+    core.command(OpenDock(1, 0, 7), 0)
+    tells(core, 0)
+    is_at(core, 5_000)
+    assert tells(core, 5_000) == [DockOpened(5_000, 0, 7), LetGo(5_000, 7)]
+    is_at(core, 6_000)
+    assert tells(core, 6_000) == []
+
+
 def test_without_an_order_the_vehicle_is_asked_after_ten_seconds_of_silence(core: GenerationACore) -> None:
     shows(core, 0, 7)
     tells(core, 0)
