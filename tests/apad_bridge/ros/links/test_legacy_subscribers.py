@@ -1,0 +1,28 @@
+"""What a position on the wire becomes in the inbox."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import genpy
+import pytest
+
+from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, NavSts
+from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.vehicle.stack_messages import UNSTAMPED, PoseReceived
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+@pytest.mark.parametrize(("stamp", "stamp_ms"), [(genpy.Time(7, 250_000_000), 7_250), (genpy.Time(), None)])
+def test_a_position_keeps_its_own_stamp_and_on_our_clock_its_time(
+    stamp: genpy.Time, stamp_ms: int | None, stamped: bool
+) -> None:
+    inbox: Inbox[Any] = Inbox()
+    subscribers = LegacySubscribers("apad1", inbox, stamped=stamped)
+    message = NavSts()
+    message.header.stamp = stamp
+    message.position.north, message.position.east, message.orientation.yaw = 1.0, 2.0, 0.5
+    subscribers._take_pose(message)
+    at_ms = (stamp_ms or 0) if stamped else UNSTAMPED
+    assert inbox.take() == [PoseReceived(at_ms, 1.0, 2.0, 0.5, stamp_ms)]
+    subscribers.close()
