@@ -58,6 +58,8 @@ _COMMANDS = (
     "doctor",
 )
 
+_OF_CONTROL = ("stop", "continue", "abort", "remark")
+"""The commands of the module `control`; each other module has the command of its own name."""
 _NS = "__ns:="
 
 
@@ -83,13 +85,20 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 
     top.add_argument("--version", action=ShowVersion, nargs=0, help="show program's version number and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND")
-    for name in arguments[:1] if arguments[:1] and arguments[0] in _COMMANDS else _COMMANDS:
+    for name in _modules(arguments[0] if arguments else ""):
         try:
             import_module(f"apad_bridge.commands.{name}").add_parser(commands)
         except ImportError as error:
             # A package that shadows ours must not keep the doctor from reporting it.
             _add_unloadable(commands, name, error)
     return top
+
+
+def _modules(command: str) -> Sequence[str]:
+    """The modules to load for a command: its own, or all of them for what is no command."""
+    if command in _OF_CONTROL:
+        return ("control",)
+    return (command,) if command in _COMMANDS and command != "control" else _COMMANDS
 
 
 def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
