@@ -82,6 +82,7 @@ ROOT = Path(__file__).parents[1]
 START_M = (30.0, 30.0)
 AWAY_M = 8.0
 """The first go-to's least length: after 12 s at 0.5 m/s the vehicle is still under way."""
+ARRIVED_TICKS = 100
 TRIES = 20
 TRIES_FOR_A_FLIGHT = 10
 """One of so many tries is made where real processes fly."""
@@ -458,6 +459,8 @@ def under_way(bench: Bench, rng: random.Random) -> None:
 
 
 def in_docking(bench: Bench, rng: random.Random) -> None:
+    bench.go(*_far_from_start(rng))
+    bench.run(ARRIVED_TICKS)
     bench.dock(rng.randrange(4), rng.randrange(1, 10))
     bench.run(rng.randint(2, 12))
 

@@ -9,9 +9,14 @@ from __future__ import annotations
 import ipaddress
 import socket
 from typing import Any
+from urllib.parse import urlsplit
 
+import rosgraph
 from rosgraph.network import is_local_address
+from rospy import ServiceException, ServiceProxy
 from rospy.impl.tcpros_base import TCPROSTransport
+
+from apad_bridge.doctor.network import within
 
 UNACKNOWLEDGED_S = 3
 
@@ -48,6 +53,20 @@ def _connect_within(
     end_when_unacknowledged(transport.socket)
 
 
+_look_up = ServiceProxy._get_service_uri
+
+
+def _look_up_within(proxy: Any, request: Any) -> Any:
+    """Bounds the question to the master, which rospy asks before each call, and whose answer has no time-out."""
+    if is_local_address(urlsplit(rosgraph.get_master_uri()).hostname):
+        return _look_up(proxy, request)
+    try:
+        return within(UNACKNOWLEDGED_S, lambda: _look_up(proxy, request))
+    except TimeoutError:
+        raise ServiceException(f"the master does not answer within {UNACKNOWLEDGED_S} s") from None
+
+
 def bound_calls() -> None:
     """For all services on other machines that this process calls from now on."""
     TCPROSTransport.connect = _connect_within
+    ServiceProxy._get_service_uri = _look_up_within

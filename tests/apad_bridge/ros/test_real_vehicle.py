@@ -16,6 +16,7 @@ from apad_bridge.ros.links import generation_b
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.fault_injection import NoFaults
 from apad_bridge.supervisor.fleet import NoFleet
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 
@@ -98,6 +99,7 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
         truths_at=lambda now_ms: [],
         presences=MagicMock(),
         allocation=MagicMock(),
+        faults=NoFaults(),
         tell=print,
     )
     with pytest.raises(PeerFailed, match="far enough"), opened:

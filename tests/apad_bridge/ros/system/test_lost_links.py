@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
+from rospy import ServiceException, ServiceProxy
+from rospy.impl.tcpros_base import TCPROSTransport
+from std_srvs.srv import Trigger
 
 from apad_bridge.ros.system import lost_links
 from apad_bridge.ros.system.lost_links import UNACKNOWLEDGED_S, end_when_unacknowledged
 
 ROOT = Path(__file__).parents[4]
 CUT = Path(__file__).with_name("cut_a_link.py")
+SOON_S = 0.2
 
 
 class FarSocket:
@@ -94,3 +101,40 @@ def test_rospy_s_clients_on_other_machines_are_bounded_and_those_here_are_as_the
         lost_links._connect_within(Transport(), address, 1, "/a", timeout)
     Transport.socket.close()
     assert called == [("127.0.0.1", None), ("10.0.200.1", UNACKNOWLEDGED_S), ("10.0.200.1", 60.0)]
+
+
+def test_an_order_whose_service_is_found_only_when_the_link_is_back_is_not_sent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    is_back, reached = threading.Event(), threading.Event()
+
+    def look_up(caller: str, name: str) -> list[object]:
+        is_back.wait(5 * SOON_S)
+        return [1, "", f"rosrpc://127.0.0.1:{service.getsockname()[1]}"]
+
+    def serve() -> None:
+        with contextlib.suppress(OSError):
+            service.accept()[0].close()
+            reached.set()
+
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as master, socket.socket() as service:
+        service.bind(("127.0.0.1", 0))
+        service.listen()
+        service.settimeout(10 * SOON_S)
+        master.register_function(look_up, "lookupService")
+        threads = [threading.Thread(target=it, daemon=True) for it in (master.handle_request, serve)]
+        for thread in threads:
+            thread.start()
+        monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{master.server_address[1]}")
+        monkeypatch.setattr("rospy.impl.tcpros_base._use_tcp_keepalive", False)  # else the master is asked
+        monkeypatch.setattr(lost_links, "UNACKNOWLEDGED_S", SOON_S)
+        monkeypatch.setattr(lost_links, "is_local_address", lambda address: False)
+        for bounded in (TCPROSTransport, "connect"), (ServiceProxy, "_get_service_uri"):
+            monkeypatch.setattr(*bounded, getattr(*bounded))  # as they were, after this
+        lost_links.bound_calls()
+        with pytest.raises(ServiceException, match="does not answer"):
+            ServiceProxy("/apad1/commander/stop_mission", Trigger)()
+        is_back.set()
+        for thread in threads:
+            thread.join()
+    assert not reached.is_set()
