@@ -18,6 +18,7 @@ from apad_bridge.runs.studies.event_driven import drift_sums, fly_event_driven, 
 from apad_bridge.runs.studies.models import Model, StrategyFailed, fly, fly_each_tick
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
@@ -114,6 +115,24 @@ def test_a_mission_s_figures_are_those_of_the_mission_flown_tick_by_tick(case: s
     assert ours.pop("driven_m") == pytest.approx(flown.pop("driven_m"), rel=0.01)
     for name, value in flown.items():
         assert ours[name] == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), name
+
+
+def test_the_seconds_in_which_an_amussel_comes_up_and_after_a_step_was_given_up_are_skipped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ticks, tick = [], Flight.tick
+    monkeypatch.setattr(Flight, "tick", lambda self, now_ms: (ticks.append(now_ms), tick(self, now_ms))[1])
+    # At theta 1 an aMussel takes half a minute to come up; and each docking misses, so each step is given up.
+    fly_event_driven(
+        changed(
+            theta=1,
+            duration_s=1800.0,
+            fleet__start={"charge": [0.7, 0.8]},
+            apad__dock_miss_probability=1.0,
+            board__float_timeout_s=60.0,
+        )
+    )
+    assert len(ticks) < 300
 
 
 def test_a_battery_that_runs_out_ends_both_models_alike() -> None:
