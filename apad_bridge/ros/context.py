@@ -61,7 +61,7 @@ from apad_bridge.supervisor.packet_relay import (
 )
 from apad_bridge.supervisor.roster import NoRoster, Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
-from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.orders import Body
 from apad_bridge.vehicle.listening_link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
@@ -107,7 +107,7 @@ def open_flight_context(
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
             heartbeat = Heartbeat()
-            safety = safety_of(scenario, needs_person=options.has_real_vehicle)
+            safety = safety_for(scenario, options)
             others = OtherAPads([it for it in options.apads if it != scenario.apad.name])
             stack.callback(others.close)
             vehicle, watches = _vehicle(scenario, options, safety.gate, docked, now_ms, truths_at)
@@ -145,6 +145,13 @@ def open_flight_context(
             faults=faults,
             keeps_samples=options.part is not Part.FLEET,
         )
+
+
+def safety_for(scenario: Scenario, options: RunOptions) -> Safety:
+    """The guards and the monitor of the aPad. A fleet alone commands no aPad, so nothing watches it there."""
+    if options.part is Part.FLEET:
+        return plain_safety()
+    return safety_of(scenario, needs_person=options.has_real_vehicle)
 
 
 def _refuse_other_origin(scenario: Scenario, options: RunOptions) -> None:

@@ -13,12 +13,14 @@ from apad_bridge.doctor.finding import Finding, ok, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros import context
 from apad_bridge.ros.links import generation_b
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.fault_injection import NoFaults
 from apad_bridge.supervisor.fleet import NoFleet
+from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
+from apad_bridge.vehicle.guards.gate import GuardedVehicle
 
 OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1")
 
@@ -105,3 +107,17 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
     with pytest.raises(PeerFailed, match="far enough"), opened:
         pass
     assert asked == [waits]
+
+
+@pytest.mark.parametrize(("part", "is_stopped"), [(Part.FLEET, False), (Part.WHOLE, True)])
+def test_a_fleet_alone_commands_nothing_when_the_aPad_is_out_of_reach(part: Part, is_stopped: bool) -> None:
+    """The aPad is heard for two seconds and then for a minute no more, as when the link to its machine is cut."""
+    data = resolve(load(POOL_FILE))
+    data["guards"] = {"position_age_s": 2}
+    safety = context.safety_for(from_data(data, "guarded"), replace(OPTIONS, part=part))
+    link = MagicMock()
+    link.advance = lambda now_ms: [PoseReported(now_ms, 14.0, 10.5, 0.0)] if now_ms <= 2000 else []
+    vehicle = GuardedVehicle(link, safety, can_stop=True)
+    for now_ms in range(0, 60_000, 1000):
+        vehicle.advance(now_ms)
+    assert link.command.called is is_stopped
