@@ -240,7 +240,7 @@ def played(
         for at_m, norths_m in zip(wheres_m, NORTHS_M, strict=False)
     ]
     for now_ms in range(0, 70_000, 1000):
-        for flown in (flights[n] for n in order):
+        for flown, at_m in ((flights[n], wheres_m[n] or 0.0) for n in order):
             flown.advance(now_ms)
             for at, agent_id, what in asked:
                 if at != now_ms // 1000 or agent_id not in flown.coordinator.agent_ids:
@@ -248,7 +248,8 @@ def played(
                 if what == "range":
                     flown.station.ping(agent_id)
                 elif what == "dock":
-                    flown.coordinator.receive(agent_id, ContactClosed(1, 2), now_ms)
+                    dock = ContactClosed(round(1e6 * at_m), 2)
+                    flown.coordinator.receive(agent_id, dock, now_ms)
                 else:
                     flown.station.send_sound(agent_id, command(Kind[what.upper()], agent_id))
     return [
