@@ -4,6 +4,9 @@ A restarted master knows no node. Existing connections go on without it, but no 
 announces a new publisher once: if it cannot reach us then, we never learn of it. So every second this asks the master
 whether it knows us. If not, or when the master was out of reach, or on request, everything is registered again and the
 publishers that the master names are connected. Events are kept for the flight, which journals them at its next tick.
+
+rospy also gives a connection up that ends, as one to another machine does whose link was cut, though the master still names
+its publisher. So this notes which connections have ended, and registers again until they are back or named no more.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ PERIOD_S = 1.0
 _CALL_S = 5.0
 _AT_ONCE = 200
 """Registrations in one call to the master."""
+_LONGEST_RETRY_S = 30.0
+"""The longest time between two tries to connect to a publisher whose connection ended: it may have been killed."""
 
 GraphEvent = tuple[str, dict[str, Any]]
 """An event's kind and data, for the journal."""
@@ -42,6 +47,11 @@ class MasterWatch:
         self._period_s = period_s
         self._events: Inbox[GraphEvent] = Inbox()
         self._gone_since_s: float | None = None
+        self._connected: set[tuple[str, str]] = set()
+        """The topics, and the nodes from which they came, at the last look."""
+        self._lost: set[tuple[str, str]] = set()
+        """Those whose connection ended since."""
+        self._retry_s, self._retry_at_s = period_s, 0.0
         self._requested = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watch of the master", daemon=True)
@@ -70,14 +80,29 @@ class MasterWatch:
     def _look(self) -> None:
         code, _, _ = call_for_reply(self._uri, "lookupNode", rospy.get_name())
         was_gone, requested = self._gone_since_s, self._requested.is_set()
-        if code == 1 and was_gone is None and not requested:
+        self._note_connections()
+        is_retry = bool(self._lost) and time.monotonic() >= self._retry_at_s
+        if code == 1 and was_gone is None and not requested and not is_retry:
             return
         registered = self._register_again()
+        self._retry_at_s = time.monotonic() + self._retry_s
+        self._retry_s = min(2 * self._retry_s, _LONGEST_RETRY_S)
         self._requested.clear()
         self._gone_since_s = None
         if code != 1 or was_gone is not None:
             gone_s = 0.0 if was_gone is None else time.monotonic() - was_gone
             self._report("master_back", uri=self._uri, gone_s=round(gone_s, 1), registered=registered)
+
+    def _note_connections(self) -> None:
+        connected = {
+            (topic, peer)
+            for _, peer, direction, _, topic, *_ in get_topic_manager().get_pub_sub_info()
+            if direction == "i"
+        }
+        ended, self._connected = self._connected - connected, connected
+        if ended - self._lost:
+            self._retry_s, self._retry_at_s = self._period_s, 0.0
+        self._lost = (self._lost | ended) - connected
 
     def _register_again(self) -> int:
         """Returns the number of registered topics and services. A node that is ending has none."""
@@ -94,6 +119,7 @@ class MasterWatch:
             ),
             *(("registerService", (name, service, uri, ours)) for service, uri in services.get_services()),
         ]
+        named: set[tuple[str, str]] = set()
         with xmlrpc.client.ServerProxy(self._uri, transport=Timed(_CALL_S)) as master:
             for first in range(0, len(calls), _AT_ONCE):
                 batch = calls[first : first + _AT_ONCE]
@@ -104,6 +130,8 @@ class MasterWatch:
                 for (method, arguments), (_, _, publishers) in zip(batch, list(result), strict=True):
                     if method == "registerSubscriber" and publishers:
                         managers[0].publisher_update(arguments[1], publishers)
+                        named |= {(arguments[1], uri) for uri in publishers}
+        self._lost &= named
         return len(calls)
 
     def _report(self, kind: str, **data: Any) -> None:

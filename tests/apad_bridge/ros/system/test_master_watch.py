@@ -1,0 +1,67 @@
+"""The watch of somebody's master: a connection that ended is asked for until it is back, or its publisher is gone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import pytest
+
+from apad_bridge.ros.system import master_watch
+from apad_bridge.ros.system.master_watch import MasterWatch
+
+HEARD = (1, "http://far:1/", "i", "TCPROS", "/musselbed/heard", True, "")
+SAID = (2, "/musselbed_fleet_5", "o", "TCPROS", "/musselbed/said", True, "")
+
+
+class Graph:
+    """The connections of this node, the clock, and the times at which everything was registered."""
+
+    def __init__(self) -> None:
+        self.connections = [HEARD, SAID]
+        self.now_s = 0.0
+        self.registered_s: list[float] = []
+
+    def get_pub_sub_info(self) -> list[tuple[object, ...]]:
+        return list(self.connections)
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+    found = Graph()
+
+    def register(watch: MasterWatch) -> int:
+        found.registered_s.append(found.now_s)
+        return 2
+
+    monkeypatch.setattr(master_watch, "get_topic_manager", lambda: found)
+    monkeypatch.setattr(master_watch, "time", SimpleNamespace(monotonic=lambda: found.now_s))
+    monkeypatch.setattr(master_watch, "call_for_reply", lambda *_: (1, "", "http://here:1/"))
+    monkeypatch.setattr(MasterWatch, "_register_again", register)
+    yield found
+
+
+def look_for(graph: Graph, watch: MasterWatch, seconds: int) -> None:
+    for _ in range(seconds):
+        graph.now_s += 1
+        watch._look()
+
+
+def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph: Graph) -> None:
+    watch = MasterWatch("http://h:1", period_s=1.0)
+    watch._ended.set()  # its own thread would look too
+    watch._thread.join()
+    look_for(graph, watch, 5)
+    graph.connections = []  # nobody who listens to us is missed: it connects by itself
+    look_for(graph, watch, 100)
+    assert (
+        graph.registered_s[:5] == [6, 7, 9, 13, 21] and graph.registered_s[-1] - graph.registered_s[-2] == 30
+    )
+    graph.connections = [HEARD]
+    look_for(graph, watch, 100)
+    assert graph.registered_s[-1] <= 105
+
+    # The next loss is looked at at once.
+    graph.connections = [SAID]
+    look_for(graph, watch, 1)
+    assert graph.registered_s[-1] == 206 and watch.take() == []
