@@ -73,6 +73,10 @@ class APadModem:
         self._waiting.append((not_before_ms, node, frame))
         return True
 
+    def forget(self, node: int) -> None:
+        """Drops the frames that wait for this node."""
+        self._waiting = deque(it for it in self._waiting if it[1] != node)
+
     def answered(self, node: int, now_ms: int) -> bool:
         """Takes an answer of `node`; False if no ping waited for it."""
         if self._pinged != node:

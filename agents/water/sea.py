@@ -121,7 +121,7 @@ class Sea:
 
     def leave(self, station: Station) -> None:
         """Takes the station out: its flight has ended, nobody grants its fleet time, and its modems fall silent."""
-        del self._stations[station.apad]
+        self._stations.pop(station.apad, None)
         self._behind.discard(station.apad)
         gone = [agent_id for agent_id, it in self._station_of.items() if it is station]
         for node in (station.apad, *gone):
@@ -376,6 +376,10 @@ class Station:
         frame = self._carrying(data, APAD_ADDRESS, None if agent_id is None else address_of(agent_id))
         if frame is not None:
             self._ask(agent_id, frame, not_before_ms)
+
+    def cancel_sends(self, agent_id: int) -> None:
+        """Drops what waits to be sent to an aMussel."""
+        self.keel.forget(agent_id)
 
     def ping(self, agent_id: int, not_before_ms: int = 0) -> None:
         """Measures the range to an aMussel; Ranged or NotRanged follows."""

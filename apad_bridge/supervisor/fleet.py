@@ -105,6 +105,10 @@ class Water(Protocol):
         """Measures the range to an aMussel."""
         ...
 
+    def cancel_sends(self, agent_id: int) -> None:
+        """Drops what waits for the aPad's modem to be sent to an aMussel."""
+        ...
+
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         """Places the aPad's modem."""
         ...
@@ -137,6 +141,7 @@ class InSea:
         self.advance = station.advance
         self.take_truths = station.take_truths
         self.ping = station.ping
+        self.cancel_sends = station.cancel_sends
         self.carry_apad = station.carry_apad
         self.write = station.write
         self.set_topology = station.set_topology
@@ -164,6 +169,9 @@ class NoModems:
 
     def ping(self, agent_id: int, not_before_ms: int) -> None:
         self.dropped["a ping without water to send it through"] += 1
+
+    def cancel_sends(self, agent_id: int) -> None:
+        pass
 
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         pass
@@ -213,6 +221,7 @@ class Fleet:
         self.take_truths = water.take_truths
         self.send = water.send
         self.ping = water.ping
+        self.cancel_sends = water.cancel_sends
         self.carry_apad = water.carry_apad
         self.write = water.write
         self.leave_water = water.leave_water

@@ -138,6 +138,11 @@ class Flight:
         dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ranging_dropped
         return dropped + self._context.dropped() + self._fleet.dropped
 
+    def stop_serving(self, agent_id: int) -> None:
+        """Leaves the aMussel to another aPad from now on; what waits to be sent to it by sound is dropped."""
+        self.supervisor.stop_serving(agent_id)
+        self._fleet.cancel_sends(agent_id)
+
     def stop(self, end: MissionEnd) -> None:
         self._stop_end = end
         self._stopped.set()

@@ -152,7 +152,7 @@ class LockstepRunner:
         for move in assignment.plan_moves(views):
             giver, taker = self._flights[move.giver], self._flights[move.taker]
             belief = giver.flight.supervisor.beliefs.get(move.agent_id)
-            giver.flight.supervisor.stop_serving(move.agent_id)
+            giver.flight.stop_serving(move.agent_id)
             taker.flight.supervisor.start_serving(move.agent_id, belief)
             self._exchange.server[move.agent_id] = move.taker
             assignment.record_move(move)

@@ -49,3 +49,11 @@ def test_it_takes_only_so_much() -> None:
     assert [keel.ask(3, WORDS) for _ in range(257)] == [*[True] * 256, False]
     with pytest.raises(ValueError, match="time went back"):
         keel.advance(-1)
+
+
+def test_what_waits_for_a_node_can_be_dropped() -> None:
+    modem = APadModem()
+    for node in (1, 2, None):
+        assert modem.ask(node, WORDS, 1000)
+    modem.forget(1)
+    assert [it.node for it in modem.advance(10_000) if isinstance(it, Send)] == [2, None]
