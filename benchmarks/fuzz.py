@@ -1,18 +1,33 @@
-"""A million seeded inputs to the modem's serial line, to its receiver and to the packets: no exception, no state lost.
+"""A million seeded malformed inputs to each door of the bench: no exception, no hang, no growth, no state lost.
 
-Inputs are noise, commands and packets that are whole, cut, mutated or run together, and frames. After each the modem must
-still answer a valid command with the correct address; a packet that decodes must encode to the same bytes.
+The doors are the modem (serial line, sound, power), the packets, an agent's link both ways, the nursery's socket, ROS
+messages, scenarios, journals, bags, and the console with the socket for orders. Inputs are noise, and whole ones that are
+cut, mutated or run together. A door may refuse an input only in the way that it states.
 """
 
 from __future__ import annotations
 
+import asyncio
+import gc
+import json
 import random
+import resource
+import signal
+import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractAsyncContextManager, ExitStack, contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import msgpack
 from rich.console import Console
+from rich.table import Table
 
+from agents.hosting import agent_links, link_protocol
+from agents.hosting.host import Grant, Reply
 from agents.modem.commands import GRAMMAR, Field
 from agents.modem.facts import FrameArrived, PowerCame, PowerWent, SerialBytes, SerialOut, SoundBegan
 from agents.modem.firmware import Firmware, ModemConfig
@@ -27,60 +42,131 @@ from agents.modem.frames import (
     Generation,
 )
 from agents.modem.modem import Modem
+from agents.mussel.outputs import Dropped, SoundSent, WifiSent
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
+from agents.nursery import protocol as nursery
+from apad_bridge.console.server import Ending, app_of
+from apad_bridge.records.bag import recorded_messages, repair_bag
+from apad_bridge.records.journal import JournalDamaged, read_journal
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.flying import open_in_process
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, resolve
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.schema import Hosting
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.control import answered_line
+from apad_bridge.supervisor.packet_relay import PacketRelay, Source, whole_flight
 from firmware_model import packets
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket, WifiStatus
 from firmware_model.packets.wire import sealed
 from firmware_model.states import State
 
 INPUTS = 1_000_000
+MINUTES = 5.0
 SEED = 20260101
+SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml"
 _KINDS = [*(int(kind) for kind in Kind), 0, 255]
 _STATES = [int(state) for state in State]
 _SIZES = (2, 4, 5, 6, 7, 8, 12, 13, 20, 29, 41, 43, AcousticStatus.SIZE, WifiStatus.SIZE, 130)
 """Sizes of bodies: most of them of some packet, the others of none."""
 _SETTLED_MS = 10_000
 """Longer than any transmission with its deferral and the wait for an answer."""
+_HANG_S = 30
+"""Wall seconds in which no input may take a processor to its end, however busy the machine is."""
+_RUN_S = 60
+"""The flight whose records and console are tried."""
+_TOKEN = "token"
+_CONTACTS = (ContactClosed, DockMoved, ContactOpened)
+"""The stimuli that a dock of another aPad causes."""
 
 
 class Broken(AssertionError):
     """An input had an effect that no input may have."""
 
 
-def measure(inputs: int = INPUTS, seed: int = SEED) -> dict[str, Any]:
-    """Three fifths of the inputs go to modems of every firmware, the rest to the packets. Broken at the first failure."""
-    rng = random.Random(seed)
-    began_s = time.perf_counter()
-    counts: Counter[str] = Counter()
-    to_modems = inputs * 3 // 5
-    modems = [_Fuzzed(firmware, rng) for firmware in Firmware]
-    for n in range(to_modems):
-        modems[n % len(modems)].once(counts)
-    modems_s = time.perf_counter() - began_s
-    for _ in range(inputs - to_modems):
-        _packet(rng, counts)
-    packets_s = time.perf_counter() - began_s - modems_s
+Door = Callable[[random.Random, Counter[str]], None]
+"""Takes one input, and counts its outcome."""
+
+
+def measure(tries: int = INPUTS, minutes: float = MINUTES, seed: int = SEED) -> dict[str, Any]:
+    """Up to so many inputs to each door, for so many minutes at most. Broken, or the door's own error, at a failure."""
+    return {"seed": seed, "rows": [tried(name, tries, minutes, seed) for name in DOORS]}
+
+
+def tried(name: str, tries: int, minutes: float = MINUTES, seed: int = SEED) -> dict[str, Any]:
+    """One door's row. The first tenth of its inputs warm it up: growth is that of the resident memory after it."""
+    rng, counts = random.Random(f"{seed} {name}"), Counter[str]()
+    slowest_s, warm_kb, done = 0.0, 0, 0
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder, ExitStack() as stack, _no_hang():
+        once = stack.enter_context(DOORS[name](Path(folder)))
+        began_s = before_s = time.perf_counter()
+        began_cpu_s = time.process_time()
+        while done < tries and before_s < began_s + 60 * minutes:
+            signal.setitimer(signal.ITIMER_VIRTUAL, _HANG_S)
+            once(rng, counts)
+            done += 1
+            now_s = time.perf_counter()
+            slowest_s, before_s = max(slowest_s, now_s - before_s), now_s
+            if not warm_kb and (10 * done >= tries or now_s > began_s + 6 * minutes):
+                warm_kb = _resident_kb()
+        took_s = time.process_time() - began_cpu_s
     return {
-        "inputs": inputs,
-        "seed": seed,
-        "failures": 0,
-        "modem_inputs_per_s": to_modems / modems_s,
-        "packet_inputs_per_s": (inputs - to_modems) / packets_s,
+        "door": name,
+        "inputs": done,
+        "inputs_per_processor_s": done / took_s,
+        "slowest_ms": 1000 * slowest_s,
+        "growth_kb": _resident_kb() - warm_kb,
         "came": dict(sorted(counts.items())),
     }
+
+
+@contextmanager
+def _no_hang() -> Iterator[None]:
+    """Breaks an input that takes a processor for `_HANG_S`."""
+
+    def broken(*_: object) -> None:
+        raise Broken(f"an input took a processor for more than {_HANG_S} s")
+
+    before = signal.signal(signal.SIGVTALRM, broken)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
+def _resident_kb() -> int:
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() // 1024
+
+
+@contextmanager
+def _modems(_: Path) -> Iterator[Door]:
+    """Modems of every firmware, in turn. After each input the modem must answer a valid command."""
+    modems, turn = [_Fuzzed(firmware) for firmware in Firmware], 0
+
+    def once(rng: random.Random, counts: Counter[str]) -> None:
+        nonlocal turn
+        modems[turn % len(modems)].once(rng, counts)
+        turn += 1
+
+    yield once
 
 
 class _Fuzzed:
     """One modem that gets a sequence of inputs."""
 
-    def __init__(self, firmware: Firmware, rng: random.Random) -> None:
-        self._rng = rng
+    def __init__(self, firmware: Firmware) -> None:
         self._generation = firmware.generation
         self._modem = Modem(ModemConfig(firmware), 1)
         self._now_ms = 0
         self._address = 1
 
-    def once(self, counts: Counter[str]) -> None:
-        rng, modem = self._rng, self._modem
+    def once(self, rng: random.Random, counts: Counter[str]) -> None:
+        modem = self._modem
         printed: list[bytes] = []
         kind = rng.choice(("bytes", "bytes", "bytes", "frame", "power"))
         counts[f"modem: {kind}"] += 1
@@ -212,10 +298,373 @@ def _sealed_noise(rng: random.Random) -> bytes:
     return sealed(body)
 
 
+@contextmanager
+def _packets(_: Path) -> Iterator[Door]:
+    """The decoder; a packet that decodes must encode to the same bytes."""
+    yield _packet
+
+
+def _value(rng: random.Random, depth: int = 0) -> Any:
+    """Plain data of any shape."""
+    match rng.randrange(9 if depth < 4 else 6):
+        case 0:
+            return rng.choice((0, 1, -1, 2**31, 2**63, 2**64 - 1, -(2**63), rng.randrange(1 << 20)))
+        case 1:
+            return rng.choice((True, False, None))
+        case 2:
+            return rng.choice((0.0, -1.5, float("nan"), float("inf"), 1e308, 5e-324))
+        case 3:
+            return rng.randbytes(rng.randrange(20))
+        case 4 | 5:
+            return rng.choice(("", "x", "0", "\x00", "é\u202e", "A" * rng.randrange(300)))
+        case 6:
+            return {str(_value(rng, 9))[:8]: _value(rng, depth + 1) for _ in range(rng.randrange(4))}
+        case _:
+            return [_value(rng, depth + 1) for _ in range(rng.randrange(12))]
+
+
+def _replaced(rng: random.Random, data: Any) -> Any:
+    """The data with one value, at any depth, replaced or left out."""
+    if isinstance(data, list | tuple) and data and rng.random() < 0.9:
+        at = rng.randrange(len(data))
+        changed = [] if rng.random() < 0.1 else [_replaced(rng, data[at])]
+        return [*data[:at], *changed, *data[at + 1 :]]
+    if isinstance(data, dict) and data and rng.random() < 0.9:
+        key = rng.choice(sorted(data, key=str))
+        rest = {name: it for name, it in data.items() if name != key}
+        return rest if rng.random() < 0.1 else {**rest, key: _replaced(rng, data[key])}
+    return _value(rng)
+
+
+def _msgpack(rng: random.Random, whole: bytes) -> bytes:
+    """A frame that is whole, spoiled as bytes, or packed again with another value in it; or one of any shape."""
+    match rng.randrange(4):
+        case 0:
+            return _spoiled(rng, whole)
+        case 1:
+            return b"\x91" * rng.randrange(3000)
+        case _:
+            with suppress(OverflowError):
+                return bytes(msgpack.packb(_replaced(rng, msgpack.unpackb(whole))))
+            return whole
+
+
+@contextmanager
+def _agent_link(_: Path) -> Iterator[Door]:
+    """An agent's link, both ways; an answer is put together from its parts, as the supervisor does."""
+    facts = ((1, SoundArrived(b"abc")), (2, ContactClosed(1, 2)))
+    to_agent = [
+        link_protocol.Window((1, 2), Grant(100, facts)).encode(),
+        link_protocol.Repeat((1, 2)).encode(),
+    ]
+    reply = Reply(5, (WifiSent(1, b"ab"), SoundSent(2, b""), Dropped(3, "why")))
+    from_agent = [
+        *link_protocol.encode_answer((1, 2), (1, 2), 100, 3, reply),
+        link_protocol.Refusal((1, 2), False, "why").encode(),
+    ]
+
+    def once(rng: random.Random, counts: Counter[str]) -> None:
+        try:
+            if rng.random() < 0.5:
+                message: Any = link_protocol.decode_to_agent(_msgpack(rng, rng.choice(to_agent)))
+            else:
+                message = link_protocol.decode_from_agent(_msgpack(rng, rng.choice(from_agent)))
+                if isinstance(message, link_protocol.Answer):
+                    agent_links._assemble(agent_links._Open(b""), message)
+        except link_protocol.LinkError:
+            counts["refused"] += 1
+        else:
+            counts[type(message).__name__] += 1
+
+    yield once
+
+
+@contextmanager
+def _nursery_socket(_: Path) -> Iterator[Door]:
+    """The messages between a supervisor and its nursery; one that decodes must encode to what decodes alike."""
+    wholes = [
+        nursery.encode(it)
+        for it in (
+            nursery.Hello(3),
+            nursery.Start(1, ((1, 0, 0, 1, 1), (2, 5, 1, 1, 1))),
+            nursery.Kill(1, 2),
+            nursery.End(),
+            nursery.ChildList(((1, 2, 3, 4, 5),)),
+            nursery.Refused(1, 2, False, "why"),
+        )
+    ]
+
+    def once(rng: random.Random, counts: Counter[str]) -> None:
+        try:
+            message = nursery.decode(_msgpack(rng, rng.choice(wholes)))
+        except link_protocol.LinkError:
+            counts["refused"] += 1
+            return
+        counts[type(message).__name__] += 1
+        if nursery.decode(nursery.encode(message)) != message:
+            raise Broken(f"{message} comes back as another one")
+
+    yield once
+
+
+@contextmanager
+def _ros_messages(_: Path) -> Iterator[Door]:
+    """Packets of other nodes: bytes that a publisher may send, and any content of a message that can be read."""
+    import genpy
+
+    from apad_bridge.ros.links.packet_topics import PacketTopics
+    from apad_bridge.ros.types.messages import use_generated_messages
+
+    use_generated_messages()
+    from auv_msgs.msg import NavSts
+    from diagnostic_msgs.msg import DiagnosticArray
+    from musselbed_msgs.msg import Packet
+
+    topics = PacketTopics(range(1, 13), ())
+    relay = PacketRelay(whole_flight(frozenset), [topics.take], {})
+    contacts = [[0, 1_000_000, 2_000_000], [1, 5, 5], [2], [8, 1], [7, 1, 2, 3, 4, 5]]
+
+    def once(rng: random.Random, counts: Counter[str]) -> None:
+        if rng.random() < 0.4:
+            kind = rng.choice((Packet, NavSts, DiagnosticArray))
+            buffer = _io(kind())
+            try:
+                kind().deserialize(_spoiled(rng, buffer))
+                counts["bytes: read"] += 1
+            except genpy.DeserializationError:
+                counts["bytes: refused"] += 1
+            return
+        data = rng.choice(
+            (
+                json.dumps(_jsonable(_replaced(rng, rng.choice(contacts)))).encode(),
+                json.dumps(rng.choice(contacts)).encode(),
+                b"[" * rng.randrange(1100),
+                b"[0,%d,%d]" % (rng.getrandbits(rng.choice((40, 70, 200))), -rng.getrandbits(70)),
+                rng.randbytes(rng.randrange(1100)),
+            )
+        )
+        agent_id = rng.choice((1, 5, 12, 13, 0, -1, 2**31 - 1))
+        medium = rng.choice(("contact", "wifi", "sound", "", "water"))
+        source = rng.choice((Source.REMOTE_AMUSSEL, Source.REMOTE_SUPERVISOR, Source.REMOTE_DOCK))
+        topics._put(Packet(agent=agent_id, medium=medium, data=data), source)
+        for event in relay.advance(1000):
+            counts[type(event).__name__] += 1
+            stimulus = getattr(event, "stimulus", None)
+            if stimulus is not None:
+                link_protocol.Window((1, 1), Grant(1, ((1, stimulus),))).encode()
+                if not isinstance(stimulus, _CONTACTS):
+                    raise Broken(f"a dock of another aPad sent {stimulus}")
+        counts["messages"] += 1
+
+    yield once
+
+
+def _io(message: Any) -> bytes:
+    from io import BytesIO
+
+    buffer = BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+def _jsonable(data: Any) -> Any:
+    return json.loads(json.dumps(data, default=lambda it: it.hex() if isinstance(it, bytes) else str(it)))
+
+
+@contextmanager
+def _scenarios(folder: Path) -> Iterator[Door]:
+    """YAML files: one that is refused says so in ScenarioError's lines."""
+    data = resolve(load(SCENARIO))
+    text = json.dumps(data, indent=1)
+    path = folder / "scenario.yaml"
+
+    def once(rng: random.Random, counts: Counter[str]) -> None:
+        match rng.randrange(5):
+            case 0:
+                raw = _spoiled(rng, text.encode())
+            case 1:
+                raw = rng.choice((b"[", b"{a: ", b"- ", b"&a [*a, ", b"? ")) * rng.randrange(400)
+            case _:
+                raw = json.dumps(_jsonable(_replaced(rng, data))).encode()
+        path.write_bytes(raw)
+        try:
+            load(path)
+            counts["loaded"] += 1
+        except ScenarioError as error:
+            counts["refused"] += 1
+            if not error.lines or any("\n" in line for line in error.lines):
+                raise Broken(f"a refusal of {len(error.lines)} lines: {error.lines!r}") from error
+
+    yield once
+
+
+@contextmanager
+def _flown(folder: Path) -> Iterator[RunDirectory]:
+    """A short run of the paper's pool, with all its records."""
+    whole = load(SCENARIO)
+    scenario = replace(whole, duration_s=_RUN_S, fleet=replace(whole.fleet, hosting=Hosting.ONE_PROCESS))
+    directory, starts = RunDirectory(folder / "run"), starts_of(scenario)
+    directory.path.mkdir()
+    directory.write_inputs(scenario, starts)
+    with ExitStack() as stack:
+        progress = stack.enter_context(FlightProgress(scenario.name, 1000 * _RUN_S, quiet=True))
+        prepared = open_in_process(stack, scenario, starts, directory, progress)
+        prepared.flight.run()
+        prepared.finish()
+    RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
+    yield directory
+
+
+@contextmanager
+def _journals(folder: Path) -> Iterator[Door]:
+    """Journals with damaged lines: read, or JournalDamaged."""
+    with _flown(folder) as directory:
+        lines = directory.journal.read_bytes().splitlines(keepends=True)
+        kinds = {json.loads(it)["kind"]: it for it in lines}
+        path = folder / "journal.jsonl"
+
+        def once(rng: random.Random, counts: Counter[str]) -> None:
+            line = rng.choice(list(kinds.values()))
+            match rng.randrange(4):
+                case 0:
+                    line = _spoiled(rng, line)
+                case 1:
+                    line = rng.choice((b"[", b'{"t":')) * rng.randrange(3000) + b"\n"
+                case _:
+                    line = json.dumps(_jsonable(_replaced(rng, json.loads(line)))).encode() + b"\n"
+            path.write_bytes(lines[0] + line + lines[-1])
+            try:
+                counts[f"dropped {min(2, read_journal(path).dropped)}"] += 1
+            except JournalDamaged:
+                counts["damaged"] += 1
+
+        yield once
+
+
+@contextmanager
+def _bags(folder: Path) -> Iterator[Door]:
+    """Bags with damaged bytes: their whole messages are read, and one that was not closed is repaired."""
+    with _flown(folder) as directory:
+        (bag,) = directory.bags
+        whole = bag.read_bytes()
+        path = folder / "damaged.bag"
+
+        def once(rng: random.Random, counts: Counter[str]) -> None:
+            raw = bytearray(whole[: rng.choice((len(whole), rng.randrange(len(whole))))])
+            for _ in range(rng.randrange(4)):
+                # The heads of records decide how the rest is read.
+                at = rng.randrange(min(len(raw), rng.choice((200, 20_000, len(raw)))) + 1)
+                raw[at : at + rng.choice((1, 4))] = rng.randbytes(rng.choice((1, 4)))
+            path.write_bytes(raw)
+            counts["messages"] += sum(1 for _ in recorded_messages(path))
+            repaired = repair_bag(path)
+            counts["closed" if repaired is None else "repaired"] += 1
+            if repaired is not None and sum(1 for _ in recorded_messages(path)) != repaired.messages:
+                raise Broken(f"a bag with other messages than its repair kept: {repaired}")
+
+        yield once
+
+
+@contextmanager
+def _console(folder: Path) -> Iterator[Door]:
+    """Requests to the console, and lines to the socket for orders: each is answered."""
+    with _flown(folder) as directory, asyncio.Runner() as runner, ExitStack() as stack:
+        app = app_of(directory.path, _TOKEN, Ending(lambda _: None, lambda: False))
+        running = app.router.lifespan_context(app)
+        runner.run(_begun(running))
+        stack.callback(lambda: runner.run(_ended(running)))
+        orders = [
+            {"act": "stop", "by": "Anna"},
+            {"act": "go to", "by": "Anna", "goal_m": [1.0, 2.0], "speed_m_s": 0.5},
+            {"act": "cause a fault", "by": "Anna", "agent": 3, "fault": "bit_flip", "value": 0.1, "for_s": 5},
+        ]
+
+        def order(rng: random.Random) -> bytes:
+            whole = rng.choice(orders)
+            if rng.random() < 0.3:
+                return rng.choice((_spoiled(rng, json.dumps(whole).encode()), b"[" * rng.randrange(3000)))
+            return json.dumps(_jsonable(_replaced(rng, whole))).encode()
+
+        def once(rng: random.Random, counts: Counter[str]) -> None:
+            body = order(rng)
+            if rng.random() < 0.5:
+                answer = json.loads(answered_line(directory.path, body))
+                counts["line: accepted" if answer["accepted"] else "line: refused"] += 1
+                return
+            status = runner.run(_asked(app, rng, body))
+            counts[f"request: {status}"] += 1
+            if status >= 500:
+                raise Broken(f"{body!r} is answered with {status}")
+
+        yield once
+
+
+async def _begun(context: AbstractAsyncContextManager[Any]) -> None:
+    await context.__aenter__()
+
+
+async def _ended(context: AbstractAsyncContextManager[Any]) -> None:
+    await context.__aexit__(None, None, None)
+
+
+async def _asked(app: Any, rng: random.Random, body: bytes) -> int:
+    """The status of one request's answer."""
+    length = rng.choice((str(len(body)), str(len(body)), "-1", "x", "", "9" * 30, "\u00b2")).encode("latin-1")
+    counts = rng.choice(("0,0,0,0", "-1,-9,5,5", "9" * 5000, f"{2**70},1,1,1", "a", "1,2,3", ""))
+    query = rng.choice((b"", b"token=", b"token=" + rng.randbytes(5), b"counts=" + counts.encode()))
+    cookie = rng.choice((_TOKEN, _TOKEN, _TOKEN, "", "\u00e9", "x" * 3000)).encode("latin-1")
+    path = rng.choice(("/live", "/orders", "/orders", "/favicon.ico", "/nowhere", "/live/../orders"))
+    scope = {
+        "type": "http",
+        "asgi": {"version": "3.0"},
+        "http_version": "1.1",
+        "method": rng.choice(("GET", "POST", "POST", "PUT")),
+        "scheme": "http",
+        "path": path,
+        "raw_path": path.encode(),
+        "query_string": query,
+        "headers": [(b"content-length", length), (b"cookie", b"musselbed_console_80=" + cookie)],
+        "server": ("127.0.0.1", 80),
+        "client": ("127.0.0.1", 1),
+    }
+    statuses: list[int] = []
+    messages = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def receive() -> dict[str, Any]:
+        return messages.pop() if messages else {"type": "http.disconnect"}
+
+    async def send(message: dict[str, Any]) -> None:
+        if message["type"] == "http.response.start":
+            statuses.append(message["status"])
+
+    await app(scope, receive, send)
+    return statuses[0]
+
+
+DOORS: Mapping[str, Callable[[Path], Any]] = {
+    "modem": _modems,
+    "packets": _packets,
+    "agent link": _agent_link,
+    "nursery socket": _nursery_socket,
+    "ROS messages": _ros_messages,
+    "scenario": _scenarios,
+    "journal": _journals,
+    "bag": _bags,
+    "console": _console,
+}
+
+
 def show(result: dict[str, Any], console: Console) -> None:
-    console.print(
-        f"{result['inputs']} inputs, seed {result['seed']}: no exception, no state lost "
-        f"({result['modem_inputs_per_s']:.0f} modem inputs/s, {result['packet_inputs_per_s']:.0f} packets/s)"
-    )
-    for what, count in result["came"].items():
-        console.print(f"  {what}: {count}")
+    table = Table("door", "inputs", "inputs a processor second", "slowest, ms", "growth, kB", "came")
+    for row in result["rows"]:
+        came = ", ".join(f"{what} {count}" for what, count in row["came"].items())
+        table.add_row(
+            row["door"],
+            str(row["inputs"]),
+            f"{row['inputs_per_processor_s']:.0f}",
+            f"{row['slowest_ms']:.0f}",
+            str(row["growth_kb"]),
+            came,
+        )
+    console.print(f"seed {result['seed']}: no exception, no hang, no state lost")
+    console.print(table)

@@ -158,6 +158,8 @@ def decode_from_agent(data: bytes | memoryview) -> Answer | Refusal:
     fields = _array(data)
     if len(fields) == 11 and fields[0] == Kind.ANSWER and isinstance(fields[10], list):
         epoch, sequence, of_epoch, of_sequence, granted_ms, truths, part, parts = _counts(fields[1:9])
+        if part >= parts:
+            raise LinkError("a part beyond the last one")
         next_due_ms = None if fields[9] is None else _counts(fields[9:10])[0]
         try:
             decoded = tuple([outputs.from_wire(wire) for wire in fields[10]])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import json
+import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -182,7 +183,9 @@ class _Pages:
     async def order(self, request: Request) -> Response:
         if not self._is_known(request):
             return _REFUSED
-        if not 0 < int(request.headers.get("content-length", 0)) <= control.LONGEST_LINE:
+        length = request.headers.get("content-length", "")
+        # The digits before the number: a text of five thousand is no integer to Python.
+        if not (re.fullmatch("[0-9]{1,9}", length) and 0 < int(length) <= control.LONGEST_LINE):
             return PlainTextResponse("an order is one short line of JSON, with its length\n", status_code=400)
         try:
             asked = _ORDER.validate_json(await request.body())

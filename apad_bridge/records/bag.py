@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -20,7 +21,7 @@ from typing import BinaryIO
 import lz4.frame
 from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, decompressors, read_bytes, read_uint32
-from rosbags.rosbag1.writer import MAXSIZE, WriteChunk, Writer
+from rosbags.rosbag1.writer import MAXSIZE, WriteChunk, Writer, WriterError
 
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, definition
 from apad_bridge.records.packet_lines import SoundRow
@@ -32,6 +33,9 @@ CHUNK_MS = 10_000
 """A chunk ends with the first sample after so much mission time, however little it holds. A kill loses no more than that,
 unless samples are rarer. At 60 s the bag of pool-12 would be 11 % smaller. Mission time and not wall time decides, so that
 the same flight writes the same bag."""
+_LARGE_BYTES = 1 << 24
+_DAMAGED = (ReaderError, WriterError, KeyError, ValueError)
+"""What reading and copying a damaged record raises."""
 _PADDING_AT = 13 + 4 + 69
 """The offset of the file header's padding length: after the magic line, a length, and fields of fixed size."""
 _PADDING_BYTES = 4096 - 69
@@ -183,20 +187,18 @@ def repair_bag(path: Path) -> BagRepair | None:
     messages = last_ns = whole_bytes = 0
     for record in _whole_records(path):
         whole_bytes = record.end
-        if record.header.get("op") == bytes([RecordType.CONNECTION]):
-            if record.header.get_uint32("conn") in connections:
-                continue  # the kill came while the index was written, which repeats the connections
-            fields = Header.read(BytesIO(_as_header(record.data)))
-            connections[record.header.get_uint32("conn")] = writer.add_connection(
-                record.header.get_string("topic"),
-                fields.get_string("type").replace("/", "/msg/", 1),
-                msgdef=fields.get_string("message_definition"),
-                md5sum=fields.get_string("md5sum"),
-            )
-        elif record.header.get("op") == bytes([RecordType.MSGDATA]):
-            stamp_ns = record.header.get_time("time")
-            writer.write(connections[record.header.get_uint32("conn")], stamp_ns, record.data)
-            messages, last_ns = messages + 1, max(last_ns, stamp_ns)
+        with suppress(*_DAMAGED):
+            if record.header.get("op") == bytes([RecordType.CONNECTION]):
+                if record.header.get_uint32("conn") in connections:
+                    continue  # the kill came while the index was written, which repeats the connections
+                it = _connection_of(record)
+                connections[record.header.get_uint32("conn")] = writer.add_connection(
+                    it.topic, it.kind, msgdef=it.definition, md5sum=it.md5
+                )
+            elif record.header.get("op") == bytes([RecordType.MSGDATA]):
+                stamp_ns = record.header.get_time("time")
+                writer.write(connections[record.header.get_uint32("conn")], stamp_ns, record.data)
+                messages, last_ns = messages + 1, max(last_ns, stamp_ns)
     writer.close()
     torn_bytes = path.stat().st_size - whole_bytes
     os.replace(fresh, path)
@@ -225,21 +227,30 @@ class RecordedMessage:
 def recorded_messages(path: Path) -> Iterator[RecordedMessage]:
     """Every whole message in the order in which it was recorded, whatever the clock did; also of an unclosed bag.
 
-    OSError for no file; nothing for a file that is no bag.
+    OSError for no file; nothing for a file that is no bag. A damaged record is left out.
     """
     connections: dict[int, RecordedConnection] = {}
     for record in _whole_records(path):
-        if record.header.get("op") == bytes([RecordType.CONNECTION]):
-            fields = Header.read(BytesIO(_as_header(record.data)))
-            connections[record.header.get_uint32("conn")] = RecordedConnection(
-                record.header.get_string("topic"),
-                fields.get_string("type").replace("/", "/msg/", 1),
-                fields.get_string("message_definition"),
-                fields.get_string("md5sum"),
-            )
-        elif record.header.get("op") == bytes([RecordType.MSGDATA]):
-            connection = connections[record.header.get_uint32("conn")]
-            yield RecordedMessage(connection, record.header.get_time("time"), record.data)
+        message = None
+        with suppress(*_DAMAGED):
+            if record.header.get("op") == bytes([RecordType.CONNECTION]):
+                connections[record.header.get_uint32("conn")] = _connection_of(record)
+            elif record.header.get("op") == bytes([RecordType.MSGDATA]):
+                connection = connections[record.header.get_uint32("conn")]
+                message = RecordedMessage(connection, record.header.get_time("time"), record.data)
+        if message is not None:
+            yield message
+
+
+def _connection_of(record: _Record) -> RecordedConnection:
+    """The connection that a record states; one of `_DAMAGED` for a damaged one."""
+    fields = Header.read(BytesIO(_as_header(record.data)))
+    return RecordedConnection(
+        record.header.get_string("topic"),
+        fields.get_string("type").replace("/", "/msg/", 1),
+        fields.get_string("message_definition"),
+        fields.get_string("md5sum"),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +288,7 @@ def is_closed(path: Path) -> bool:
         try:
             file.readline()
             return Header.read(file, RecordType.BAGHEADER).get_uint64("index_pos") != 0
-        except ReaderError:
+        except _DAMAGED:
             return False
 
 
@@ -289,7 +300,7 @@ def _whole_records(path: Path) -> Iterator[_Record]:
             while True:
                 record = _read_record(file)
                 yield from _in_chunk(record) if _is_chunk(record.header) else (record,)
-        except (ReaderError, UnicodeDecodeError):
+        except _DAMAGED:
             return
 
 
@@ -298,6 +309,11 @@ def _read_record(file: BinaryIO) -> _Record:
     size = read_uint32(file)
     if _is_chunk(header) and header.get_string("compression") == "none":
         size = 0  # its records are read one by one, so that the whole messages of a torn chunk are found too
+    if size > _LARGE_BYTES:  # room would be made for it before anything is read
+        here = file.tell()
+        if size > file.seek(0, os.SEEK_END) - here:
+            raise ReaderError("a record beyond the end")
+        file.seek(here)
     return _Record(header, read_bytes(file, size), file.tell())
 
 
@@ -310,7 +326,12 @@ def _in_chunk(chunk: _Record) -> Iterator[_Record]:
     compression = chunk.header.get_string("compression")
     if compression == "none":
         return
-    unpacked = BytesIO(decompressors[compression](chunk.data))
+    try:
+        unpacked = BytesIO(decompressors[compression](chunk.data))
+    except (
+        Exception
+    ) as error:  # the decompressors' errors have no common base, and any of them is the file's fault
+        raise ReaderError(f"a chunk that is not {compression}") from error
     while unpacked.tell() < chunk.header.get_uint32("size"):
         yield replace(_read_record(unpacked), end=chunk.end)
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cache
 
-from agents.mussel.stimuli import Stimulus, from_wire, to_wire
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus, from_wire, to_wire
 from agents.packet_medium import Medium
+from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 
@@ -225,13 +226,27 @@ class PacketRelay:
             case ((Source.REMOTE_SUPERVISOR | Source.LABORATORY), Medium() as medium):
                 return [Send(medium, packet.agent_id, packet.data)]
             case Source.REMOTE_DOCK, None:
-                try:
-                    return [RemoteContact(packet.agent_id, from_wire(json.loads(packet.data)))]
-                except (ValueError, TypeError, KeyError, IndexError):
+                contact = _contact(packet.data)
+                if contact is None:
                     self.dropped["felt: no contact of a dock"] += 1
                     return []
+                return [RemoteContact(packet.agent_id, contact)]
         self.dropped["packet: no such medium"] += 1
         return []
+
+
+def _contact(data: bytes) -> Stimulus | None:
+    """The contact of another aPad's dock; None for anything else, such as a stimulus that no dock causes."""
+    try:
+        stimulus = from_wire(json.loads(data))
+    except (ValueError, TypeError, KeyError, IndexError, RecursionError):
+        return None
+    match stimulus:
+        case ContactClosed(north_um, east_um) | DockMoved(north_um, east_um):
+            return stimulus if max(abs(north_um), abs(east_um)) <= 1e6 * FARTHEST_M else None
+        case ContactOpened():
+            return stimulus
+    return None
 
 
 def no_relay() -> PacketRelay:

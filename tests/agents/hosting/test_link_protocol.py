@@ -7,6 +7,7 @@ import socket
 from collections.abc import Iterator
 from dataclasses import replace
 
+import msgpack
 import pytest
 from fleets import PAPER, STILL
 from hypothesis import given
@@ -95,6 +96,13 @@ def test_garbage_is_a_link_error_either_way(data: bytes) -> None:
             decode(data)
         except LinkError:
             continue
+
+
+@pytest.mark.parametrize(("part", "parts"), [(0, 0), (1, 1), (7, 2)])
+def test_a_part_beyond_the_last_one_is_a_link_error(part: int, parts: int) -> None:
+    """The supervisor would look for the parts that are missing, and find none."""
+    with pytest.raises(LinkError, match="a part beyond the last one"):
+        decode_from_agent(msgpack.packb([3, 1, 1, 1, 1, 100, 0, part, parts, None, []]))
 
 
 def test_a_truncated_word_is_a_link_error() -> None:

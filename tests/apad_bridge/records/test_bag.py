@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
-from apad_bridge.records.bag import CHUNK_MS, BagWriter, repair_bag
+from apad_bridge.records.bag import CHUNK_MS, BagWriter, recorded_messages, repair_bag
 from apad_bridge.records.bag_messages import typestore
 from apad_bridge.records.bag_samples import instants
 from apad_bridge.records.packet_lines import sound_rows
@@ -199,6 +199,32 @@ def test_what_a_bag_keeps_in_memory_does_not_grow_with_its_messages(tmp_path):
     assert sum(len(entries) for entries in kept if isinstance(entries, list)) < 3 * (CHUNK_MS // 1000 + 1)
     bag.close()
     assert len(read_stamps(bag.path)) == 3 * 20 * CHUNK_MS // 1000
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    damage=st.lists(
+        st.tuples(st.integers(0, 60_000), st.binary(min_size=1, max_size=4)), min_size=1, max_size=4
+    ),
+    is_closed=st.booleans(),
+)
+def test_damaged_bytes_cost_messages_and_raise_nothing(tmp_path_factory, damage, is_closed):
+    path = tmp_path_factory.mktemp("damaged") / "run.bag"
+    bag = BagWriter(path, theta=30)
+    write_ticks(bag, 60)
+    bag.close()
+    raw = bytearray(path.read_bytes())
+    if not is_closed:  # as a kill leaves it
+        raw[13 + 4 + 4 + len("index_pos=") :][:8] = bytes(8)
+    for at, noise in damage:
+        raw[at % len(raw) : at % len(raw) + len(noise)] = noise
+    path.write_bytes(raw)
+    kept = sum(1 for _ in recorded_messages(path))
+    repaired = repair_bag(path)
+    if repaired is not None:
+        assert sum(1 for _ in recorded_messages(path)) == repaired.messages == kept
+        with Reader(path) as reader:
+            assert reader.message_count == repaired.messages
 
 
 @contextmanager

@@ -165,7 +165,16 @@ def test_of_several_apads_exactly_the_one_concerned_receives_each_packet(
     assert not any(it.relay.dropped for it in processes.values())
 
 
-@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"[0, 1]", b'["x"]', b"[99]", b"\xff", b"null"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        *(b"", b"{", b"[]", b"[0, 1]", b'["x"]', b"[99]", b"\xff", b"null"),
+        b"[" * 1024,  # deeper than a parser may go
+        b"[0,%d,0]" % 10**30,  # farther away than anything, and more than a link to an agent carries
+        b"[8,99]",  # a reset is no contact; one by no cause would end the aMussel's process
+        b"[10,600000000000000,0]",
+    ],
+)
 def test_a_contact_that_is_none_is_dropped_and_counted(data: bytes) -> None:
     process = Process(FLEET_ALONE)
     process.arrived = [RelayedPacket(Source.REMOTE_DOCK, 1, None, data, 0)]
