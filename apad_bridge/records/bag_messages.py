@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
+from struct import Struct, pack
 from typing import Any, cast
 
 import numpy as np
@@ -27,6 +28,23 @@ EVENT = "musselbed_msgs/msg/MissionEvent"
 SOUND = "underwater_msgs/msg/MediumTransmission"
 
 _MODES = BeliefSample._fields.index("mode_probabilities")
+_COUNT = Struct("<I")
+_TRUTH_ROW = Struct("<HBffddf?Q").pack
+"""AgentTruth.msg."""
+_BELIEF_BEFORE_MODES, _BELIEF_AFTER_MODES = Struct("<HBffddf8f").pack, Struct("<ffHB").pack
+"""AgentBelief.msg, before its one array and after it."""
+
+
+def _belief_row(agent: BeliefSample) -> bytes:
+    modes = agent.mode_probabilities
+    return b"".join(
+        (
+            _BELIEF_BEFORE_MODES(*agent[:_MODES]),
+            _COUNT.pack(len(modes)),
+            pack(f"<{len(modes)}f", *modes),
+            _BELIEF_AFTER_MODES(*agent[_MODES + 1 :]),
+        )
+    )
 
 
 @cache
@@ -80,29 +98,26 @@ class Messages:
         types = self._store.types
         self._time: Any = types["builtin_interfaces/msg/Time"]
         self._header: Any = types["std_msgs/msg/Header"]
-        self._agent_truth: Any = types["musselbed_msgs/msg/AgentTruth"]
-        self._agent_belief: Any = types["musselbed_msgs/msg/AgentBelief"]
         self._fleet_truth: Any = types[TRUTH]
-        self._fleet_beliefs: Any = types[BELIEFS]
         self._apad_status: Any = types[APAD]
         self._mission_event: Any = types[EVENT]
         self._transmission: Any = types[SOUND]
 
     def truth(self, now_ms: int, agents: list[TruthSample]) -> bytes:
-        rows = [self._agent_truth(*agent) for agent in agents]
-        return self._serialize(
-            self._fleet_truth(self._head(now_ms), now_ms, self._theta * now_ms, rows), TRUTH
-        )
+        return self._fleet(now_ms, [_TRUTH_ROW(*agent) for agent in agents])
 
     def beliefs(self, now_ms: int, agents: list[BeliefSample]) -> bytes:
-        rows = [self._belief(agent) for agent in agents]
-        return self._serialize(
-            self._fleet_beliefs(self._head(now_ms), now_ms, self._theta * now_ms, rows), BELIEFS
-        )
+        return self._fleet(now_ms, map(_belief_row, agents))
 
-    def _belief(self, agent: BeliefSample) -> object:
-        probabilities = np.array(agent.mode_probabilities, np.float32)
-        return self._agent_belief(*agent[:_MODES], probabilities, *agent[_MODES + 1 :])
+    def _fleet(self, now_ms: int, rows: Iterable[bytes]) -> bytes:
+        """FleetTruth or FleetBeliefs, which begin alike.
+
+        The library serializes the beginning. The rows are most of a run's bag, and it packs each field by itself.
+        """
+        empty = self._fleet_truth(self._head(now_ms), now_ms, self._theta * now_ms, [])
+        all_rows = list(rows)
+        head = self._serialize(empty, TRUTH)[: -_COUNT.size]
+        return b"".join((head, _COUNT.pack(len(all_rows)), *all_rows))
 
     def apad(self, now_ms: int, apad: APadSample) -> bytes:
         *numbers, primitive, docks = apad

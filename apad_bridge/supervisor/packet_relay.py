@@ -195,7 +195,8 @@ class PacketRelay:
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         """Routes a packet that an aMussel of this process sent."""
-        self._route(RelayedPacket(Source.LOCAL_AMUSSEL, agent_id, medium, data, now_ms))
+        if self._outlets:
+            self._route(RelayedPacket(Source.LOCAL_AMUSSEL, agent_id, medium, data, now_ms))
 
     def forward(self, send: Send, now_ms: int) -> None:
         """Routes a packet that the supervisor of this process sent."""

@@ -15,7 +15,9 @@ from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
 from apad_bridge.records.bag import CHUNK_MS, BagWriter, recorded_messages, repair_bag
-from apad_bridge.records.bag_messages import typestore
+from apad_bridge.records.bag_messages import BELIEFS as BELIEFS_NAME
+from apad_bridge.records.bag_messages import TRUTH as TRUTH_NAME
+from apad_bridge.records.bag_messages import Messages, typestore
 from apad_bridge.records.bag_samples import instants
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
@@ -39,6 +41,50 @@ def read(path):
 def write_ticks(bag, ticks):
     for tick in range(ticks):
         bag.sample(1000 * tick, [TRUTH], [BELIEF], APAD)
+
+
+FLOATS = st.floats(width=32)
+TRUTHS = st.builds(
+    TruthSample,
+    st.integers(0, 0xFFFF),
+    st.integers(0, 0xFF),
+    *[FLOATS] * 2,
+    *[st.floats()] * 2,
+    FLOATS,
+    st.booleans(),
+    st.integers(0, 2**64 - 1),
+)
+BELIEFS_ = st.builds(
+    BeliefSample,
+    st.integers(0, 0xFFFF),
+    st.integers(0, 0xFF),
+    *[FLOATS] * 2,
+    *[st.floats()] * 2,
+    *[FLOATS] * 9,
+    st.lists(FLOATS, max_size=9).map(tuple),
+    *[FLOATS] * 2,
+    st.integers(0, 0xFFFF),
+    st.integers(0, 0xFF),
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(TRUTHS, max_size=4), st.lists(BELIEFS_, max_size=4))
+def test_a_fleets_rows_are_the_bytes_that_the_library_makes_of_the_same_values(truths, beliefs):
+    messages, store = Messages(30), typestore()
+    for name, data, rows in (
+        (TRUTH_NAME, messages.truth(2500, truths), truths),
+        (BELIEFS_NAME, messages.beliefs(2500, beliefs), beliefs),
+    ):
+        read_back = store.deserialize_ros1(data, name)
+        assert store.serialize_ros1(read_back, name).tobytes() == data
+        # A message's constants follow its fields.
+        found = [
+            [it.tolist() if hasattr(it, "tolist") else it for it in list(vars(message).values())[: len(row)]]
+            for row, message in zip(rows, read_back.agents, strict=True)
+        ]
+        wanted = [[list(it) if isinstance(it, tuple) else it for it in row] for row in rows]
+        assert repr(found) == repr(wanted)  # by their text, because NaN is not equal to itself
 
 
 def test_a_sample_comes_back_with_both_clocks(tmp_path):
