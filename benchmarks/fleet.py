@@ -1,4 +1,4 @@
-"""The cost of an aMussel as a process of its own, beside a bare rospy node: memory at two moments, and time to be ready.
+"""The cost of an aMussel as a process of its own, beside objects in one process and bare rospy nodes, up to 10 000.
 
 `pss_mb_per_agent` is the proportional set size of all agents' processes and of their nursery, divided by the agents;
 `kernel_mb_per_agent` is the rise of the machine's kernel memory (slab, page tables, stacks) since before the first of
@@ -9,10 +9,16 @@ log is uploaded in the dock without a receiver: it stays full.
 Where the kernel merges equal pages (`merging`: /sys/kernel/mm/ksm/run is 1), each row is read after the kernel has scanned
 all of them; a merged page is counted in parts, as any shared page.
 A bare rospy node publishes as many statuses, without subscribers, in one go; the master is not counted.
+
+The scale table ("hourly") has fleets at theta 1 in still water, which wake every hour, sample, process and transmit in
+timeslots, and sleep without a window in between. Its rows are read after three hours; `cpu_s_per_agent_hour` is the time
+on a processor of the agents' processes and of this one, by the kernel's own account (/proc/PID/schedstat). A row that
+would leave less than `SPARE_MB` of memory is left out, with the reason. "objects" are the same agents in this process.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import socket
@@ -20,19 +26,22 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fleets import PAPER, with_whole_boards
+from fleets import PAPER, STILL, with_whole_boards
 from rich.console import Console
 from rich.table import Table
 
 from agents.coordinator import Coordinator, Heard
-from agents.fleet import resting_on_bottom
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.hosting.host import Host
+from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
+from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
@@ -52,6 +61,9 @@ MUSSELBED_FLEETS = (
     ("whole board", 1000, 10),
 )
 """(board, agents, seconds of mission time granted at once)"""
+HOURLY_FLEETS = (24, 100, 1000, 3000, 10_000)
+HOURS = 3
+SPARE_MB = 3072
 ROSPY_NODES = (24, 100)
 THETA = PAPER.theta
 MISSION_S = 20 * 3600 // THETA
@@ -68,6 +80,7 @@ WHOLE = FullFirmware(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600
 _WHOLE_FLEET = with_whole_boards(FLEET, WHOLE)
 FULL_LOG = "whole board, full log"
 FLEETS = {"worst case": FLEET, "whole board": _WHOLE_FLEET, FULL_LOG: _WHOLE_FLEET}
+HOUR_MS = 3_600_000
 LOGGED = 2500
 """Samples in a full log, as after 104 days of one an hour, when the ring has come round."""
 
@@ -77,6 +90,10 @@ def measure() -> dict[str, Any]:
     for board, agents, window_s in MUSSELBED_FLEETS:
         with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
             rows += musselbed_rows(run_dir, board, agents, window_s)
+    for agents in HOURLY_FLEETS:
+        rows.append(in_child(lambda agents=agents: hourly_objects(agents)))
+        with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
+            rows.append(hourly_processes(run_dir, agents, rows))
     for nodes in ROSPY_NODES:
         with tempfile.TemporaryDirectory(prefix="musselbed-") as ros_home:
             rows += rospy_rows(ros_home, nodes)
@@ -85,9 +102,13 @@ def measure() -> dict[str, Any]:
 
 def show(result: dict[str, Any], console: Console) -> None:
     table = Table(title="A process per aMussel, and bare rospy nodes")
-    for name in ("kind", "agents", "at", "PSS, MB each", "kernel, MB each", "ready, s"):
+    for name in ("kind", "agents", "at", "PSS, MB each", "kernel, MB each", "ready, s", "CPU, ms an hour"):
         table.add_column(name, justify="left" if name in ("kind", "at") else "right")
     for row in result["rows"]:
+        if "left_out" in row:
+            table.add_row(row["kind"], str(row["agents"]), row["left_out"])
+            continue
+        cpu_s = row.get("cpu_s_per_agent_hour")
         table.add_row(
             row["kind"],
             str(row["agents"]),
@@ -95,6 +116,7 @@ def show(result: dict[str, Any], console: Console) -> None:
             f"{row['pss_mb_per_agent']:.2f}",
             f"{row['kernel_mb_per_agent']:.2f}",
             f"{row['ready_s']:.2f}",
+            "" if cpu_s is None else f"{1000 * cpu_s:.2f}",
         )
     console.print(table)
 
@@ -136,6 +158,117 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
     finally:
         host.close()
         nursery.wait()
+
+
+def hourly_processes(run_dir: str, agents: int, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """A row of the scale table; `rows` are those before, by which it judges what it needs."""
+    kind = "hourly, a process each"
+    before = next((row for row in reversed(rows) if row["kind"] == kind and "left_out" not in row), None)
+    if before is not None:
+        needed_mb = agents * (before["pss_mb_per_agent"] + before["kernel_mb_per_agent"])
+        if available_mb() - needed_mb < SPARE_MB:
+            why = f"it needs {needed_mb:.0f} MB, and {available_mb():.0f} MB are available"
+            return {"kind": kind, "agents": agents, "left_out": why}
+    prepare(run_dir, hourly_fleet(agents), hourly_states(agents))
+    kernel_before_kb = kernel_kb()
+    began_s = time.monotonic()
+    nursery = launch_nursery(run_dir)
+    host = ProcessHost.adopt(run_dir, 1)
+    try:
+        clock, ready_s = hourly_clock(host, agents, began_s)
+        pids = [os.getpid(), *host.pids.values()]
+        cpu_s = cpu_of_hours(clock, pids, f"{kind}, {agents}")
+        if len(host.pids) < agents:
+            raise RuntimeError(f"{agents - len(host.pids)} of {agents} aMussels died")
+        wait_for_merging()
+        pids = [host.nursery_pid, *host.pids.values()]
+        row = cost_row(kind, agents, f"after_{HOURS}h", pids, kernel_before_kb, ready_s)
+    finally:
+        host.close()
+        nursery.wait()
+    return row | {"cpu_s_per_agent_hour": round(cpu_s / agents / HOURS, 6)}
+
+
+def hourly_objects(agents: int) -> dict[str, Any]:
+    """A row of the scale table with all agents in this process; its memory is what this process alone has."""
+    before_kb = fields_kb("/proc/self/smaps_rollup")["Private_Dirty"]
+    kernel_before_kb = kernel_kb()
+    began_s = time.monotonic()
+    host = InProcessHost(hourly_fleet(agents), hourly_states(agents))
+    clock, ready_s = hourly_clock(host, agents, began_s)
+    cpu_s = cpu_of_hours(clock, [os.getpid()], f"objects, {agents}")
+    row = cost_row("hourly, objects", agents, f"after_{HOURS}h", [], kernel_before_kb, ready_s)
+    used_kb = fields_kb("/proc/self/smaps_rollup")["Private_Dirty"] - before_kb
+    return row | {
+        "pss_mb_per_agent": round(used_kb / 1024 / agents, 3),
+        "cpu_s_per_agent_hour": round(cpu_s / agents / HOURS, 6),
+    }
+
+
+def hourly_fleet(agents: int) -> FleetConfig:
+    slots = replace(FIELD, slots=Timeslots(frame_ms=300_000, slot_ms=300_000 // agents))
+    whole = FullFirmware(power(), slots, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
+    return with_whole_boards(replace(STILL, theta=1), whole)
+
+
+def hourly_states(agents: int) -> dict[int, Physical]:
+    return {
+        agent_id: resting_on_bottom(agent_id % 100, agent_id // 100, 3.0, 0.9, 1.0)
+        for agent_id in range(1, agents + 1)
+    }
+
+
+def hourly_clock(host: Host, agents: int, began_s: float) -> tuple[Coordinator, float]:
+    """The fleet's clock after everyone's first answer, and how long that took."""
+    clock = Coordinator(host, dict.fromkeys(range(1, agents + 1), 0), 1)
+    clock.advance(0)
+    return clock, time.monotonic() - began_s
+
+
+def cpu_of_hours(clock: Coordinator, pids: list[int], name: str) -> float:
+    """Flies the hours, tick by tick where somebody has something to do; seconds on a processor of all these processes."""
+    before_s = {pid: processor_s(pid) for pid in pids}
+    heard, shown = 0, 0
+    while (due_ms := clock.next_due_ms) is not None and due_ms < HOURS * HOUR_MS:
+        now_ms = -(-due_ms // 1000) * 1000
+        heard += sum(isinstance(it, Heard) for it in clock.advance(now_ms))
+        if now_ms // 60_000 > shown:
+            shown = now_ms // 60_000
+            print(f"\r{name}: minute {shown} of {60 * HOURS}, {heard} packets ", end="", file=sys.stderr)
+    print("\r\033[K", end="", file=sys.stderr)
+    if heard < len(clock.agent_ids) * (HOURS - 1):
+        raise RuntimeError(f"only {heard} packets came from {len(clock.agent_ids)} aMussels")
+    return sum(processor_s(pid) - before_s[pid] for pid in pids)
+
+
+def processor_s(pid: int) -> float:
+    """Seconds that a process was on a processor; more finely than the clock ticks of /proc/PID/stat."""
+    return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e9
+
+
+def available_mb() -> float:
+    return fields_kb("/proc/meminfo")["MemAvailable"] / 1024
+
+
+def in_child(measure_row: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Measures in a forked process, so that one row's memory is not the next one's."""
+    reading, writing = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        status = 1
+        try:
+            os.write(writing, json.dumps(measure_row()).encode())
+            status = 0
+        except BaseException:
+            sys.excepthook(*sys.exc_info())
+        finally:
+            os._exit(status)
+    os.close(writing)
+    with open(reading, encoding="utf-8") as pipe:
+        text = pipe.read()
+    os.waitpid(pid, 0)
+    row: dict[str, Any] = json.loads(text)
+    return row
 
 
 def merges() -> bool:

@@ -30,7 +30,7 @@ from agents.mussel.truths import TruthReceiver
 from firmware_model.stimuli import ResetCause
 
 _PATIENCE = 10
-_ASKED_AT_ONCE = 500
+_ASKED_AT_ONCE = 200
 """More agents than these wait for each other longer than the watchdog waits for one, when all of a large fleet boots."""
 _REASON_TIMEOUT_S = 1.0
 
