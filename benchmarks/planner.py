@@ -85,8 +85,8 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "half of the dockings miss": {"apad.dock_miss_probability": 0.5},
     "unavailable for a quarter": {"apad.unavailable": [{"from_s": 600, "until_s": 1200}]},
 }
-"""What the truth is, beside the scenario; the planner knows the cost of a surfacing, and nothing of the others. Wind is not
-among them: the event-driven model has none."""
+"""The truth, where it differs from the scenario. The planner knows the cost of a surfacing, and nothing of the others. The
+event-driven model has no wind."""
 FIGURES = ("uptime_paper_mean", "uptime_paper_min", "metres")
 """Whose differences are tested."""
 PLANNED = {"pool of 24": 24, "pool of 120": 120}

@@ -35,7 +35,7 @@ unless samples are rarer. At 60 s the bag of pool-12 would be 11 % smaller. Miss
 the same flight writes the same bag."""
 _LARGE_BYTES = 1 << 24
 _DAMAGED = (ReaderError, WriterError, KeyError, ValueError)
-"""What reading and copying a damaged record raises."""
+"""The errors of reading and copying a damaged record."""
 _PADDING_AT = 13 + 4 + 69
 """The offset of the file header's padding length: after the magic line, a length, and fields of fixed size."""
 _PADDING_BYTES = 4096 - 69

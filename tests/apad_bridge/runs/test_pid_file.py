@@ -12,8 +12,8 @@ from apad_bridge.assembly.division import Member
 from apad_bridge.commands.main import main
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.children import supervising, supervisor_of
+from apad_bridge.runs.progress import MakeStatus
 from apad_bridge.runs.several.lockstep import fly_in_step
-from apad_bridge.runs.status import Status
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Hosting
 from apad_bridge.scenario.starts import starts_of
@@ -91,7 +91,7 @@ class Watching:
     def print_message(self, text: str) -> None:
         pass
 
-    def show_status(self, status: Status) -> None:
+    def show_status(self, now_ms: int, status: MakeStatus) -> None:
         self.supervisors.add(supervisor_of(self._run_dir))
         with pytest.raises(PeerFailed), supervising(self._run_dir):
             pass

@@ -17,6 +17,7 @@ import pytest
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.parent import Run, SupervisorWatch
 from apad_bridge.runs.parent_protocol import Failed, Message, Said, Summary, to_line
+from apad_bridge.runs.progress import MakeStatus
 from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import Status
@@ -65,8 +66,8 @@ class ProgressLog:
     def print_message(self, text: str) -> None:
         self.messages.append(text)
 
-    def show_status(self, status: Status) -> None:
-        self.statuses.append(status)
+    def show_status(self, now_ms: int, status: MakeStatus) -> None:
+        self.statuses.append(status())
 
 
 class Starts:

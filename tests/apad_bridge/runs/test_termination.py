@@ -27,7 +27,7 @@ def test_a_terminated_command_says_so_by_its_exit_code(number: int, monkeypatch:
 
     top = argparse.ArgumentParser()
     top.set_defaults(run=is_terminated, command="run")
-    monkeypatch.setattr(command, "parser", lambda: top)
+    monkeypatch.setattr(command, "parser", lambda arguments: top)
     assert command.main([]) == Exit.INTERRUPTED
 
 
