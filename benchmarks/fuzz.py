@@ -569,7 +569,8 @@ def _bags(folder: Path) -> Iterator[Door]:
 def _console(folder: Path) -> Iterator[Door]:
     """Requests to the console, and lines to the socket for orders: each is answered."""
     with _flown(folder) as directory, asyncio.Runner() as runner, ExitStack() as stack:
-        app = app_of(directory.path, _TOKEN, Ending(lambda _: None, lambda: False))
+        failures: list[Exception] = []
+        app = app_of(directory.path, _TOKEN, Ending(lambda _: None, lambda: False, failures.append))
         running = app.router.lifespan_context(app)
         runner.run(_begun(running))
         stack.callback(lambda: runner.run(_ended(running)))
@@ -595,6 +596,8 @@ def _console(folder: Path) -> Iterator[Door]:
             counts[f"request: {status}"] += 1
             if status >= 500:
                 raise Broken(f"{body!r} is answered with {status}")
+            if failures:
+                raise Broken("the console's polling ended") from failures[0]
 
         yield once
 
