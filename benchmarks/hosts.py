@@ -14,26 +14,26 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
-from two_machines import Link, Machine, linked_machines, why_no_two_machines
+from two_machines import Link, Machine, Programs, linked_machines, master_uri, why_no_two_machines
 
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
-from benchmarks.network import DESPITE, MUSSELBED, ROOT, answers, end
+from benchmarks.network import DESPITE, MUSSELBED, ROOT
+from benchmarks.soak import children_of_all
 
 ON_EACH = 500
 THETA = 30
 PERIOD_S = 10.0
 """Mission time between two reports of an aMussel."""
 CUT_S = 60.0
-LOOK_S = 0.5
 FLEETS = ("fleet-one", "fleet-two")
 
 
@@ -81,46 +81,30 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
     ids = {FLEETS[n]: range(1 + n * on_each, 1 + (n + 1) * on_each) for n in (0, 1)}
     with ExitStack() as stack:
         one, two, lose = stack.enter_context(linked_machines(Link()))
-        uri = f"http://{one.address}:11311"
+        programs = Programs(home, master_uri(one), stack, patience_s)
         started: dict[str, subprocess.Popen[bytes]] = {}
 
         def start(machine: Machine, name: str, *words: str) -> None:
-            said = stack.enter_context((home / f"{name}.log").open("w"))
-            process = subprocess.Popen(
-                machine.command(*words),
-                stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=subprocess.STDOUT,
-                env=machine.environment(uri) | {"ROS_HOME": str(home / "ros")},
-                cwd=home,
-                start_new_session=True,
-            )
-            stack.callback(end, process)
-            started[name] = process
+            started[name] = programs.start(machine, name, *words)
 
         def wait_until(is_so: Callable[[], object], what: str) -> float:
-            """Waits until it is so; returns the wall time. SystemExit if a part ended, or after `patience_s`."""
-            began_s, pause = time.monotonic(), threading.Event()
-            while not is_so():
-                ended = [name for name, it in started.items() if it.poll() is not None]
-                if ended or time.monotonic() > began_s + patience_s:
-                    raise SystemExit(
-                        f"{what}: {ended or 'took too long'}; {logs(home, ended or list(started))}"
-                    )
-                pause.wait(LOOK_S)
+            """Waits until it is so; returns the wall time. SystemExit if a part ended; TimeoutError after `patience_s`."""
+            began_s = time.monotonic()
+            programs.wait_until(lambda: is_so() or ended(started), f"{what}: it took too long")
+            if names := ended(started):
+                raise SystemExit("\n".join(f"{what}: {it} ended: {programs.said(it)[-500:]}" for it in names))
             return time.monotonic() - began_s
 
-        start(one, "master", "/usr/bin/rosmaster", "--core")
-        wait_until(lambda: answers(one, uri), "no master")
+        programs.start_master(one)
         whole = written(home, "whole", 1, 2 * on_each)
         start(one, "apad", *MUSSELBED, "apad", str(whole))
-        wait_until(lambda: "ready" in (home / "apad.log").read_text(), "no aPad")
+        wait_until(lambda: "ready" in programs.said("apad"), "no aPad")
         for name, machine in zip(FLEETS, (one, two), strict=True):
             scenario = written(home, name, ids[name].start, on_each)
             start(machine, name, *MUSSELBED, "fleet", str(scenario), "--out", f"{name}-run")
         despite = [word for it in (*DESPITE, "watchdog") for word in ("--despite", it)]
         start(one, "mission", *MUSSELBED, "mission", str(whole), "--out", "run", *despite)
-        heard = Heard(home / "run")
+        heard = Heard(programs.folder(one) / "run")
 
         def all_heard(name: str, since_ms: int) -> bool:
             heard.look()
@@ -152,34 +136,27 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
             "silent": silent,
             "again_s": again_s,
             "services": heard.services,
-            "ended": sorted(name for name, it in started.items() if it.poll() is not None),
+            "ended": ended(started),
         }
+
+
+def ended(started: Mapping[str, subprocess.Popen[bytes]]) -> list[str]:
+    return sorted(name for name, it in started.items() if it.poll() is not None)
 
 
 def pss_mb(root: int) -> float:
     """The proportional set size of a process and all that it started, in MB."""
-    children: dict[int, list[int]] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(stat.read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
-        children.setdefault(parent, []).append(int(stat.parent.name))
+    children = children_of_all()
     total_kb, waiting = 0, [root]
     while waiting:
         pid = waiting.pop()
-        waiting += children.get(pid, [])
+        waiting += children[pid]
         try:
             rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
         except OSError:
             continue
         total_kb += next(int(it.split()[1]) for it in rollup.splitlines() if it.startswith("Pss:"))
     return total_kb / 1024
-
-
-def logs(home: Path, names: list[str]) -> str:
-    """The last lines of these parts."""
-    return "\n".join(f"{name}: {(home / f'{name}.log').read_text()[-500:]}" for name in names)
 
 
 def show(result: dict[str, Any], console: Console) -> None:

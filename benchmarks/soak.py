@@ -72,7 +72,7 @@ def measure(minutes: float = 60.0) -> dict[str, Any]:
 
 def _looked(kinds: dict[str, int], at_s: float) -> Iterator[tuple[str, Used]]:
     """Each kind with what it uses now; the command's children are a kind each, and their children belong to them."""
-    children = _children()
+    children = children_of_all()
     trees = {kind: [pid] for kind, pid in kinds.items()}
     for pid in children[kinds["command"]]:
         kind = "nursery and aMussels" if "agents.nursery" in _command_line(pid) else "supervisor"
@@ -84,7 +84,8 @@ def _looked(kinds: dict[str, int], at_s: float) -> Iterator[tuple[str, Used]]:
             yield kind, Used(at_s, len(found), private_kb / 1024, descriptors, threads)
 
 
-def _children() -> dict[int, list[int]]:
+def children_of_all() -> dict[int, list[int]]:
+    """The pids of each process's children, by its own."""
     found: dict[int, list[int]] = defaultdict(list)
     for folder in PROC.iterdir():
         if folder.name.isdigit():

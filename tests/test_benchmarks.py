@@ -1,6 +1,7 @@
 """The command that runs benchmarks: one, or all with a page of their results."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -41,6 +42,21 @@ def run(tmp_path: Path) -> Path:
 
 def flown(run: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run([sys.executable, str(run), *arguments], capture_output=True, text=True, timeout=120)
+
+
+def test_each_benchmark_finds_what_it_imports() -> None:
+    """Types are not checked there, and the suite runs few of them."""
+    names = [path.stem for path in sorted(RUN.parent.glob("*.py"))]
+    load = "import sys, importlib; [importlib.import_module(f'benchmarks.{it}') for it in sys.argv[1:]]"
+    paths = os.pathsep.join((str(RUN.parents[1]), str(RUN.parents[1] / "tests" / "shared")))
+    done = subprocess.run(
+        [sys.executable, "-c", load, *names],
+        env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert names and done.returncode == 0, done.stderr
 
 
 def test_all_write_a_page_and_go_on_where_they_ended(run: Path, tmp_path: Path) -> None:
