@@ -189,15 +189,17 @@ def receive(sock: socket.socket) -> tuple[Message, list[int]] | None:
         raise
 
 
-def listen(run_dir: str) -> socket.socket:
-    """The nursery's socket in its run directory, for its user alone. It replaces a socket that a dead nursery left.
+def listen(
+    run_dir: str, name: str = SOCKET_NAME, kind: socket.SocketKind = socket.SOCK_SEQPACKET
+) -> socket.socket:
+    """A socket in a run directory, for its user alone; the nursery's. It replaces a socket that a dead process left.
 
     For a process with one thread: for a moment it changes the umask.
     """
-    sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    sock = socket.socket(socket.AF_UNIX, kind)
     directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        path = _short_path(directory)
+        path = _short_path(directory, name)
         if os.path.lexists(path):
             os.unlink(path)
         # A socket is made with the mode that the umask leaves.
@@ -212,15 +214,23 @@ def listen(run_dir: str) -> socket.socket:
     return sock
 
 
-def connect(run_dir: str, timeout_s: float) -> socket.socket:
-    """A link to the nursery of a run directory, with that time-out. OSError if there is none, or another user's."""
-    sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+def connect(
+    run_dir: str,
+    timeout_s: float,
+    name: str = SOCKET_NAME,
+    kind: socket.SocketKind = socket.SOCK_SEQPACKET,
+) -> socket.socket:
+    """A link to the process that listens in a run directory, the nursery, with that time-out.
+
+    OSError if there is none, or another user's.
+    """
+    sock = socket.socket(socket.AF_UNIX, kind)
     directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
         sock.settimeout(timeout_s)
-        sock.connect(_short_path(directory))
+        sock.connect(_short_path(directory, name))
         if not is_of_our_user(sock):
-            raise PermissionError(f"the nursery in {run_dir} is another user's")
+            raise PermissionError(f"the process at {name} in {run_dir} is another user's")
     except OSError:
         sock.close()
         raise
@@ -235,6 +245,6 @@ def is_of_our_user(sock: socket.socket) -> bool:
     return uid in (os.geteuid(), 0)
 
 
-def _short_path(directory: int) -> str:
+def _short_path(directory: int, name: str) -> str:
     """A path within a Unix socket's 107 bytes; a run directory's may be longer."""
-    return f"/proc/self/fd/{directory}/{SOCKET_NAME}"
+    return f"/proc/self/fd/{directory}/{name}"

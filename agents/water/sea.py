@@ -6,17 +6,18 @@ whichever is first; if nobody has anything to do, it ends at the tick. A receive
 stamped with its end. The medium takes modems' places from the fleets' truths, because it is the world, not a mission.
 
 Several aPads' flights share one sea. Each has a station in it: its aPad's modem, beside its own fleet. The first flight of
-a tick lets time pass for all fleets; the others then take what happened meanwhile. So nobody acts in another's past.
+a tick lets time pass for all fleets; the others then take what happened meanwhile. So nobody acts in another's past. A
+station's fleet is granted its time by an `Authority`: its coordinator, in this process or behind a link (`sea_server.py`).
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
-from agents.coordinator import Coordinator, Died, Heard
-from agents.hosting.host import Host
+from agents.coordinator import Died, Heard
 from agents.modem.facts import FrameArrived
 from agents.modem.firmware import Firmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
@@ -58,12 +59,57 @@ class SeaConfig:
     sinking: Sinking
     modems: Generation = Generation.V3
 
+    def apad_place(self, north_m: float, east_m: float) -> Place:
+        """The place of an aPad's modem, on its keel."""
+        return Place(round(north_m * 1e6), round(east_m * 1e6), self.sound.keel_um, in_water=True)
+
+    def wifi_gets_through(
+        self, sender: int, sent_at: Place | None, receiver: int, received_at: Place | None, at_ms: int
+    ) -> bool:
+        """True if a Wi-Fi packet between two nodes at these places gets through the air; None is a place not known yet."""
+        if self.wifi is None:
+            return True
+        if sent_at is None or received_at is None:
+            return False
+        return self.wifi.gets_through(along_m(sent_at, received_at), self.seed, sender, at_ms, receiver)
+
+    def any_radio_reaches(
+        self, apads: Mapping[int, Place | None], agent_id: int, place: Place | None, at_ms: int
+    ) -> bool:
+        """True if a packet from one of the aPads to an aMussel gets through the air. Their radios are one network."""
+        return any(
+            self.wifi_gets_through(apad, sent_at, agent_id, place, at_ms) for apad, sent_at in apads.items()
+        )
+
+
+class Authority(Protocol):
+    """The clock authority of a station's fleet, with the verbs of the `Coordinator`.
+
+    The outcome of a grant may be read later, so that several fleets get the same window at once.
+    """
+
+    @property
+    def agent_ids(self) -> Sequence[int]: ...
+
+    @property
+    def due_agent_ms(self) -> int | None: ...
+
+    def advance(self, now_ms: int) -> Iterable[Heard | Died]: ...
+
+    def grant(self, until_ms: int) -> Iterable[Heard | Died]: ...
+
+    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int | None: ...
+
+
+class TruthSource(Protocol):
+    def take_truths(self) -> list[Truth]: ...
+
 
 Event = tuple[int, int, int, medium.Stimulus | Heard]
 """(agent time, order within it, node, stimulus); a Heard is a Wi-Fi packet on its way to the aPad."""
 
 
-_LOST_IN_THE_AIR = "Wi-Fi: lost in the air"
+LOST_IN_THE_AIR = "Wi-Fi: lost in the air"
 
 
 class Sea:
@@ -101,6 +147,8 @@ class Sea:
         if self.modems is not None:
             self.modems.measure(noise_measured(config.sound.noise_db), nodes)
         self.places: dict[int, Place] = {}
+        self.apads_at_tick: dict[int, Place | None] = {}
+        """The place of each aPad at the end of the last rounds, as other flights know it. None before its first place."""
         self._stations: dict[int, Station] = {}
         """The stations in the water, by their aPads' nodes."""
         self._station_of: dict[int, Station] = {}
@@ -110,12 +158,18 @@ class Sea:
         self.undelivered: list[medium.Result] = []
         """The medium's results between two ticks."""
 
-    def join(self, coordinator: Coordinator, host: Host) -> Station:
-        """Puts the next aPad's modem and its fleet into the water. ValueError if all aPads have joined."""
+    def join(self, coordinator: Authority, host: TruthSource, apad: int | None = None) -> Station:
+        """Puts an aPad's modem and its fleet into the water: the next one, or the one of this node.
+
+        ValueError if all aPads have joined, or this one has.
+        """
         if len(self._stations) == self.apads:
             raise ValueError(f"this sea is for {self.apads} aPads")
-        station = Station(self, APAD - len(self._stations), coordinator, host)
-        self._stations[station.apad] = station
+        node = APAD - len(self._stations) if apad is None else apad
+        if node in self._stations:
+            raise ValueError(f"aPad {APAD - node + 1} of this sea has joined already")
+        station = Station(self, node, coordinator, host)
+        self._stations[node] = station
         self._station_of.update(dict.fromkeys(coordinator.agent_ids, station))
         return station
 
@@ -132,10 +186,6 @@ class Sea:
     def move(self, node: int, place: Place, at_ms: int) -> list[medium.Result]:
         self.places[node] = place
         return self.medium.receive(Moved(node, place), at_ms)
-
-    def wifi_reaches(self, agent_id: int, at_ms: int) -> bool:
-        """True if a packet from the aPads to an aMussel gets through the air. Their radios are one network."""
-        return any(self._through_the_air(apad, agent_id, at_ms) for apad in self._stations)
 
     # Rounds.
 
@@ -160,14 +210,14 @@ class Sea:
         while True:
             horizon_ms = self._horizon(until_ms)
             whole = horizon_ms == until_ms
-            outputs = [
-                (it, output)
+            granted = [
+                (it, it.coordinator.advance(now_ms) if whole else it.coordinator.grant(horizon_ms))
                 for it in self._stations.values()
-                for output in (it.coordinator.advance(now_ms) if whole else it.coordinator.grant(horizon_ms))
             ]
-            self._round(outputs, horizon_ms)
+            self._round([(it, output) for it, outputs in granted for output in outputs], horizon_ms)
             self.now_ms = horizon_ms
             if whole:
+                self.apads_at_tick = {apad: self.places.get(apad) for apad in self._stations}
                 return
 
     def _horizon(self, until_ms: int) -> int:
@@ -230,7 +280,7 @@ class Sea:
                 if any(self._through_the_air(node, apad, at_ms) for apad in self._stations):
                     self._station_of[node].results.append(event)
                 else:
-                    self._station_of[node].dropped[_LOST_IN_THE_AIR] += 1
+                    self._station_of[node].dropped[LOST_IN_THE_AIR] += 1
                 continue
             now_ms = min(max(at_ms, self.medium.now_ms), horizon_ms)
             if isinstance(event, Moved) and event.place is not None:
@@ -275,12 +325,10 @@ class Sea:
         return self._stations.get(node) or self._station_of.get(node)
 
     def _through_the_air(self, sender: int, receiver: int, at_ms: int) -> bool:
-        one, other = self.places.get(sender), self.places.get(receiver)
-        if self.config.wifi is None:
-            return True
-        if one is None or other is None:
-            return False
-        return self.config.wifi.gets_through(along_m(one, other), self.config.seed, sender, at_ms, receiver)
+        places = self.places
+        return self.config.wifi_gets_through(
+            sender, places.get(sender), receiver, places.get(receiver), at_ms
+        )
 
     def _mission_ms(self, agent_ms: int) -> int:
         return -(-agent_ms // self.theta)
@@ -293,7 +341,7 @@ class Station:
     others. An aMussel's packets and outcomes are among the results of the station that it began beside.
     """
 
-    def __init__(self, sea: Sea, apad: int, coordinator: Coordinator, host: Host) -> None:
+    def __init__(self, sea: Sea, apad: int, coordinator: Authority, host: TruthSource) -> None:
         self.apad = apad
         """The node of the aPad's modem."""
         self.dropped: Counter[str] = Counter()
@@ -360,7 +408,7 @@ class Station:
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         """Places the aPad at mission time `at_ms`, which is now or after the last tick."""
         sea, sound = self._sea, self._sea.config.sound
-        place = Place(round(north_m * 1e6), round(east_m * 1e6), sound.keel_um, in_water=True)
+        place = sea.config.apad_place(north_m, east_m)
         before = sea.places.get(self.apad)
         if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
             fast = 1000 * along_m(before, place) > sound.thrusting_m_s * (at_ms - self._apad_at_ms)
@@ -393,10 +441,16 @@ class Station:
         sea.undelivered += sea.medium.receive(LinksChanged(topology), sea.now_ms)
 
     def wifi_reaches(self, agent_id: int, now_ms: int) -> bool:
-        """True if a Wi-Fi packet that is sent to an aMussel now gets through, from this aPad or from another."""
-        reached = self._sea.wifi_reaches(agent_id, self._sea.theta * now_ms)
+        """True if a Wi-Fi packet that is sent to an aMussel now gets through, from this aPad or from another.
+
+        Another aPad's radio is where it was at the end of the last rounds, so the flights' order in a tick changes nothing.
+        """
+        sea = self._sea
+        apads = sea.apads_at_tick | {self.apad: sea.places.get(self.apad)}
+        place, at_ms = sea.places.get(agent_id), sea.theta * now_ms
+        reached = sea.config.any_radio_reaches(apads, agent_id, place, at_ms)
         if not reached:
-            self.dropped[_LOST_IN_THE_AIR] += 1
+            self.dropped[LOST_IN_THE_AIR] += 1
         return reached
 
     def write(self, agent_id: int, data: bytes) -> None:

@@ -68,4 +68,32 @@ class Printed:
     data: bytes
 
 
-SeaResult = Printed | Heard | Died | SoundReached | Ranged | NotRanged | StimulusDelivered | PacketEnded
+@dataclass(frozen=True, slots=True)
+class LeftWater:
+    """An aPad's modem and its aMussels are out of the water that several flights share, though its flight has not ended."""
+
+    mission_ms: int
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class SeaLost:
+    """The process that owns the sea is gone, and the sea with it."""
+
+    mission_ms: int
+    reason: str
+
+
+SeaResult = (
+    Printed
+    | Heard
+    | Died
+    | SoundReached
+    | Ranged
+    | NotRanged
+    | StimulusDelivered
+    | PacketEnded
+    | LeftWater
+    | SeaLost
+)

@@ -14,10 +14,10 @@ from agents.mussel.body import gps_fix_um
 from agents.mussel.physical import Physical
 from agents.water.patches import CALM
 from agents.water.sea import Sea
+from agents.water.sea_client import RemoteSea
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
-from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_deviation_um
 from apad_bridge.assembly.water import current_config, waters_config
@@ -80,7 +80,7 @@ def fleet_of(
     granted_ms: Mapping[int, int],
     now_ms: int = 0,
     opened: Collection[int] = (),
-    sea: Sea | None = None,
+    sea: Sea | RemoteSea | None = None,
 ) -> Fleet:
     """Builds the fleet that runs in `host` at mission time `now_ms`; each aMussel has run up to its `granted_ms`.
 
@@ -102,13 +102,12 @@ def fleet_of(
     return Fleet(coordinator, host, InSea(station), config.timeslots, links)
 
 
-def shared_sea(members: Sequence[Member]) -> Sea | None:
-    """Builds the sea that several flights share; None for one flight, or without water."""
-    scenario = members[0].scenario
+def shared_sea(scenario: Scenario, apads: int) -> Sea | None:
+    """Builds the sea that the flights of so many aPads share; None for one flight, or without water."""
     config = flight_config(scenario).sea
-    if config is None or len(members) == 1:
+    if config is None or apads == 1:
         return None
-    return Sea(config, scenario.theta, scenario.fleet.all_ids, len(members))
+    return Sea(config, scenario.theta, scenario.fleet.all_ids, apads)
 
 
 def fault_injection(

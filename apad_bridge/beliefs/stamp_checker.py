@@ -59,7 +59,8 @@ class StampChecker:
     def accept(self, packet: StatusPacket, at_ms: int) -> None:
         """Accepts the stamp, whatever the verdict. A delayed packet in sequence carries no information about the clock."""
         newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
-        self._doubted.pop(packet.agent_id, None)
+        if self._doubted:
+            self._doubted.pop(packet.agent_id, None)
         if self._theta is not None and newest is not None and self._is_delayed(newest, stamp):
             shown_ms = newest.at_ms + (stamp.agent_ms - newest.agent_ms) // self._theta
             stamp = Stamp(stamp.agent_ms, shown_ms)

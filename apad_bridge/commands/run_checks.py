@@ -109,9 +109,9 @@ def _refuse_for_several(options: RunOptions, scenario: Scenario) -> None:
         )
     if options.modem:
         raise UserError("--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario")
-    if scenario.water is not None and options.time is not TimeSource.ASAP and not options.dry_run:
+    if options.open_modems:
         raise UserError(
-            "water: several aPads share one sea in virtual time alone: say --time asap, or leave `water` out"
+            "--open-modem opens a modem beside one aPad: leave it out, or `apads` in the scenario"
         )
     if options.dry_run and options.apad is APadKind.ROS:
         raise UserError("--dry-run of several aPads plans without ROS: leave out --apad ros")

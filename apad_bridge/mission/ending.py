@@ -26,6 +26,8 @@ class EndReason(StrEnum):
     """A strategy raised an error, or gave a plan that cannot be flown."""
     FLEET_LOST = "loss of the fleet"
     """No agent lives, and none can be started again."""
+    SEA_LOST = "loss of the sea"
+    """The process is gone that owns the sea which several aPads share."""
     DISK_FULL = "a disk that takes no more"
 
 

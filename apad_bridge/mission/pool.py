@@ -87,8 +87,8 @@ class ChargingPool:
 
     def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
         return (
-            self.is_low(belief)
-            and can_be_fetched(belief)
+            can_be_fetched(belief)
+            and self.is_low(belief)
             and (belief.primary > 0 or belief.secondary > 0)
             and self._excluded_until_ms.get(belief.agent_id, now_ms) <= now_ms
             and (belief.is_predicted or now_ms - belief.heard_ms <= self._silence_ms)

@@ -37,14 +37,10 @@ _BELIEF_BEFORE_MODES, _BELIEF_AFTER_MODES = Struct("<HBffddf8f").pack, Struct("<
 
 def _belief_row(agent: BeliefSample) -> bytes:
     modes = agent.mode_probabilities
-    return b"".join(
-        (
-            _BELIEF_BEFORE_MODES(*agent[:_MODES]),
-            _COUNT.pack(len(modes)),
-            pack(f"<{len(modes)}f", *modes),
-            _BELIEF_AFTER_MODES(*agent[_MODES + 1 :]),
-        )
-    )
+    row = _BELIEF_BEFORE_MODES(*agent[:_MODES]) + _COUNT.pack(len(modes))
+    if modes:
+        row += pack(f"<{len(modes)}f", *modes)
+    return row + _BELIEF_AFTER_MODES(*agent[_MODES + 1 :])
 
 
 @cache

@@ -25,9 +25,10 @@ def differs_in_kind(now: Truth, before: Truth) -> bool:
     return (
         now.state is not before.state
         or new.docked is not old.docked
-        or (new.samples, new.acknowledged) != (old.samples, old.acknowledged)
-        or new.primary != old.primary
-        or new.secondary != old.secondary
+        or new.samples != old.samples
+        or new.acknowledged != old.acknowledged
+        or (new.primary is not old.primary and new.primary != old.primary)
+        or (new.secondary is not old.secondary and new.secondary != old.secondary)
     )
 
 

@@ -70,6 +70,7 @@ class EventKind(StrEnum):
     MASTER_BACK = "master_back"
     VEHICLE_SILENT = "vehicle_silent"
     VEHICLE_HEARD = "vehicle_heard"
+    LEFT_WATER = "left_water"
     RESUMED = "resumed"
     RESTORED = "restored"
 
@@ -618,6 +619,11 @@ KINDS: tuple[Kind, ...] = (
             Field("name", TEXT, "the aPad"),
             Field("since_ms", INTEGER, "since when it was silent", "mission ms"),
         ),
+    ),
+    Kind(
+        EventKind.LEFT_WATER,
+        "an aPad's modem and its aMussels are out of the water that several aPads share, before its mission's end",
+        (Field("name", TEXT, "the aPad"), _REASON),
     ),
     Kind(
         EventKind.RESUMED,

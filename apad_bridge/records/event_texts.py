@@ -33,7 +33,16 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
             return bool(
                 order == "permit to surface"
             )  # any other order that is refused fails as a primitive, too
-        case ((EventKind.GIVEN_UP | EventKind.LEFT_ALONE | EventKind.STUCK | EventKind.GUARD), _):
+        case (
+            (
+                EventKind.GIVEN_UP
+                | EventKind.LEFT_ALONE
+                | EventKind.STUCK
+                | EventKind.GUARD
+                | EventKind.LEFT_WATER
+            ),
+            _,
+        ):
             return True
         case _:
             return False
@@ -43,6 +52,8 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
     """The text of an event that a person may look for in a run; None for lines of samples and for steps of routine."""
     reason = data.get("reason")
     match kind, data:
+        case EventKind.LEFT_WATER, {"name": name}:
+            return f"{name} is out of the water: {reason}"
         case EventKind.DOCK, {"agent": agent, "dock": dock, "closed": closed}:
             return f"dock {dock + 1} {'closed around' if closed else 'let go'} aMussel {agent}"
         case EventKind.PLAN, {"what": what, "strategy": strategy, "steps": steps}:

@@ -13,6 +13,8 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.power.charge import fraction
 
+_UNKNOWN = (*(nan,) * 8, (), nan, nan)
+"""The numbers that an estimator without uncertainty does not give."""
 _MOST_TIMESLOTS = 0xFFFF
 """The largest count of silent timeslots in a bag."""
 
@@ -107,7 +109,7 @@ def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
     )
     learned = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
     if not belief.is_predicted:
-        return BeliefSample(*newest, *(nan,) * 8, (), nan, nan, *learned)
+        return BeliefSample._make((*newest, *_UNKNOWN, *learned))
     primary, both, secondary = belief.charge_cov
     north, across, east = belief.place_cov
     deviations = (sqrt(primary), sqrt(secondary), both, *belief.charge_interval())

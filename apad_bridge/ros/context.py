@@ -373,5 +373,5 @@ def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *,
     in_step = None if isinstance(vehicle, ContactsLink) else vehicle
     if options.apad is APadKind.SIM and in_step is not None:
         return OwnMasterClock(options.speed, in_step, now_ms, in_fine_steps=in_fine_steps)
-    pace = FollowedClock(now_ms, in_step) if options.time is TimeSource.ROS else WallClock(1.0)
-    return StampedByMaster(pace, now_ms)
+    following = options.time is TimeSource.ROS
+    return StampedByMaster(FollowedClock(now_ms, in_step) if following else WallClock(1.0), now_ms)

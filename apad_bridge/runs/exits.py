@@ -40,7 +40,13 @@ def exit_of(reason: EndReason) -> Exit:
             return Exit.DONE
         case EndReason.OPERATOR:
             return Exit.INTERRUPTED
-        case EndReason.SCRIPT_FAILED | EndReason.STRATEGY_FAILED | EndReason.FLEET_LOST | EndReason.DISK_FULL:
+        case (
+            EndReason.SCRIPT_FAILED
+            | EndReason.STRATEGY_FAILED
+            | EndReason.FLEET_LOST
+            | EndReason.SEA_LOST
+            | EndReason.DISK_FULL
+        ):
             return Exit.PEER_FAILED
         case _:
             assert_never(reason)

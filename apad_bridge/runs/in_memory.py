@@ -8,6 +8,7 @@ from typing import Any
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.water.sea import Sea
+from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
@@ -74,7 +75,7 @@ def open_flight(
     takeover: CallQueue | None = None,
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
     recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
-    sea: Sea | None = None,
+    sea: Sea | RemoteSea | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
+from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.records.run_directory import PRIVATE
@@ -52,11 +53,19 @@ def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
 
 
 def adopt(
-    config: FlightConfig, run_dir: Path, epoch: int, now_ms: int, opened_modems: tuple[int, ...] = ()
+    config: FlightConfig,
+    run_dir: Path,
+    epoch: int,
+    now_ms: int,
+    opened_modems: tuple[int, ...] = (),
+    sea: RemoteSea | None = None,
 ) -> Fleet:
-    """Adopts the run's fleet for supervisor number `epoch` at mission time `now_ms`, with the `opened_modems`."""
+    """Adopts the run's fleet for supervisor number `epoch` at mission time `now_ms`, with the `opened_modems`.
+
+    It joins the `sea` that several flights share, if there is one.
+    """
     try:
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
     except (NurseryFailed, NurseryDied, Fenced) as error:
         raise PeerFailed(f"the fleet cannot be taken over: {error}; see {run_dir / FOLDER}") from error
-    return parts.fleet_of(config, host, host.granted_ms, now_ms, opened_modems)
+    return parts.fleet_of(config, host, host.granted_ms, now_ms, opened_modems, sea)

@@ -1,4 +1,5 @@
-"""The parent of a run over ROS: starts the master, and for each aPad its node, its nursery and its supervisor.
+"""The parent of a run over ROS: starts the master, the sea that several aPads share, and for each aPad its node, its
+nursery and its supervisor.
 
 It shows progress and ends all in order. The parent holds no state of a flight: if a supervisor dies, its fleet is suspended
 and whole, and another supervisor continues with it.
@@ -20,6 +21,8 @@ from pathlib import Path
 from typing import Any, assert_never
 
 from agents.hosting.interrupts import held_back
+from agents.hosting.link_protocol import readable
+from agents.water.sea_link import SOCKET_NAME
 from apad_bridge.assembly.division import Member
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
@@ -46,6 +49,7 @@ from apad_bridge.vehicle.errors import PeerFailed
 _END_S = 4.0
 """Supervisors that were asked to end in order are killed after this time; everything ends within 5 s."""
 _MASTER_S = 10.0
+_SEA_S = 60.0
 WAIT_FOR_RESUME_S = 600.0
 """A fleet without a supervisor is kept for `musselbed resume` for this time."""
 
@@ -78,11 +82,12 @@ def fly(
         options, nodes = _open_ros(stack, members, options, whole)
         if nodes:
             progress.print_message(f"the run's own ROS master: ROS_MASTER_URI={options.master_uri}")
+        sea = _open_sea(stack, members, whole)
         runs, names = [], tuple(it.name for it in members)
         for member in members:
             path = whole.of_apad(member.name, len(members)).path
             opened = tuple(it for it in options.open_modems if it in member.scenario.fleet.ids)
-            own = replace(options, open_modems=opened, is_one_of_several=takes_over, apads=names)
+            own = replace(options, open_modems=opened, is_one_of_several=takes_over, apads=names, sea=sea)
             own = own.at_port(free_port())
             own.save(path)
             if options.part is not Part.MISSION:
@@ -150,6 +155,19 @@ def _open_ros(
     stack.callback(clock.end, 1.0)
     followed = replace(options, apad=APadKind.ROS, time=TimeSource.ROS, speed=1.0)
     return followed.on_master(master.uri), nodes
+
+
+def _open_sea(stack: ExitStack, members: Sequence[Member], whole: RunDirectory) -> str:
+    """Starts the process of the sea that several aPads share, which `stack` ends; returns its directory, or nothing."""
+    if len(members) == 1 or members[0].scenario.water is None:
+        return ""
+    directory = whole.path.absolute()
+    child = Child("sea", "apad_bridge.runs.several.sea_process", [str(directory)], directory / "sea.log", {})
+    stack.callback((directory / SOCKET_NAME).unlink, missing_ok=True)
+    stack.callback(child.end, 1.0)
+    if not (readable(child.lines.fileno(), _SEA_S) and child.lines.readline()):
+        raise PeerFailed(f"the sea does not start: {child.last_log_line()}; see {child.log}")
+    return str(directory)
 
 
 class SupervisorWatch:

@@ -164,16 +164,20 @@ def resume_run(
     options: RunOptions,
     report: Callable[[str], None],
     stamp_ms: Callable[[int], int] = int,
+    others_ms: int | None = None,
 ) -> StartState:
     """Resumes a run whose supervisor died; `report` takes lines for a person on the state that is restored or lost.
 
-    PeerFailed when the run has ended.
+    `others_ms` is the mission time that the other flights in the same sea have come to, if there are any. PeerFailed when
+    the run has ended.
     """
     without_supervisor_ms = gap_ms(options, directory.journal, time.time())
     scenario, ids = config.scenario, config.ids
     if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
         report("reading the records of a long run: this takes some seconds")
     recorder, resumed = Recorder.resume(directory, scenario, ids, stamp_ms)
+    if others_ms is not None:
+        without_supervisor_ms = max(0, others_ms - resumed.journal.last_ms)
     start = find_resume_point(resumed.journal, options.epoch, without_supervisor_ms)
     presences = Presences(ids, scenario.area.depth_m, presence_changes(resumed.journal))
     learned = _nothing_learned(config, options)

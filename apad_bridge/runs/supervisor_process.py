@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting.interrupts import held_back, let_in
+from agents.water.sea_client import RemoteSea, SeaRefused
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
@@ -26,6 +27,7 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.gateway.run_services import run_offered
+from apad_bridge.ros.system.ros_pace import StampedByMaster
 from apad_bridge.ros.system.ros_time import await_master, stamp_ms
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
@@ -44,6 +46,7 @@ from apad_bridge.scripting.rendezvous import REAL_TIME
 from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
+from apad_bridge.supervisor.core import TICK_MS
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -72,6 +75,8 @@ class _Run:
     config: FlightConfig
     options: RunOptions
     start_state: resuming.StartState
+    sea: RemoteSea | None = None
+    """The sea that several aPads share, in a process of its own."""
 
 
 def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
@@ -86,6 +91,7 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
                 if calls is not None:
                     context = _under_control(stack, context, run, calls)
                     stack.enter_context(run_offered(run.path, run.config.scenario.apad.name))
+                run = _begin_with_others(run, context)
             summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
@@ -106,17 +112,54 @@ def _open_run(run_dir: Path, *, resume: bool, keeps: bool) -> _Run:
     if not options.owns_master:
         await_master()
     if not resume:
-        return _Run(run_dir, config, options, resuming.begin_run(directory, config, options, stamp_ms))
+        start_state = resuming.begin_run(directory, config, options, stamp_ms)
+        return _Run(run_dir, config, options, start_state, _find_sea(config, options))
     options = replace(options.next_epoch(), keeps=options.keeps or keeps)
     options.save(run_dir)
-    start_state = resuming.resume_run(directory, config, options, say, stamp_ms)
+    sea = _find_sea(config, options)
+    others_ms = None if sea is None else sea.now_ms
+    start_state = resuming.resume_run(directory, config, options, say, stamp_ms, others_ms)
     resume_point = start_state.resume_point
     if resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         start_state = replace(start_state, resume_point=resume_point)
         at_ms = max(start_state.start_ms, start_state.journal.last_ms)
         start_state.recorder.event(at_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
-    return _Run(run_dir, config, options, start_state)
+    return _Run(run_dir, config, options, start_state, sea)
+
+
+def _find_sea(config: FlightConfig, options: RunOptions) -> RemoteSea | None:
+    """Connects to the sea that several aPads share, if there is one. PeerFailed when it does not answer, or refuses."""
+    if not options.sea or config.sea is None:
+        return None
+    name = config.scenario.apad.name
+    try:
+        return RemoteSea.at(options.sea, options.apads.index(name), name, options.epoch, config.sea)
+    except SeaRefused as refused:
+        raise PeerFailed(
+            f"no place in the sea that the aPads share: {refused}; see {options.sea}/sea.log"
+        ) from None
+
+
+def _begin_with_others(run: _Run, context: FlightContext) -> _Run:
+    """Waits for the flights in the same sea, so that all missions have one time. One that resumes goes on at theirs."""
+    if run.sea is None:
+        return run
+    pace = context.pace
+    assert isinstance(pace, StampedByMaster)  # several aPads follow a clock that is not theirs
+    try:
+        begin = run.sea.begin(tuple(run.config.ids), pace.clock_ms())
+    except SeaRefused as refused:
+        raise PeerFailed(f"no place in the sea that the aPads share: {refused}") from None
+    pace.begin_at(begin.clock_ms)
+    resume_point = run.start_state.resume_point
+    if resume_point is None:
+        if begin.now_ms is not None:
+            raise PeerFailed("it was not ready when the other aPads began: the sea does not go back")
+        return run
+    before_ms = -TICK_MS if begin.now_ms is None else begin.now_ms
+    resume_point = replace(resume_point, now_ms=before_ms)
+    return replace(run, start_state=replace(run.start_state, resume_point=resume_point))
 
 
 def _adopt_fleet(run: _Run) -> Fleet | NoFleet:
@@ -124,7 +167,7 @@ def _adopt_fleet(run: _Run) -> Fleet | NoFleet:
     start_state, start_ms = run.start_state, run.start_state.start_ms
     if run.options.part is Part.MISSION:
         return NoFleet()
-    fleet = adopt(run.config, run.path, run.options.epoch, start_ms, run.options.open_modems)
+    fleet = adopt(run.config, run.path, run.options.epoch, start_ms, run.options.open_modems, run.sea)
     start_state.recorder.truths(fleet.take_truths())
     start_state.presences.mute_as_before(fleet.coordinator)
     resuming.repeat_placements(start_state.journal, fleet.coordinator, start_state.recorder, start_ms)

@@ -73,6 +73,8 @@ class RunOptions:
     """The checks of a preflight that a person overrides."""
     apads: tuple[str, ...] = ()
     """The names of all aPads that the run flies."""
+    sea: str = ""
+    """The directory in which a process serves the sea that all aPads of the run share; empty for none."""
     keeps: bool = False
     """The former supervisor of one of several aPads died; this supervisor keeps the fleet and orders nothing."""
     namespace: str = ""

@@ -69,6 +69,18 @@ class Pace(Protocol):
         ...
 
 
+class CommonClock(Pace, Protocol):
+    """A pace by a clock that other flights have, too, so that several missions can begin at the same time."""
+
+    def clock_ms(self) -> int:
+        """The clock now. TimeoutError when there is none."""
+        ...
+
+    def begin_at(self, clock_ms: int) -> None:
+        """Mission time 0 is at this time of the clock. Call it before the first `reach`."""
+        ...
+
+
 class AsFastAsPossible:
     behind_s = 0.0
 
@@ -92,6 +104,14 @@ class WallClock:
         self._origin: tuple[int, float] | None = None
         self.behind_s = 0.0
         self.slipped_s = 0.0
+
+    def clock_ms(self) -> int:
+        """The wall clock, which all processes of this machine have in common."""
+        return round(1000 * self._clock())
+
+    def begin_at(self, clock_ms: int) -> None:
+        """Mission time 0 is at this time of the wall clock."""
+        self._origin = (0, clock_ms / 1000)
 
     def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         now_s = self._clock()

@@ -16,6 +16,7 @@ from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived
 from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
 from agents.water.sea import Station
+from agents.water.sea_client import RemoteStation
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
 from apad_bridge.mission.ending import EndReason, MissionEnd
@@ -134,7 +135,7 @@ class Water(Protocol):
 class InSea:
     """Sound travels through the sea, and Wi-Fi through the air over it."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: Station | RemoteStation) -> None:
         self._station = station
         self.has_other_apads = station.has_others
         self.sound_speed_m_s = station.config.sound.sound_speed_m_s

@@ -24,7 +24,15 @@ from agents.mussel.stimuli import (
 )
 from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
-from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, StimulusDelivered
+from agents.water.sea_events import (
+    LeftWater,
+    NotRanged,
+    Ranged,
+    SeaLost,
+    SeaResult,
+    SoundReached,
+    StimulusDelivered,
+)
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
@@ -307,6 +315,10 @@ class Flight:
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
                     self._recorder.event(now_ms, "packet", **self._fleet.packet_data(packet))
+                case LeftWater(_, name, reason):
+                    self._recorder.event(now_ms, "left_water", name=name, reason=reason)
+                case SeaLost(_, reason):
+                    self.stop(MissionEnd(EndReason.SEA_LOST, f"{EndReason.SEA_LOST}: {reason}"))
         truths = self._fleet.take_truths()
         self._contacts.see(truths)
         self._recorder.truths(truths)

@@ -33,7 +33,7 @@ def served_pool(path: Path, side_m: float, duration_s: float) -> Path:
 def somebodys_graph(scenario: Path, folder: Path, speed: float) -> Iterator[dict[str, str]]:
     """A master with an aPad on it, and a /clock `speed` times as fast as the wall's; gives the shell's environment."""
     with ExitStack() as stack:
-        master = start_master(folder / "ros", 20)
+        master = start_master(folder / "ros", 120)
         stack.callback(master.stop)
         environment = {**os.environ, **loopback_environment(folder / "ros", master.uri)}
         stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
@@ -41,6 +41,6 @@ def somebodys_graph(scenario: Path, folder: Path, speed: float) -> Iterator[dict
             [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", str(speed)],
             env=environment,
         )
-        stack.callback(clock.wait, 10)
+        stack.callback(clock.wait, 180)
         stack.callback(clock.terminate)
         yield environment

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 import xmlrpc.client
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,14 @@ import pytest
 import yaml
 from killing import kill_9
 from layout_topics import named_topics
-from scenario_files import POOL_FILE
+from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
+from apad_bridge.assembly.division import members
 from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.children import supervisor_of
+from apad_bridge.runs.studies.several_in_memory import open_lockstep
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 
@@ -276,6 +278,55 @@ def test_one_that_is_killed_leaves_its_aMussels_to_the_other(
     of_silence = [it for it in summary["apads"]["apad2"]["dropped"] if it.startswith("the action server")]
     assert list(summary["apads"]["apad2"]["dropped"]) == (of_silence if victim == "apad_node" else [])
     assert [line.split(",")[0] for line in (run / "ends.csv").read_text().splitlines()[1:]] == list("123456")
+
+
+def test_two_share_one_sea_over_ros_and_end_in_order_without_it(tmp_path: Path) -> None:
+    """Up to the first timeslots each packet has the outcomes that it has in virtual time; then the sea is killed."""
+    data = yaml.safe_load(SOUND_FILE.read_text())
+    data.update(name="two-in-water", duration_s=LONG_S, apads=[{"name": "apad2", "start_m": [14, 15]}])
+    data["fleet"]["start"] = str(SOUND_FILE.with_name("pool.csv"))
+    path, run = tmp_path / "two.yaml", tmp_path / "run"
+    path.write_text(yaml.safe_dump(data))
+    scenario = load(path)
+    beside = open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
+    beside.runner.run(until_ms=140_000)
+    expected = {
+        name: outcomes_of({"kind": kind, **fields} for _, kind, fields in recorder.events)
+        for name, recorder in beside.recorders.items()
+    }
+    assert all(any(len(heard) == 2 for heard in it.values()) for it in expected.values()), "one hears alone"
+
+    def heard_by(name: str) -> bool:
+        journal = run / name / "journal.jsonl"
+        return journal.exists() and journal.read_text().count('"kind":"packet"') >= len(expected[name])
+
+    command = [*MUSSELBED, "run", str(path), "--speed", str(SPEED), "--out", str(run), "--json"]
+    flying = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    try:
+        wait_until(lambda: all(map(heard_by, APADS)), flying, "the aMussels did not speak")
+        processes = (it for it in Path("/proc").iterdir() if _names(it, str(run)))
+        (sea,) = (int(it.name) for it in processes if _names(it, "sea_process"))
+        kill_9(sea)
+        _, stderr = flying.communicate(timeout=2 * PATIENCE_S)
+    finally:
+        if flying.poll() is None:
+            ended(run, flying)
+    for name in APADS:
+        found = outcomes_of(lines_of(run, name))
+        (end,) = (it for it in lines_of(run, name) if it["kind"] == "end")
+        assert {it: found.get(it) for it in expected[name]} == expected[name]
+        assert end["end_reason"] == "loss of the sea"
+    assert flying.returncode == 3 and "loss of the sea" in stderr
+    assert not [entry for entry in Path("/proc").iterdir() if _names(entry, str(run))]
+
+
+def outcomes_of(lines: Iterable[Mapping[str, Any]]) -> dict[tuple[int, int], dict[int, str]]:
+    """The outcome at each listener of each packet, by its sender and its begin."""
+    return {
+        (line["from"], line["began_ms"]): {heard[0]: heard[1] for heard in line["heard"]}
+        for line in lines
+        if line["kind"] == "packet"
+    }
 
 
 def _names(entry: Path, words: str) -> bool:

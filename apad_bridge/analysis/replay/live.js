@@ -100,7 +100,8 @@ function connect() {
   // Not the browser's own reconnection, which would ask again for what the page has by now.
   stream.onerror = () => {
     stream.close();
-    if (data.ended_by === null) setTimeout(connect, 1000);
+    // The summary comes after the end: a page that is too slow for the stream may lose it in between.
+    if (data.summary === null) setTimeout(connect, 1000);
   };
 }
 

@@ -21,6 +21,7 @@ from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED
 from apad_bridge.supervisor.clock import (
     POLL_PERIOD_S,
     AsFastAsPossible,
+    CommonClock,
     OnTimeReached,
     Pace,
     StopFlag,
@@ -165,6 +166,19 @@ class FollowedClock:
         with self._advanced:
             self.behind_s = max(0.0, (self._now_ms - now_ms) / 1000)
 
+    def clock_ms(self) -> int:
+        """The newest /clock, or the first one. TimeoutError when none comes within the standstill."""
+        with self._advanced:
+            if not self._advanced.wait_for(lambda: self._clock_ms is not None, self._standstill_s):
+                raise TimeoutError(self._why(0))
+            assert self._clock_ms is not None
+            return self._clock_ms
+
+    def begin_at(self, clock_ms: int) -> None:
+        """Mission time 0 is at this /clock."""
+        with self._advanced:
+            self._start_ms, self._origin_ms = 0, clock_ms
+
     def close(self) -> None:
         self._subscriber.unregister()
         self._reached.unregister()
@@ -206,13 +220,19 @@ class FollowedClock:
 class StampedByMaster:
     """A pace on somebody else's master: at each tick the stamps of our messages are set to that master's time."""
 
-    def __init__(self, pace: Pace, start_ms: int = 0) -> None:
+    def __init__(self, pace: CommonClock, start_ms: int = 0) -> None:
         self._pace = pace
         follow_master(start_ms)
 
     @property
     def behind_s(self) -> float:
         return self._pace.behind_s
+
+    def clock_ms(self) -> int:
+        return self._pace.clock_ms()
+
+    def begin_at(self, clock_ms: int) -> None:
+        self._pace.begin_at(clock_ms)
 
     def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         self._pace.reach(now_ms, stopped, between)

@@ -174,7 +174,7 @@ def fly_in_step(
     """
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange, display = Exchange(served), JointDisplay(list(served), progress)
-    is_alone, sea = len(members) == 1, shared_sea(members)
+    is_alone, sea = len(members) == 1, shared_sea(members[0].scenario, len(members))
     with interrupts.held_back(), ExitStack() as stack:
         opened, flights = {}, {}
         for member in members:

@@ -7,14 +7,17 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from apad_bridge.assembly.division import Member
+from apad_bridge.assembly.division import Member, members
 from apad_bridge.assembly.parts import shared_sea
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_flight
 from apad_bridge.runs.several.assignment import Assignment
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
+from apad_bridge.runs.studies.event_driven import fly_event_driven, model_gap
+from apad_bridge.runs.studies.figures import Figures
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.context import FlightContext
 
 
@@ -46,7 +49,7 @@ def open_lockstep(
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange, assignment = Exchange(served), Assignment(served)
     recorders, flights = {}, {}
-    is_alone, sea = len(members) == 1, shared_sea(members)
+    is_alone, sea = len(members) == 1, shared_sea(members[0].scenario, len(members))
     for member in members:
         join = partial(exchange.join, member.name, sharing)
         flight, recorders[member.name] = open_flight(
@@ -55,6 +58,18 @@ def open_lockstep(
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])
     runner = LockstepRunner(flights, exchange, assignment if sharing.transfers and not is_alone else None)
     return OpenedLockstep(runner, assignment, recorders, flights)
+
+
+def fly_shares(scenario: Scenario) -> dict[str, Figures]:
+    """Flies each aPad's planned share by the event-driven model; returns the figures by aPad.
+
+    While no aPad fails, the aPads of the paper's mode of hearing know nothing of each other, so a share is a mission of its
+    own. ValueError for a scenario that `model_gap` does not cover.
+    """
+    found = members(scenario, starts_of(scenario))
+    if (gap := model_gap(found[0].scenario)) is not None:
+        raise ValueError(f"the event-driven model leaves out {gap}")
+    return {it.name: fly_event_driven(it.scenario) for it in found}
 
 
 def _unchanged(context: FlightContext) -> FlightContext:

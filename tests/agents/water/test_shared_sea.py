@@ -2,71 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-
 import pytest
-from fleets import reporting_every
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings
 from seas import FLEET, SEA
+from shared_seas import ASKED, DISTURBED, THETA, Asked, Flown, command, joined, played
 
-from agents.coordinator import Coordinator
-from agents.fleet import FleetConfig, resting_on_bottom
-from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
-from agents.mussel.stimuli import ContactClosed, SoundArrived
-from agents.water.medium import Outcome, PacketEnded
-from agents.water.sea import Sea, SeaConfig, Station
-from agents.water.sea_events import Ranged, SeaResult, SoundReached, StimulusDelivered
+from agents.mussel.stimuli import SoundArrived
+from agents.water.medium import Outcome
+from agents.water.sea import Sea, SeaConfig
+from agents.water.sea_events import Ranged, SoundReached, StimulusDelivered
 from agents.water.topology import LinkRule, Topology
-from agents.water.wifi import Wifi
-from firmware_model.packets import AcousticStatus, CommandPacket, Kind
+from firmware_model.packets import AcousticStatus, Kind
 from firmware_model.packets.codec import MusselbedCodec
 
 HOUR_MS = 3_600_000
 FRAME_MS = 105 + 22 * 25 // 2
 """A command's 6 bytes: a chirp and a header of 105 ms, and 12.5 ms for each of 6 + 16."""
-
-
-@dataclass
-class Flown:
-    """One flight's part of a sea: its aPad's modem, its fleet, and all that came of them."""
-
-    station: Station
-    coordinator: Coordinator
-    came: list[SeaResult] = field(default_factory=list)
-    truths: list[Truth] = field(default_factory=list)
-
-    def advance(self, now_ms: int) -> list[SeaResult]:
-        new = self.station.advance(now_ms)
-        self.truths += self.station.take_truths()
-        self.came += new
-        return new
-
-    def of(self, kind: type) -> list[SeaResult]:
-        return [it for it in self.came if isinstance(it, kind)]
-
-    def outcomes(self) -> dict[tuple[int, int], list[tuple[int, Outcome]]]:
-        """The (receiver, outcome) of each packet that this flight records, by its sender and its begin."""
-        return {
-            (it.sender, it.began_ms): [(row.receiver, row.outcome) for row in it.receptions]
-            for it in self.of(PacketEnded)
-            if isinstance(it, PacketEnded)
-        }
-
-
-def joined(
-    sea: Sea, norths_m: Mapping[int, float], apad_m: float | None, fleet: FleetConfig = FLEET
-) -> Flown:
-    """A flight with aMussels at these metres to the north, and its aPad's modem as deep as they are."""
-    states = {n: resting_on_bottom(metres, 0, 3.0, 0.9, 1.0) for n, metres in norths_m.items()}
-    host = InProcessHost(replace(fleet, agent_ids=(1, 2, 3, 4)), states)
-    coordinator = Coordinator(host, dict.fromkeys(states, 0), fleet.theta)
-    flown = Flown(sea.join(coordinator, host), coordinator)
-    if apad_m is not None:
-        flown.station.carry_apad(apad_m, 0.0, 0)
-    return flown
 
 
 def two(
@@ -82,10 +34,6 @@ def run(flights: tuple[Flown, ...], from_ms: int, until_ms: int) -> None:
     for now_ms in range(from_ms, until_ms + 1, 1000):
         for it in flights:
             it.advance(now_ms)
-
-
-def command(kind: Kind, agent_id: int) -> bytes:
-    return MusselbedCodec().encode(CommandPacket(kind, agent_id))
 
 
 @pytest.mark.parametrize(
@@ -215,67 +163,35 @@ def test_a_rule_for_the_aPad_holds_for_each() -> None:
     ]
 
 
-asked_of = st.lists(
-    st.tuples(
-        st.integers(0, 20), st.integers(1, 4), st.sampled_from(["ping", "permission", "range", "dock"])
-    ),
-    max_size=10,
-)
 FAR_M = 20_000.0
 """Beyond the range of sound, 5 km, and of Wi-Fi."""
-NORTHS_M = ({1: 100.0, 3: 220.0}, {2: 120.0, 4: 400.0})
 
 
-def played(
-    sea: Sea, asked: list[tuple[int, int, str]], wheres_m: list[float | None], order: tuple[int, ...]
-) -> list[tuple[list[str], list[Truth]]]:
-    """An hour and a bit of agent time at theta 60, with flights at these places; None is a flight without anything.
-
-    The flights have their turn in this order at each tick. Results are as texts, without an order.
-    """
-    drifting = replace(FLEET.body, drifts_always=True, drift_amplitude_um=50_000)
-    fleet = reporting_every(replace(FLEET, theta=60, body=drifting), 60_000)
-    flights = [
-        joined(sea, {} if at_m is None else {n: at_m + it for n, it in norths_m.items()}, at_m, fleet)
-        for at_m, norths_m in zip(wheres_m, NORTHS_M, strict=False)
-    ]
-    for now_ms in range(0, 70_000, 1000):
-        for flown, at_m in ((flights[n], wheres_m[n] or 0.0) for n in order):
-            flown.advance(now_ms)
-            for at, agent_id, what in asked:
-                if at != now_ms // 1000 or agent_id not in flown.coordinator.agent_ids:
-                    continue
-                if what == "range":
-                    flown.station.ping(agent_id)
-                elif what == "dock":
-                    dock = ContactClosed(round(1e6 * at_m), 2)
-                    flown.coordinator.receive(agent_id, dock, now_ms)
-                else:
-                    flown.station.send_sound(agent_id, command(Kind[what.upper()], agent_id))
-    return [
-        (sorted(map(repr, it.came)), sorted(it.truths, key=lambda one: (one.agent_id, one.at_ms)))
-        for it in flights
-    ]
-
-
-CONFIG = replace(
-    SEA, wifi=Wifi(), sound=replace(SEA.sound, range_noise_m=0.1, fading_db=3.0, noise_db_per_hz=50.0)
-)
+def without_order(flown: Flown) -> tuple[list[str], list[Truth], list[bool]]:
+    truths = sorted(flown.truths, key=lambda one: (one.agent_id, one.at_ms))
+    return sorted(map(repr, flown.came)), truths, flown.reached
 
 
 @settings(max_examples=15, deadline=None)
-@given(asked_of)
-def test_two_far_apart_fly_as_if_each_were_alone(asked: list[tuple[int, int, str]]) -> None:
-    first, second = played(Sea(CONFIG, 60, (1, 2, 3, 4), 2), asked, [0.0, FAR_M], (0, 1))
-    (alone,) = played(Sea(CONFIG, 60, (1, 3)), asked, [0.0], (0,))
+@given(ASKED)
+def test_two_far_apart_fly_as_if_each_were_alone(asked: Asked) -> None:
+    def two_of(sea: Sea, *wheres_m: float | None) -> list[tuple[list[str], list[Truth], list[bool]]]:
+        flights = played(sea, asked, wheres_m, tuple(range(len(wheres_m))))
+        return [without_order(it) for it in flights]
+
+    ids = (1, 2, 3, 4)
+    first, second = two_of(Sea(DISTURBED, THETA, ids, 2), 0.0, FAR_M)
+    (alone,) = two_of(Sea(DISTURBED, THETA, (1, 3)), 0.0)
     assert first == alone
-    assert second == played(Sea(CONFIG, 60, (1, 2, 3, 4), 2), asked, [None, FAR_M], (0, 1))[1]
+    assert second == two_of(Sea(DISTURBED, THETA, ids, 2), None, FAR_M)[1]
 
 
 @settings(max_examples=15, deadline=None)
-@given(asked_of)
-def test_the_order_of_flights_within_a_tick_changes_nothing(asked: list[tuple[int, int, str]]) -> None:
+@given(ASKED)
+@example([(5, 1, "drive"), (5, 2, "wifi"), (5, 4, "wifi"), (5, 1, "wifi"), (5, 3, "wifi"), (5, 2, "drive")])
+def test_the_order_of_flights_within_a_tick_changes_nothing(asked: Asked) -> None:
     in_order, reversed_ = (
-        played(Sea(CONFIG, 60, (1, 2, 3, 4), 2), asked, [0.0, 500.0], order) for order in ((0, 1), (1, 0))
+        played(Sea(DISTURBED, THETA, (1, 2, 3, 4), 2), asked, [0.0, 500.0], order)
+        for order in ((0, 1), (1, 0))
     )
-    assert in_order == reversed_
+    assert [without_order(it) for it in in_order] == [without_order(it) for it in reversed_]

@@ -173,8 +173,7 @@ def test_a_dry_run_says_who_serves_whom(
         (["mission", "SCENARIO", "--time", "wall"], "`musselbed run` flies them"),
         (["run", "SCENARIO", "--dry-run", "--apad", "ros"], "leave out --apad ros"),
         (["script", "FILE", "--scenario", "SCENARIO", "--time", "asap"], "a script flies one aPad"),
-        (["run", "BY_SOUND", "--time", "wall"], "say --time asap"),
-        (["run", "BY_SOUND", "--apad", "ros"], "say --time asap"),
+        (["run", "BY_SOUND", "--open-modem", "1"], "opens a modem beside one aPad"),
     ],
 )
 def test_what_is_for_one_aPad_says_so(

@@ -27,6 +27,7 @@ def of_ids(file: Path, ids: tuple[int, ...], folder: Path) -> Scenario:
     for key in ("count", "first_id", "agent_ids"):
         del data["fleet"][key]
     data["fleet"]["start"] = str(folder / "s.csv")
+    data["duration_s"] = 1700.0  # the first round of services, of all four
     return from_data(data, "gaps")
 
 

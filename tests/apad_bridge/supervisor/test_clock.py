@@ -35,6 +35,18 @@ def test_a_tick_comes_at_its_wall_time(speed: float, each_s: float) -> None:
     assert pace.behind_s == 0.0
 
 
+def test_missions_that_begin_at_the_same_time_of_the_clock_have_their_ticks_together() -> None:
+    hand = Hand()
+    paces = [WallClock(1.0, clock=hand) for _ in range(2)]
+    begin_ms = paces[0].clock_ms() + 500
+    for pace in paces:
+        pace.begin_at(begin_ms)
+    paces[0].reach(3000, hand.stopped)
+    assert hand.now_s == pytest.approx(103.5)
+    paces[1].reach(3000, hand.stopped)  # one that resumes there does not wait again
+    assert hand.now_s == pytest.approx(103.5)
+
+
 def test_a_little_late_it_catches_up() -> None:
     hand = Hand()
     pace = WallClock(1.0, bound_s=5.0, clock=hand)

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import pytest
@@ -116,11 +117,16 @@ def by_agent(truths: Iterable[Truth]) -> dict[int, list[Truth]]:
 
 
 SCENARIOS = {"worst case": short_scenario(), "whole": short_scenario(whole_board(), full_when="both")}
-RECORDED = {name: flown(it, kill_at_ms={2: 20_000, 5: 60_000})[0] for name, it in SCENARIOS.items()}
+
+
+@cache
+def recorded_flight(name: str) -> Witness:
+    """A flight in which two aMussels are killed."""
+    return flown(SCENARIOS[name], kill_at_ms={2: 20_000, 5: 60_000})[0]
 
 
 def test_what_was_recorded_of_whole_boards_has_all_that_there_is_to_cut() -> None:
-    assert {truth.state for truth in RECORDED["whole"].kept} >= set(State) - {
+    assert {truth.state for truth in recorded_flight("whole").kept} >= set(State) - {
         State.OFF,
         State.HOVERING,
         State.CALLING,
@@ -136,7 +142,7 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
     board: str, cuts_ms: list[int]
 ) -> None:
     """Only the journal's `stimulus` and `died` lines go in; no mission, no vehicle and no coordinator take part."""
-    scenario, recorded = SCENARIOS[board], RECORDED[board]
+    scenario, recorded = SCENARIOS[board], recorded_flight(board)
     initial_states = parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
     assert any(kind == "died" for _, kind, _ in recorded.events)

@@ -14,7 +14,7 @@ from apad_bridge.ros.gateway import agent_topics
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.system.ros_time import to_ros
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 LONG_S = 0.4
 """Four periods of a position by the wall clock."""
 

@@ -139,6 +139,21 @@ def test_a_followed_clock_counts_from_the_newest_one_at_the_first_tick(topics: l
     assert not any(it.is_open for it in topics)
 
 
+def test_a_followed_clock_begins_where_several_missions_agreed(topics: list[Topic]) -> None:
+    """A supervisor that resumes is at the others' time, whatever the time of its own first tick."""
+    clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.1)
+    with pytest.raises(TimeoutError, match="no /clock came"):
+        clock.clock_ms()
+    deliver(topics, 7_000_000)
+    assert clock.clock_ms() == 7_000_000
+    clock.begin_at(6_990_000)
+    clock.reach(9_000, threading.Event())
+    assert clock.behind_s == 1.0
+    assert reached_ms(topics) == [6_999_000]
+    with pytest.raises(TimeoutError):
+        clock.reach(11_000, threading.Event())
+
+
 def test_a_followed_clock_wakes_who_waits_for_it(topics: list[Topic]) -> None:
     clock = ros_pace.FollowedClock(standstill_s=20.0)
     deliver(topics, 500)

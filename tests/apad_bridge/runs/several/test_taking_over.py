@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -150,7 +151,7 @@ def test_whom_its_docks_hold_stay_with_it(tmp_path: Path) -> None:
 
 
 def test_while_all_are_well_nothing_differs_from_flying_alone(tmp_path: Path) -> None:
-    scenario = two_apads(tmp_path, transfers=True, battery=1.0)
+    scenario = replace(two_apads(tmp_path, transfers=True, battery=1.0), duration_s=3000.0)
     each = members(scenario, starts_of(scenario))
     together = open_lockstep(each, scenario.sharing)
     together.runner.run()
