@@ -1,8 +1,9 @@
 """The links of all living agents: asks many at once, and waits for the whole answer or the death of each.
 
 The watchdog kills an agent that has not answered in time if its process is stopped. It asks an agent that only waits for
-a processor again, and kills it after `_PATIENCE` such times, so that a busy machine changes no trace. `dropped` counts
-messages that are no answers; they leave the window open.
+a processor again, and kills it after `_PATIENCE` such times in a row in which no other agent answered either. So neither a
+busy machine nor the boot of a large fleet changes a trace. `dropped` counts messages that are no answers; they leave the
+window open.
 """
 
 from __future__ import annotations
@@ -121,12 +122,12 @@ class AgentLinks:
             else:
                 outcomes[agent_id] = self._dead.get(agent_id, _NOT_RUNNING)
         asked_at_s = time.monotonic()
-        impatience = 0
+        impatience, unanswered = 0, len(open_)
         while open_:
             now_s = time.monotonic()
             if now_s >= asked_at_s + self._timeout_s:
-                impatience += 1
-                asked_at_s = now_s
+                impatience = impatience + 1 if len(open_) == unanswered else 1
+                asked_at_s, unanswered = now_s, len(open_)
                 self._watch(open_, outcomes, impatience)
             self._wait(asked_at_s + self._timeout_s - now_s, key, open_, outcomes)
 

@@ -82,6 +82,7 @@ class Agent:
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
         self._note_truth(now_ms)
+        self._timer = self._next_timer()
 
     def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
         """Starts from the physical state and forgets everything else from before."""
@@ -157,8 +158,7 @@ class Agent:
 
     @property
     def next_due_ms(self) -> int | None:
-        timer = self._next_timer()
-        return None if timer is None else timer[0]
+        return None if self._timer is None else self._timer[0]
 
     def take_truths(self) -> list[Truth]:
         """The truths since the last call, in order."""
@@ -170,11 +170,11 @@ class Agent:
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         outputs, self._boot_outputs = self._boot_outputs, []
-        while (timer := self._next_timer()) is not None and timer[0] <= now_ms:
-            due_ms, fire = timer
+        while self._timer is not None and self._timer[0] <= now_ms:
+            due_ms, fire = self._timer
             self._now_ms = due_ms
             outputs += fire(due_ms)
-            self._note_truth(due_ms)
+            self._timer = self._next_timer()
         self._now_ms = now_ms
         return outputs
 
@@ -183,10 +183,14 @@ class Agent:
         outputs = self.advance(now_ms)
         outputs += self._take(stimulus, now_ms)
         self._note_truth(now_ms)
+        self._timer = self._next_timer()
         return outputs
 
     def _next_timer(self) -> tuple[int, Callable[[int], list[Output]]] | None:
-        """When the next timer is due, and what it does then; of those due at one time the first in the stated order."""
+        """When the next timer is due, and what it does then; of those due at one time the first in the stated order.
+
+        Only events change it: time that passes does not.
+        """
         # Written out, because agents do this more often than anything else.
         body = self.body
         first_ms, fire = body.arrival_ms, self._arrive
@@ -201,7 +205,8 @@ class Agent:
             first_ms, fire = due_ms, self._align
         due_ms = self._report_due_ms
         if (first_ms is None or due_ms < first_ms) and (
-            self.config.reports.heard_always or self._at_surface(self._now_ms)
+            # A body under water keeps the time of the report that it last missed.
+            self.config.reports.heard_always or self._at_surface(max(due_ms, self._now_ms))
         ):
             first_ms, fire = due_ms, self._report
         return None if first_ms is None else (first_ms, fire)
@@ -211,26 +216,33 @@ class Agent:
         self.body.settle_depth(now_ms)
         surfaced = self.body.depth_um == 0
         self._report_due_ms = max(self._report_due_ms, self._report_after(now_ms))
-        return self._stimulate_board(
-            board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached(), now_ms
-        )
+        reached = board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached()
+        outputs = self._stimulate_board(reached, now_ms)
+        self._note_truth(now_ms)
+        return outputs
 
     def _drift(self, now_ms: int) -> list[Output]:
         self.body.drift(now_ms)
+        self._note_truth(now_ms)
         return []
 
     def _advance_board(self, now_ms: int) -> list[Output]:
-        return self._carry_out(self.board.advance(now_ms))
+        outputs = self._carry_out(self.board.advance(now_ms))
+        self._note_truth(now_ms)
+        return outputs
 
     def _align(self, now_ms: int) -> list[Output]:
         """The coils have come together: the charger raises its pin."""
         defects = self._defects
         if defects is not None and defects.bounces > 1:
-            return self._bounce(defects, now_ms)
-        if defects is not None:
-            defects.bounces = 0
-        self.body.align()
-        return self._pin_changed(True, now_ms)
+            outputs = self._bounce(defects, now_ms)
+        else:
+            if defects is not None:
+                defects.bounces = 0
+            self.body.align()
+            outputs = self._pin_changed(True, now_ms)
+        self._note_truth(now_ms)
+        return outputs
 
     def _pin_changed(self, high: bool, now_ms: int) -> list[Output]:
         """The charger's output changed, and with it the pin's level; a defect of the pin changes what the board sees."""
@@ -250,7 +262,11 @@ class Agent:
         is_off = not self.config.reports.heard_always and not self.board.has_wifi
         if self.board.state is State.BOOTING or is_off:
             return []
-        return [WifiSent(now_ms, self._codec.encode(self._reporter.wifi_status(now_ms)))]
+        status = self._reporter.wifi_status(now_ms)
+        if self.body.has_receiver:
+            # A report may take a fix, and changes nothing else.
+            self._note_truth(now_ms)
+        return [WifiSent(now_ms, self._codec.encode(status))]
 
     def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
         match stimulus:

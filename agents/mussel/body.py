@@ -126,6 +126,11 @@ class Body:
         """The last GPS fix (north, east); unused by bodies that know their true place."""
         self._step = now_ms // water.step_ms
         """The last drift step that it took, or missed while docked."""
+        self._step_ms = water.step_ms
+        self._in_motion = water.body.drifts_always and (
+            water.body.drift_amplitude_um > 0 or not water.current.is_still
+        )
+        """The water moves it wherever it is, except in a dock."""
 
     def depth_at_um(self, now_ms: int) -> int:
         if self.docked:
@@ -145,6 +150,11 @@ class Body:
         else:
             way_um, over_ms = sinking.bottom_um - self.depth_um, sinking.sinking_ms
         return None if way_um == 0 else self.depth_anchor_ms - (-way_um * over_ms // sinking.bottom_um)
+
+    @property
+    def has_receiver(self) -> bool:
+        """True for a body that knows its place by GPS."""
+        return self._config.gps_deviation_um is not None
 
     def known_place_um(self, now_ms: int) -> tuple[int, int]:
         """The place (north, east) as the aMussel knows it: by GPS at the surface, and below by the last fix from there."""
@@ -190,16 +200,16 @@ class Body:
         current = self.water.current
         if self.docked:
             return False
-        if self.buoyancy is Buoyancy.FLOAT and self._config.leeway_um_s != (0, 0):
+        if self._in_motion or (self.buoyancy is Buoyancy.FLOAT and self._config.leeway_um_s != (0, 0)):
             return True
-        if self._config.drifts_always:
-            return self._config.drift_amplitude_um > 0 or not current.is_still
-        return not self.rests_on_bottom and not current.is_still
+        return not self._config.drifts_always and not self.rests_on_bottom and not current.is_still
 
     @property
     def drift_due_ms(self) -> int | None:
         """The end of the mission second with its next drift step; None while nothing moves it."""
-        return (self._step + 1) * self.water.step_ms if self._adrift else None
+        if self._in_motion:  # as below, but sooner: every body of the paper's is asked this each second
+            return None if self.docked else (self._step + 1) * self._step_ms
+        return (self._step + 1) * self._step_ms if self._adrift else None
 
     def _miss_steps(self, now_ms: int) -> None:
         """A body that was held does not take the missed steps later."""

@@ -68,6 +68,8 @@ class FleetBeliefs:
         self._stamp_checker = StampChecker(theta)
         self._now_ms = 0
         self._at_now: dict[int, Belief] = {}
+        self._all_now: list[Belief] | None = None
+        """All of them at this time, by id; None after a change."""
         self.belief_log: BeliefLog | None = None
 
     def advance(self, now_ms: int) -> None:
@@ -77,6 +79,7 @@ class FleetBeliefs:
         if now_ms > self._now_ms:
             self._now_ms = now_ms
             self._at_now.clear()
+            self._all_now = None
 
     def get(self, agent_id: int) -> Belief | None:
         belief = self._at_now.get(agent_id)
@@ -89,7 +92,10 @@ class FleetBeliefs:
 
     def all(self) -> list[Belief]:
         """All beliefs, sorted by agent id."""
-        return [belief for agent_id in sorted(self._beliefs) if (belief := self.get(agent_id)) is not None]
+        if self._all_now is None:
+            found = (self.get(agent_id) for agent_id in sorted(self._beliefs))
+            self._all_now = [belief for belief in found if belief is not None]
+        return self._all_now.copy()
 
     def depth_m(self, agent_id: int) -> float:
         """The newest reported depth, positive down; 0 before the first packet that a supervisor hears."""
@@ -155,6 +161,7 @@ class FleetBeliefs:
         """Drops the belief; the aMussel's next packet is accepted, whatever time it states."""
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
+        self._all_now = None
         self._depths_m.pop(agent_id, None)
         self._stamp_checker.forget(agent_id)
         if self.belief_log is not None:
@@ -171,6 +178,7 @@ class FleetBeliefs:
             return None
         self._beliefs[agent_id] = belief
         self._at_now.pop(agent_id, None)
+        self._all_now = None
         if isinstance(measurement, Heard):
             self._stamp_checker.accept(measurement.packet, measurement.at_ms)
             self._depths_m[agent_id] = measurement.packet.depth_m
@@ -199,3 +207,4 @@ class FleetBeliefs:
         newest = {agent_id: Stamp(*stamp) for agent_id, stamp, _ in kept if stamp is not None}
         self._beliefs, self._stamp_checker.newest = beliefs, newest
         self._at_now.clear()
+        self._all_now = None

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from fleets import PAPER
-from hypothesis import given, settings
+from fleets import PAPER, STILL
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from agents.fleet import resting_on_bottom
+from agents.fleet import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Dropped, Output, Truth, WifiSent
 from agents.mussel.stimuli import (
@@ -62,16 +62,16 @@ class Reset:
     """A kill -9: a new agent from the physical state."""
 
 
-def agent(charge: float = 0.5) -> Agent:
+def agent(charge: float = 0.5, fleet: FleetConfig = FLEET) -> Agent:
     physical = resting_on_bottom(1.0, 2.0, 3.0, charge, 1.0)
-    return Agent(FLEET.maker().config(7), CODEC, physical, 0, ResetCause.POWER_ON)
+    return Agent(fleet.maker().config(7), CODEC, physical, 0, ResetCause.POWER_ON)
 
 
 def live(
-    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float
+    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float, fleet: FleetConfig
 ) -> tuple[list[Output], list[Truth]]:
     """Outputs and truths up to END_MS; a cut does nothing but advance."""
-    mussel = agent(charge)
+    mussel = agent(charge, fleet)
     outputs: list[Output] = []
     truths: list[Truth] = []
     moments: list[tuple[int, Stimulus | Reset | None]] = [*story, *((at_ms, None) for at_ms in cuts)]
@@ -98,11 +98,23 @@ EVENTS = st.sampled_from([*STIMULI, Reset()])
     story=st.lists(st.tuples(TIMES, EVENTS), max_size=12, unique_by=lambda it: it[0]),
     cuts=st.lists(TIMES, max_size=20),
     charge=st.sampled_from([0.0, 0.01, 0.5, 1.0]),
+    fleet=st.sampled_from([FLEET, STILL]),
+)
+@example(  # it leaves the surface, and time is cut on the way down: its next report is due under water
+    story=[
+        (20_000, SoundArrived(PERMISSION)),
+        (400_000, ContactClosed(3_000_000, -1_000_000)),
+        (600_100, ContactOpened()),
+        (600_200, WifiArrived(RELEASE)),
+    ],
+    cuts=[610_000],
+    charge=0.5,
+    fleet=STILL,
 )
 def test_any_cuts_give_the_same_life(
-    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float
+    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float, fleet: FleetConfig
 ) -> None:
-    assert live(story, cuts, charge) == live(story, [], charge)
+    assert live(story, cuts, charge, fleet) == live(story, [], charge, fleet)
 
 
 def states(mussel: Agent) -> list[State]:
