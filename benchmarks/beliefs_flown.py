@@ -21,6 +21,7 @@ from apad_bridge.runs.in_memory import fly_in_memory, open_flight
 from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.loop import Flight
 
 CONFIGURATIONS = 30
 HEARD = 0.1
@@ -75,9 +76,22 @@ def flown(seed: int) -> dict[str, dict[str, float]]:
 
 
 def _on_beliefs(scenario: Scenario, seed: int) -> dict[str, Any]:
+    flight, recorder = open_flight(with_twins(scenario))
+    hear_few(flight, seed)
+    flight.run()
+    state = flight.supervisor.mission.state
+    figures = uptime_figures(recorder.meter, flight.now_ms)
+    return {**figures, "cost_m": state.planned_m, "services": state.services}
+
+
+def with_twins(scenario: Scenario) -> Scenario:
+    """The scenario with hourly packets and twins."""
     hearing = replace(scenario.hearing, report_period_s=HOUR_AT_THETA_30_S)
-    beliefs = Beliefs(estimator=Estimator.TWIN, twin=MODEL)
-    flight, recorder = open_flight(replace(scenario, hearing=hearing, beliefs=beliefs))
+    return replace(scenario, hearing=hearing, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))
+
+
+def hear_few(flight: Flight, seed: int) -> None:
+    """Has the flight receive the part `HEARD` of the packets, by chance."""
     receive, luck = flight.supervisor.receive, random.Random(seed)
     first: set[bytes] = set()
 
@@ -91,10 +105,6 @@ def _on_beliefs(scenario: Scenario, seed: int) -> dict[str, Any]:
         receive(fact)
 
     flight.supervisor.receive = thinned  # type: ignore[method-assign]
-    flight.run()
-    state = flight.supervisor.mission.state
-    figures = uptime_figures(recorder.meter, flight.now_ms)
-    return {**figures, "cost_m": state.planned_m, "services": state.services}
 
 
 def _figures(flight: dict[str, Any]) -> dict[str, float]:

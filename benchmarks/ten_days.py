@@ -1,123 +1,263 @@
 """Ten days of the aMussels' time: aMussels lost, samples and metres with free and with costly surfacing, beside the law.
 
-- Each with free surfacing, as the paper's, and with 2, 5 and 9 % of a battery for a surfacing and a sinking.
-- Theta 30 with the pool's 12 aMussels; theta 1 with the fleets about what the law of capacity allows. An aMussel that was
-  ever empty was not sustained, so the measured capacity is the largest fleet without a dead hour.
-- The aPad's energy is unlimited, and its figures stand at theta 1 alone.
+- The declared comparisons fly all `tries` configurations, theta 30 and 1; the other settings a few, to show a trend.
+- Capacity: the fleets about the law at theta 1. An aMussel that was ever empty was not sustained, so the measured capacity
+  is the largest fleet without a dead hour. For whole boards that sleep it is taken from the balance of a fleet's charge.
+- Five aPads: 120 aMussels in clumps that draw 90 % of the law; each aPad's share is a mission of its own.
+- The aPad's energy is unlimited, but for one setting in which its 230 Wh are charged at home.
 
-A run that is ended goes on from `studies/ten-days-*` below the present directory with the same command.
+At theta 1 the random drift is left out: 15 s of a processor for each configuration, and it moves an aMussel by less than a
+metre between its services. A run that is ended goes on from `studies/ten-days-*` below the present directory.
 """
 
 from __future__ import annotations
 
 import os
-import resource
-import time
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import cos, pi, sin
 from pathlib import Path
+from random import Random
+from statistics import fmean
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.runs.studies.capacity import bounds_of, drain_at_load, rates_of, sustained_by_balance
 from apad_bridge.runs.studies.figures import COLUMNS
+from apad_bridge.runs.studies.models import fly_each_tick
 from apad_bridge.runs.studies.report import HEADINGS, as_data, comparisons
 from apad_bridge.runs.studies.runner import fly_study
+from apad_bridge.runs.studies.several_in_memory import fly_shares
 from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start, save_starts, starts_of
 
 SCENARIOS = Path(__file__).parents[1] / "launch_scripts/scenarios"
 TEN_DAYS_S = 10 * 86_400
-SURFACINGS = (0.0, 0.02, 0.05, 0.09)
-"""Parts of a battery for a surfacing and a sinking together."""
-FLEETS = [12, 13, 14, 15]
-"""The law allows 15.2 with free surfacing, and 14.7, 13.9 and 12.9 with the others."""
 UNLIMITED_WH = 1e6
-STRATEGIES: list[dict[str, Any]] = [
-    {"name": "cautious, batch", "collection": "cautious"},
-    {
-        "name": "cautious, from the knee",
-        "collection": "cautious",
-        "dispatch": "asynchronous",
-        "pool_threshold": 0.62,
-    },
-    {
-        "name": "cautious, partial",
-        "collection": "cautious",
-        "dispatch": "asynchronous",
-        "pool_threshold": 0.7,
-        "charge_to": 0.95,
-    },
-]
-"""The pool's charging curve is fastest above its knee at 0.56. The parameters were chosen on the seeds 301 and 302."""
+BATCH: dict[str, Any] = {"name": "cautious, batch", "collection": "cautious"}
+PARTIAL: dict[str, Any] = {
+    "name": "cautious, partial",
+    "collection": "cautious",
+    "dispatch": "asynchronous",
+    "pool_threshold": 0.7,
+    "charge_to": 0.95,
+}
+TO_FULL: dict[str, Any] = {
+    "name": "cautious, to full",
+    "collection": "cautious",
+    "dispatch": "asynchronous",
+    "pool_threshold": 0.7,
+}
+"""The parameters were chosen on the seeds 301 to 303."""
 FIRST_HELD_OUT = 20_001
-ENOUGH = 200
+FEW = 5
+HOME = {"charging_w": 300.0, "go_at": 0.2}
+LOAD = 0.9
+"""The part of the law that five aPads' 120 aMussels draw."""
+CLUMPS, CLUMP_M = 8, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Missions of ten days with the same theta and the same cost of a surfacing and a sinking, as a part of a battery."""
+
+    name: str
+    theta: int
+    counts: list[int]
+    surfacing: float
+    strategies: list[dict[str, Any]] = field(default_factory=lambda: [BATCH, PARTIAL])
+    is_declared: bool = False
+    """A comparison that was declared before it was flown: with every configuration."""
+    home: dict[str, Any] | None = None
+
+    def plan(self, tries: int) -> Plan:
+        count = tries if self.is_declared else min(tries, FEW)
+        parameters: dict[str, list[Any]] = {
+            "theta": [self.theta],
+            "duration_s": [TEN_DAYS_S / self.theta],
+            "apad.battery.capacity_wh": [UNLIMITED_WH],
+            "fleet.count": self.counts,
+            "board.motor_run_charge": [self.surfacing / 2],
+        }
+        if self.theta == 1:
+            parameters["fleet.drift.amplitude_m"] = [0.0]
+        if self.home is not None:
+            parameters |= {"apad.battery.capacity_wh": [230.0], "apad.home": [self.home]}
+        study = {
+            "name": f"ten-days-{self.name}",
+            "scenarios": ["pool-12.yaml"],
+            "strategies": self.strategies,
+            "seeds": list(range(FIRST_HELD_OUT, FIRST_HELD_OUT + count)),
+            "parameters": parameters,
+            "primary": "samples_taken",
+        }
+        return plan_of(study, self.name, SCENARIOS)
+
+
+SETTINGS = [
+    Setting("theta30-5", 30, [12], 0.05, is_declared=True),
+    Setting("theta30-0", 30, [12], 0.0, is_declared=True),
+    Setting("theta1-5", 1, [13], 0.05, [BATCH, PARTIAL, TO_FULL], is_declared=True),
+    Setting("theta1-home", 1, [12], 0.05, [TO_FULL], home=HOME),
+    Setting("capacity-0", 1, [14, 15, 16], 0.0, [PARTIAL, TO_FULL]),
+    Setting("capacity-2", 1, [14, 15], 0.02, [PARTIAL, TO_FULL]),
+    Setting("capacity-5", 1, [14], 0.05, [PARTIAL, TO_FULL]),
+    Setting("capacity-9", 1, [12, 13], 0.09, [PARTIAL, TO_FULL]),
+    Setting("theta30-2", 30, [12], 0.02),
+    Setting("theta30-9", 30, [12], 0.09),
+]
+"""The law allows 15.2 aMussels with free surfacing, and 14.7, 13.9 and 12.9 with 2, 5 and 9 %."""
 
 
 def measure(tries: int = 1) -> dict[str, Any]:
-    """Flies `tries` configurations of each setting; `hours_for_enough` is how long 200 take on these processors."""
+    """Flies `tries` configurations of the declared comparisons, and at most `FEW` of each other setting."""
     workers = len(os.sched_getaffinity(0))
-    before, began_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    settings, flown, wanted = [], 0, 0
-    for plan in plans(tries):
-        told: list[int] = []
-        rows = fly_study(plan, Path("studies") / plan.study.name, workers, told.append)
-        flown += sum(told[1:])  # the first call tells of the missions that were there
-        wanted += plan.missions // tries * ENOUGH
-        settings += as_data(plan, comparisons(plan, rows))["settings"]
-    after, took_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - began_s
-    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    settings = []
+    for setting in SETTINGS:
+        plan = setting.plan(tries)
+        rows = fly_study(plan, Path("studies") / plan.study.name, workers)
+        settings += [
+            {**it, "seeds": len(plan.seeds)} for it in as_data(plan, comparisons(plan, rows))["settings"]
+        ]
+    return {
+        "settings": settings,
+        "duty_cycle": duty_cycle(),
+        "five_apads": [five_apads(surfacing, min(tries, FEW)) for surfacing in (0.0, 0.05)],
+    }
+
+
+def duty_cycle() -> dict[str, float]:
+    """The capacity of one dock for whole boards that wake hourly and process for four minutes, from two of their days.
+
+    The fleet is as large as the law allows. It lies within 2 m and docks within a second at theta 2, because the law leaves
+    ways out. It begins above the knee, where its dock is never empty and always on the fast part of the curve.
+    """
+    days, theta = 2, 2
+    data = resolve(load(SCENARIOS / "whole-board-12.yaml"))
+    data.update(seed=FIRST_HELD_OUT, theta=theta, duration_s=days * 86_400 / theta)
+    data["area"]["polygon_m"] = [[0, 0], [2, 0], [2, 2], [0, 2]]
+    data["apad"].update(start_m=[1, 1], docks=1)
+    data["apad"]["battery"]["capacity_wh"] = UNLIMITED_WH
+    data["board"]["whole"]["cycle"].update(alarm_s=3600, sample_s=10, processing_s=240)
+    data["mission"].update(
+        dispatch="asynchronous", batch=1, pool_threshold=0.7, charge_to=0.985, full_when="primary"
+    )
+    data["mission"]["docking"].update(dock_s=1, undock_s=1)
+    data["fleet"].update(count=12, agent_ids=[], start={"charge": [0.56, 0.9]})
+    law = bounds_of([from_data(data, "duty cycle")]).sustained
+    data["fleet"]["count"] = int(law)
+    scenario = from_data(data, "duty cycle")
+    flown, starts = fly_each_tick(scenario), starts_of(scenario)
+    start = fmean(it.primary for it in starts)
+    gained = len(starts) * (flown.final_charge_mean - start)
+    measured = sustained_by_balance(len(starts), gained, rates_of(scenario)[0].drain, days * 1440)
+    return {
+        "amussels": len(starts),
+        "law": law,
+        "measured": measured,
+        "of_law": measured / law,
+        "dead_time_h": flown.dead_time_h,
+    }
+
+
+def five_apads(surfacing: float, tries: int) -> dict[str, float]:
+    """Ten days of five aPads and 120 aMussels in clumps, always awake at theta 1, whose drain is `LOAD` of the law."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(FIRST_HELD_OUT, FIRST_HELD_OUT + tries):
+            scenario = clumped(seed, surfacing, Path(folder))
+            found.append((fly_shares(scenario), bounds_of([scenario])))
+    each = [it for figures, _ in found for it in figures.values()]
     return {
         "configurations": tries,
-        "missions_flown_now": flown,
-        "took_s": took_s,
-        "hours_for_enough": cpu_s / flown * wanted / workers / 3600 if flown else None,
-        "settings": settings,
+        "surfacing": surfacing,
+        "law": fmean(bounds.sustained for _, bounds in found),
+        "samples_of_bound": fmean(
+            sum(it.samples_taken for it in figures.values()) / (bounds.samples or 1)
+            for figures, bounds in found
+        ),
+        "lost": max(sum(it.amussels_lost for it in figures.values()) for figures, _ in found),
+        "dead_time_h": sum(it.dead_time_h for it in each),
+        "uptime_mean": fmean(it.uptime_paper_mean for it in each),
+        "uptime_least": min(it.uptime_paper_min for it in each),
+        "metres": sum(it.metres for it in each) / tries,
     }
 
 
-def plans(tries: int) -> list[Plan]:
-    """A study for theta 30, and one at theta 1. All missions of a seed share its drift, which is most of their time."""
-    return [
-        _plan("ten-days-theta30", 30, [12], tries),
-        _plan("ten-days-theta1", 1, FLEETS, tries),
+def clumped(seed: int, surfacing: float, folder: Path) -> Scenario:
+    """bay-120 with its aMussels in `CLUMPS` clumps of `CLUMP_M` metres at random places."""
+    data = resolve(load(SCENARIOS / "bay-120.yaml"))
+    data.update(seed=seed, theta=1, duration_s=TEN_DAYS_S)
+    data["fleet"]["drift"]["amplitude_m"] = 0.0
+    data["apad"]["battery"]["capacity_wh"] = UNLIMITED_WH
+    data["mission"].update({key: value for key, value in PARTIAL.items() if key != "name"})
+    data["board"]["motor_run_charge"] = surfacing / 2
+    scenario = from_data(data, "five aPads")
+    docks, count = scenario.apad.docks * (1 + len(scenario.apads)), scenario.fleet.count
+    data["board"]["discharge_per_min"] = round(
+        drain_at_load(rates_of(scenario)[0].charge, count, docks, LOAD), 10
+    )
+    path = folder / f"{seed}-{surfacing}.csv"
+    save_starts(path, _in_clumps(starts_of(scenario), seed), scenario.area.origin)
+    data["fleet"]["start"] = str(path)
+    return from_data(data, "five aPads")
+
+
+def _in_clumps(starts: Sequence[Start], seed: int) -> list[Start]:
+    chance = Random(seed)
+    centres = [
+        (chance.uniform(CLUMP_M, 60 - CLUMP_M), chance.uniform(CLUMP_M, 200 - CLUMP_M)) for _ in range(CLUMPS)
     ]
-
-
-def _plan(name: str, theta: int, counts: list[int], tries: int) -> Plan:
-    study = {
-        "name": name,
-        "scenarios": ["pool-12.yaml"],
-        "strategies": STRATEGIES,
-        "seeds": list(range(FIRST_HELD_OUT, FIRST_HELD_OUT + tries)),
-        "parameters": {
-            "theta": [theta],
-            "duration_s": [TEN_DAYS_S / theta],
-            "apad.battery.capacity_wh": [UNLIMITED_WH],
-            "fleet.count": counts,
-            "board.motor_run_charge": [it / 2 for it in SURFACINGS],
-        },
-        "primary": "samples_taken",
-    }
-    return plan_of(study, name, SCENARIOS)
+    found = []
+    for it in starts:
+        (north_m, east_m), way_m, angle = (
+            chance.choice(centres),
+            CLUMP_M * chance.random() ** 0.5,
+            chance.uniform(0, 2 * pi),
+        )
+        found.append(
+            Start(it.agent_id, north_m + way_m * cos(angle), east_m + way_m * sin(angle), it.primary)
+        )
+    return found
 
 
 def show(result: dict[str, Any], console: Console) -> None:
-    console.print(f"{result['configurations']} configurations, means with 95 % intervals")
-    if result["hours_for_enough"] is not None:
-        console.print(
-            f"{result['missions_flown_now']} missions in {result['took_s']:.0f} s; {ENOUGH} configurations of each setting "
-            f"take {result['hours_for_enough']:.1f} h"
-        )
     for setting in result["settings"]:
         bounds = setting["bounds"]
         table = Table(
-            title=f"{setting['setting']}: the docks sustain {bounds['sustained']:.1f}, nobody exceeds "
-            f"{bounds['samples']:.0f} samples and {bounds['uptime_percent']:.1f} % uptime"
+            title=f"{setting['setting']}, {setting['seeds']} configurations: the docks sustain {bounds['sustained']:.1f}, "
+            f"nobody exceeds {bounds['samples']:.0f} samples and {bounds['uptime_percent']:.1f} % uptime"
         )
-        for name in ("", *(HEADINGS[key] for key in COLUMNS)):
+        for name in ("", "of the bound", *(HEADINGS[key] for key in COLUMNS)):
             table.add_column(name, justify="right" if name else "left")
         for standing in setting["strategies"]:
-            table.add_row(standing["strategy"], *(_cell(standing["columns"][key]) for key in COLUMNS))
+            share = standing["columns"]["samples_taken"]["mean"] / bounds["samples"]
+            cells = (_cell(standing["columns"][key]) for key in COLUMNS)
+            table.add_row(standing["strategy"], f"{share:.1%}", *cells)
         console.print(table)
+        for standing in setting["strategies"]:
+            for key, difference in standing["differences"].items():
+                if difference is not None and key in ("samples_taken", "uptime_paper_mean", "metres"):
+                    p = "" if difference["p"] is None else f", p {difference['p']:.2g}"
+                    console.print(
+                        f"{standing['strategy']}, {HEADINGS[key]} less the batches': {_cell(difference['estimate'])}{p}"
+                    )
+    duty = result["duty_cycle"]
+    console.print(
+        f"Whole boards that sleep, one dock: measured {duty['measured']:.1f} aMussels, the law allows {duty['law']:.1f} "
+        f"({duty['of_law']:.0%})"
+    )
+    for it in result["five_apads"]:
+        console.print(
+            f"Five aPads, 120 aMussels, {it['surfacing']:.0%} a surfacing, {it['configurations']} configurations: "
+            f"{it['lost']} lost, {it['dead_time_h']:.0f} dead h, {it['samples_of_bound']:.1%} of the bound's samples, "
+            f"uptime {it['uptime_mean']:.1f} %, the least {it['uptime_least']:.1f} %, {it['metres']:.0f} m"
+        )
 
 
 def _cell(estimate: dict[str, Any] | None) -> str:

@@ -22,7 +22,8 @@ aMussel (y - x - e) / d minutes of work. So c is max (y - x - e) / t(x, y), and 
 maximum lies at two of its breakpoints. Without e it is the steepest part of the curve. An aMussel that is docked at the end
 of a mission has yet to sink, so the mission's u has half of e added.
 
-Travel, docking and waiting are left out, and for whole boards the motors too, so every flight stays below.
+A whole board's e is its motors', and its c is less what it draws asleep in a dock. Travel, docking and waiting are left
+out, and what such a board draws while it is awake for its service, so every flight stays below.
 """
 
 from __future__ import annotations
@@ -35,7 +36,10 @@ from apad_bridge.assembly.energy_model import drain_per_min_of
 from apad_bridge.scenario.firmware_config import board_config, spread_of, takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from firmware_model.config import PATH_UNIT, BoardConfig
 from firmware_model.power.charge import FULL
+from firmware_model.power.rails import Rail, rails_of
+from firmware_model.states import State
 
 _MS_PER_MIN = 60_000
 
@@ -131,21 +135,57 @@ def active_minutes(fleet: Sequence[Rates], minutes: float, docks: int) -> float:
     return total
 
 
+def drain_at_load(charge: float, amussels: int, docks: int, load: float) -> float:
+    """The drain of which a fleet draws `load` (in (0, 1]) of what the law allows: N = load x D (1 + charge / drain).
+
+    Both rates are charge on [0, 1] an agent minute. ValueError for a fleet that the docks could hold for ever.
+    """
+    if amussels <= load * docks:
+        raise ValueError(f"{docks} docks hold {amussels} aMussels for ever, whatever they draw")
+    return charge / (amussels / (load * docks) - 1)
+
+
+def sustained_by_balance(amussels: int, gained: float, drain: float, minutes: float) -> float:
+    """The capacity that a flight measures: the fleet whose charge would have stayed the same.
+
+    With docks that are never empty, an aMussel more costs its drain alone. So a fleet whose charges rose by `gained`
+    batteries together in `minutes` could be larger by gained / (drain x minutes), or had to be smaller. That holds near the
+    capacity: charges below the curve's knee lower it, docks without work too.
+    """
+    return amussels + gained / (drain * minutes)
+
+
 def rates_of(scenario: Scenario) -> list[Rates]:
     """Each aMussel's rates, in its own duty cycle."""
     nominal, spread = board_config(scenario.board, scenario.seed), spread_of(scenario)
     found = []
     for start in starts_of(scenario):
         board = spread.applied(replace(nominal, agent_id=start.agent_id), scenario.seed)
-        segments = board.charge.segments_by_two or board.charge.segments
-        per_min = [(end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments]
+        per_min = _curve_of(board)
         ends = [0.0, *(end for end, _ in per_min)]
         full_min = sum((end - low) / rate for (end, rate), low in zip(per_min, ends, strict=False))
         drain = drain_per_min_of(board, scenario.fleet.all_ids)
-        motor_run = scenario.board.motor_run_charge
+        motor_run = _motor_run_of(board)
         gain = max(0.0, _best_gain(per_min, 2 * motor_run))
         found.append(Rates(start.primary + motor_run, drain, gain, full_min))
     return found
+
+
+def _draw_in_a_dock(board: BoardConfig) -> float:
+    """The grains a millisecond that a sleeping whole board takes of its charger's; a board of the worst case takes none."""
+    if board.whole is None:
+        return 0.0
+    power = board.whole.power
+    asleep = power.loads.total(rails_of(State.CHARGING, power.kept_on, False, 0))
+    return asleep * power.path / PATH_UNIT
+
+
+def _motor_run_of(board: BoardConfig) -> float:
+    """The part of a battery that a way up or down takes for the motors."""
+    if board.whole is None:
+        return board.motor_run / FULL
+    power = board.whole.power
+    return power.loads.of[Rail.MOTORS] * power.motor_run_ms / FULL
 
 
 def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float) -> float:
@@ -175,3 +215,40 @@ def _samples(scenario: Scenario, active: float, mission_s: float) -> float | Non
         return None
     alarms = int(mission_s * scenario.theta // whole.cycle.alarm_s) + 1
     return float(len(scenario.fleet.ids) * alarms)
+
+
+def uptime_with_services(scenario: Scenario, services: float) -> float:
+    """The largest mean uptime, in percent, that so many services can give: a bound for a way that pays for no more.
+
+    A docked minute gains most on the fastest part of the curve, so one service of t minutes gains at most g(t), the fastest
+    parts first. g is concave, so S services in Y docked minutes gain at most S g(Y / S). The sum of active time is at most
+    the smaller of N T - Y and sum of min(T, u_i / d_i) + S g(Y / S) / d, with the best Y up to D T, and d the least drain.
+    Surfacing and travel are free. The boards are those without a spread.
+    """
+    fleet, minutes = rates_of(scenario), scenario.duration_s * scenario.theta / 60
+    curve = _curve_of(board_config(scenario.board, scenario.seed))
+    ends = [0.0, *(end for end, _ in curve)]
+    fastest = sorted(((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False)), reverse=True)
+    drain = min(it.drain for it in fleet)
+    unserved = sum(min(minutes, it.start / it.drain) for it in fleet)
+
+    def at_work(docked: float) -> float:
+        left, gain = docked / services, 0.0
+        for rate, part in fastest:
+            took = min(left, part / rate)
+            left, gain = left - took, gain + took * rate
+        return unserved + services * gain / drain
+
+    low, high = 0.0, _docks_of(scenario) * minutes
+    # The time at work rises with the docked minutes, and the time outside docks falls.
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if at_work(middle) < len(fleet) * minutes - middle else (low, middle)
+    return 100 * min(at_work(high), len(fleet) * minutes - low) / (len(fleet) * minutes)
+
+
+def _curve_of(board: BoardConfig) -> list[tuple[float, float]]:
+    """The charging curve in a dock: (upper end, charge a minute) of each part."""
+    segments = board.charge.segments_by_two or board.charge.segments
+    docked = _draw_in_a_dock(board)
+    return [(end / FULL, (rate - docked) * _MS_PER_MIN / FULL) for end, rate in segments]

@@ -75,6 +75,14 @@ class CruisingAPad:
         self._run(min(limit_ms, self._now_ms + max(1, safe_s) * _SECOND_MS))
         return self._now_ms
 
+    def least_charging_ms(self, fraction: float) -> int:
+        """The time that its charger takes at least until the battery holds `fraction`; 0 without a charger."""
+        home, battery = self._config.home, self._config.battery
+        if home is None:
+            return 0
+        missing_wh = (fraction - self._battery.fraction) * battery.capacity_wh
+        return max(0, math.floor(missing_wh / home.charging_w * _MS_PER_HOUR))
+
     def advance(self, now_ms: int) -> list[LinkFact]:
         self._run(now_ms)
         facts, self._facts = self._facts, []

@@ -283,8 +283,10 @@ class Ticks:
         self._low_charge = _highest_charge_at_most(scenario.mission.pool_threshold)
         self._collects = not isinstance(registry.collection(scenario.mission.collection), NoCollection)
         self._home = parts.home_stays(scenario)
-        goes_home_at = 0.0 if scenario.apad.home is None else scenario.apad.home.go_at
-        self._least_battery = max(scenario.mission.end_at_apad_fraction, goes_home_at)
+        home = scenario.apad.home
+        goes_home_at, self._leaves_home_at = (0.0, 0.0) if home is None else (home.go_at, home.leave_at)
+        self._ends_at = scenario.mission.end_at_apad_fraction
+        self._least_battery = max(self._ends_at, goes_home_at)
         """The part of the aPad's battery at which the mission acts."""
         self._is_asynchronous = scenario.mission.dispatch is Dispatch.ASYNCHRONOUS
         self._releases_at = [_highest_charge_at_most(scenario.mission.full_threshold) + 1]
@@ -299,7 +301,8 @@ class Ticks:
         limit_ms = max(soonest_ms, -(-limit_ms // TICK_MS) * TICK_MS)
         home_ms = self._home.next_call_ms(now_ms)
         limit_ms = limit_ms if home_ms is None else max(soonest_ms, min(limit_ms, home_ms))
-        return self._vehicle.advance_until(limit_ms, self._least_battery)
+        is_home = self._supervisor.mission.state.phase is Phase.AT_HOME
+        return self._vehicle.advance_until(limit_ms, self._ends_at if is_home else self._least_battery)
 
     def _limit_ms(self, now_ms: int, agents_due_ms: int | None) -> int:
         """The time by which there must be a tick, if the vehicle reports nothing before."""
@@ -313,7 +316,7 @@ class Ticks:
         )
         battery = self._supervisor.battery
         is_called_home = self._home.must_go(now_ms, None if battery is None else battery.fraction)
-        if not is_settled or is_called_home:
+        if not is_settled or (is_called_home and state.phase is not Phase.AT_HOME):
             return now_ms
         port_due_ms = _NEVER_MS if port.next_due_ms is None else port.next_due_ms
         due_ms = _NEVER_MS if agents_due_ms is None else agents_due_ms
@@ -340,6 +343,8 @@ class Ticks:
                 return port_due_ms
             case Phase.CHARGE:
                 return self._next_release_ms(beliefs, held, now_ms)
+            case Phase.AT_HOME:
+                return min(due_ms, now_ms + self._vehicle.least_charging_ms(self._leaves_home_at))
             case _:
                 return now_ms
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 
 from agents.mussel.outputs import Truth
@@ -11,6 +12,7 @@ from apad_bridge.runs.studies.event_driven import fly_event_driven
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
 
 
@@ -44,8 +46,8 @@ class _FigureRecorder(MemoryRecorder):
             self._figures.take(truth)
 
 
-def fly_each_tick(scenario: Scenario) -> Figures:
-    """Flies the mission of `musselbed run --time asap`, with the aMussels in this process."""
+def fly_each_tick(scenario: Scenario, prepare: Callable[[Flight], None] = lambda flight: None) -> Figures:
+    """Flies the mission of `musselbed run --time asap`, with the aMussels in this process; `prepare` changes the flight."""
     meter = FigureMeter(scenario)
     vehicles: list[InProcessVehicle] = []
 
@@ -55,5 +57,6 @@ def fly_each_tick(scenario: Scenario) -> Figures:
         return context
 
     flight, _ = open_flight(scenario, join=keep_vehicle, recorder_of=lambda it: _FigureRecorder(it, meter))
+    prepare(flight)
     flight.run()
     return meter.figures(flight.now_ms, flight.supervisor.mission.state, vehicles[0].apad.ledger)

@@ -99,7 +99,7 @@ def _known(value: Any) -> Any:
 
 
 def write_parquet(path: Path, plan: Plan, rows: Sequence[Row]) -> None:
-    """Writes a row for each mission: setting, parameters, strategy, seed and figures. It appears whole or not at all."""
+    """Writes a row for each mission: setting, parameters, draws, strategy, seed, figures; whole or not at all."""
     import pyarrow
     from pyarrow import parquet
 
@@ -116,8 +116,9 @@ def write_parquet(path: Path, plan: Plan, rows: Sequence[Row]) -> None:
 
 def _record(plan: Plan, row: Row) -> dict[str, Any]:
     setting = plan.settings[row["setting"]]
+    decided = {**dict(setting.parameters), **plan.drawn(row["seed"])}
     parameters = {
-        key: value if not isinstance(value, list) else str(value) for key, value in setting.parameters
+        key: str(value) if isinstance(value, list | dict) else value for key, value in decided.items()
     }
     head = {"scenario": setting.scenario, "theta": setting.theta, **parameters}
     return {**head, **{key: value for key, value in row.items() if key != "setting"}}

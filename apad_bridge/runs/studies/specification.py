@@ -9,9 +9,11 @@ import hashlib
 import itertools
 import json
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
+from random import Random
 from typing import Annotated, Any, Literal
 
 import yaml
@@ -31,7 +33,7 @@ from apad_bridge.scenario.yaml_text import parse_yaml
 PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})
 """The interval of the paper's starting charges (section V-A)."""
 STUDY_FILE = "study.yaml"
-_Value = bool | int | float | str | list[Any] | None
+_Value = bool | int | float | str | list[Any] | dict[str, Any] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,8 @@ class Study:
     """Seeds, or the number of seeds from 1 on. A seed decides starts, drift and misses, for each strategy alike."""
     parameters: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
     """Values by key of the scenario, as `mission.batch`; each combination is flown."""
+    draws: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
+    """Values by key of the scenario, of which each seed draws one, the same for each strategy."""
     start: RandomStart | Literal["scenario"] = PAPER_START
     """`scenario` keeps the scenario's own starts."""
     baseline: str | None = None
@@ -108,13 +112,21 @@ class Plan:
 
     def scenario(self, setting: int, strategy: int, seed: int) -> Scenario:
         """The scenario of one mission."""
-        data = self.scenarios[setting][strategy]
-        return from_data({**data, "seed": seed}, f"{self.settings[setting].label}, seed {seed}")
+        data = deepcopy(self.scenarios[setting][strategy])
+        label = f"{self.settings[setting].label}, seed {seed}"
+        for key, value in self.drawn(seed).items():
+            _put(data, key, value, label)
+        return from_data({**data, "seed": seed}, label)
+
+    def drawn(self, seed: int) -> dict[str, Any]:
+        """Returns the values that a seed draws, by the scenario's keys; those of two keys do not depend on each other."""
+        return {key: Random(f"{seed} {key}").choice(values) for key, values in self.study.draws.items()}
 
     @property
     def fingerprint(self) -> str:
         """A digest of everything that decides a mission's figures; a study resumes the rows of the same digest alone."""
-        text = json.dumps([self.scenarios, self.strategies, self.study.model, version("musselbed")])
+        decisive = [self.scenarios, self.strategies, self.study.model, version("musselbed")]
+        text = json.dumps([*decisive, self.study.draws] if self.study.draws else decisive)
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -142,6 +154,7 @@ def plan_of(data: Any, source: str, directory: Path) -> Plan:
     strategies = [_strategy_of(given) for given in study.strategies]
     names = tuple(strategy.name for strategy in strategies)
     _check_names(study, names, source)
+    _check_draws(study, strategies, source)
     scenarios = [load(directory / file) for file in study.scenarios]
     settings, rows, mistakes = [], [], []
     for scenario, values in itertools.product(scenarios, itertools.product(*study.parameters.values())):
@@ -150,6 +163,9 @@ def plan_of(data: Any, source: str, directory: Path) -> Plan:
         for strategy in strategies:
             try:
                 row.append(_checked(_changed(scenario, study, parameters, strategy), study, source))
+                for drawn in itertools.product(*study.draws.values()):
+                    both = (*parameters, *zip(study.draws, drawn, strict=True))
+                    _checked(_changed(scenario, study, both, strategy), study, source)
             except ScenarioError as error:
                 mistakes += str(error).splitlines()
         rows.append(tuple(row))
@@ -216,16 +232,33 @@ def _changed(
     if isinstance(study.start, RandomStart):
         data["fleet"]["start"] = {"charge": list(study.start.charge)}
     for key, value in [*parameters, *((f"mission.{key}", value) for key, value in strategy.mission.items())]:
-        *blocks, last = key.split(".")
-        place: Any = data
-        for block in blocks:
-            place = place.get(block) if isinstance(place, dict) else None
-        if not isinstance(place, dict):
-            raise ScenarioError([f"parameters: {key}: the scenario {scenario.name} has no such block"])
-        place[last] = value
+        _put(data, key, value, scenario.name)
     if "fleet.count" in dict(parameters):
         data["fleet"]["agent_ids"] = []
     return data
+
+
+def _check_draws(study: Study, strategies: Sequence[Strategy], source: str) -> None:
+    """Refuses the keys that settings and strategies decide."""
+    decided = {"theta", "fleet.count", "seed", *study.parameters}
+    decided |= {f"mission.{key}" for strategy in strategies for key in strategy.mission}
+    if both := sorted(decided & study.draws.keys()):
+        raise ScenarioError(
+            [
+                f"{source}: draws: {', '.join(both)}: no seed decides this: name it in parameters or strategies alone"
+            ]
+        )
+
+
+def _put(data: dict[str, Any], key: str, value: Any, scenario: str) -> None:
+    """Sets a key of the scenario's data, as `mission.batch`."""
+    *blocks, last = key.split(".")
+    place: Any = data
+    for block in blocks:
+        place = place.get(block) if isinstance(place, dict) else None
+    if not isinstance(place, dict):
+        raise ScenarioError([f"{key}: the scenario {scenario} has no such block"])
+    place[last] = value
 
 
 def _checked(data: dict[str, Any], study: Study, source: str) -> dict[str, Any]:

@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 from scipy.optimize import linprog
 
-from apad_bridge.runs.studies.capacity import Rates, _best_gain, active_minutes, bounds_of, rates_of
+from apad_bridge.runs.studies.capacity import (
+    Rates,
+    _best_gain,
+    active_minutes,
+    bounds_of,
+    drain_at_load,
+    rates_of,
+    sustained_by_balance,
+    uptime_with_services,
+)
 from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -84,6 +93,21 @@ def test_a_mission_by_hand() -> None:
     assert active_minutes([half] * 16, 1000.0, 1) == pytest.approx(16 * 500 + 3 * 1000)
 
 
+def test_few_services_by_hand() -> None:
+    """The pool's 12 from a charge of 0.6 for 1200 minutes."""
+    data = resolve(pool())
+    data["fleet"]["start"] = {"charge": [0.6, 0.6]}
+    scenario, time_min = from_data(data, "test"), 12 * 1200
+    # Four whole batteries on top, in 1940 of the docks' minutes.
+    assert uptime_with_services(scenario, 4) == pytest.approx(100 * (12 * 0.6 + 4) / D / time_min, rel=1e-3)
+    # Each of seven gains the fast 0.4366 in 150 minutes, and g more at the middle rate, until no time is left.
+    more_min = (time_min - (12 * 0.6 + 7 * 0.4366) / D - 7 * 0.4366 / C) / (1 + 0.00223 / D)
+    docked_min = 7 * 0.4366 / C + more_min
+    assert uptime_with_services(scenario, 7) == pytest.approx(100 * (1 - docked_min / time_min), rel=1e-3)
+    # So many that all are on the fast part: the linear programme's bound.
+    assert uptime_with_services(scenario, 99) == pytest.approx(bounds_of([scenario]).uptime_percent, rel=1e-6)
+
+
 fleets = st.lists(
     st.builds(Rates, st.floats(0, 1), st.floats(1e-4, 1e-2), st.floats(1e-4, 1e-2), st.just(500.0)),
     min_size=1,
@@ -127,6 +151,8 @@ def test_no_flight_exceeds_the_bounds(
     tick = 1 / scenario.duration_s
     assert flown.uptime_paper_mean <= bounds.uptime_percent + 100 * tick
     assert flown.active_mean <= bounds.active + count * tick
+    served = uptime_with_services(scenario, flown.services + 4)  # four may be docked at the end
+    assert flown.uptime_paper_mean <= served + 100 * tick
     assert bounds.samples is not None and flown.samples_taken <= bounds.samples + count
 
 
@@ -140,6 +166,41 @@ def test_a_whole_board_s_bounds_follow_its_duty_cycle() -> None:
     bounds = bounds_of([scenario], 600.0)
     assert bounds.samples is not None and flown.samples_taken <= bounds.samples
     assert flown.uptime_paper_mean <= bounds.uptime_percent + 100 / 600
+
+
+def test_a_whole_board_pays_for_its_motors_and_draws_in_a_dock_by_hand() -> None:
+    """Table I's primary takes 390 min through two coils; a motor run takes 0.0268 of a battery (the heavy run's fit)."""
+    above_knee, two_coils = 0.4366, 0.0036198285
+    asleep = (3.92756e-05 + 2.81532e-05) * 0.6037  # the MU and the modem listen on, and the power path's part
+    gained = above_knee - 2 * 0.0268
+    found = rates_of(load(WHOLE_FILE))[0]
+    assert found.charge == pytest.approx(gained / (above_knee / (two_coils - asleep)), rel=1e-3)
+
+
+def test_a_fleet_that_draws_a_part_of_the_law_by_hand() -> None:
+    # Twenty docks and 120 aMussels at 90 %: 120 = 0.9 x 20 x (1 + 17 / 3).
+    drain = drain_at_load(C, 120, 20, 0.9)
+    assert drain == pytest.approx(C * 3 / 17)
+    assert 0.9 * 20 * (1 + C / drain) == pytest.approx(120)
+    with pytest.raises(ValueError, match="20 docks hold 18 aMussels for ever"):
+        drain_at_load(C, 18, 20, 0.9)
+
+
+def test_the_capacity_by_a_fleet_s_balance_by_hand() -> None:
+    # Ten aMussels of 0.001 a minute lose one battery together in 2000 minutes: half an aMussel is too much.
+    assert sustained_by_balance(10, -1.0, 0.001, 2000.0) == pytest.approx(9.5)
+    assert sustained_by_balance(10, 0.0, 0.001, 2000.0) == 10
+
+
+@given(st.integers(1, 4), st.floats(1e-4, 1e-2), st.floats(1e-4, 1e-2), st.integers(1, 30))
+def test_docks_that_always_charge_at_the_law_s_rate_measure_the_law(
+    docks: int, drain: float, charge: float, amussels: int
+) -> None:
+    """Whatever the fleet's size: its balance is the docks' gain less the drain of all that are in the water."""
+    minutes = 600.0
+    gained = docks * charge * minutes - (amussels - docks) * drain * minutes
+    law = docks * (1 + charge / drain)
+    assert sustained_by_balance(amussels, gained, drain, minutes) == pytest.approx(law)
 
 
 def awake_all_the_time(scenario: Scenario) -> Scenario:

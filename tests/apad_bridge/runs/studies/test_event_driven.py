@@ -13,11 +13,15 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 
 from agents.mussel.body import drift_step_um
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.division import members
+from apad_bridge.mission.state import Phase
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.event_driven import drift_sums, fly_event_driven, model_gap
 from apad_bridge.runs.studies.models import Model, StrategyFailed, fly, fly_each_tick
+from apad_bridge.runs.studies.several_in_memory import fly_shares, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -133,6 +137,42 @@ def test_the_seconds_in_which_an_amussel_comes_up_and_after_a_step_was_given_up_
         )
     )
     assert len(ticks) < 300
+
+
+def test_the_seconds_of_a_charge_at_home_are_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    phases, tick = [], Flight.tick
+
+    def counted(self: Flight, now_ms: int) -> None:
+        phases.append(self.supervisor.mission.state.phase)
+        tick(self, now_ms)
+
+    monkeypatch.setattr(Flight, "tick", counted)
+    # From 20 to 100 % of 25 Wh takes 15 min or more with 100 W, of which the hotel load takes a quarter.
+    battery = {**resolve(POOL)["apad"]["battery"], "capacity_wh": 25.0, "start_fraction": 0.2}
+    home = {"charging_w": 100.0, "go_at": 0.3}
+    fly_event_driven(changed(seed=14, apad__battery=battery, apad__home=home))
+    assert 0 < phases.count(Phase.AT_HOME) < 120
+
+
+def test_shares_flown_one_by_one_are_those_of_the_apads_in_step() -> None:
+    scenario = changed(
+        seed=5,
+        duration_s=900.0,
+        mission__dispatch="asynchronous",
+        apads=[{"name": "apad2", "start_m": [20.0, 4.0]}],
+    )
+    opened = open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
+    opened.runner.run()
+    ours = fly_shares(scenario)
+    for name, flown in opened.figures().items():
+        assert ours[name].services == flown["services"] > 0
+        assert ours[name].metres == pytest.approx(flown["planned_m"])
+        assert ours[name].uptime_paper_mean == pytest.approx(flown["uptime_paper"]["mean"])
+
+
+def test_shares_outside_the_model_are_refused() -> None:
+    with pytest.raises(ValueError, match="leaves out guards"):
+        fly_shares(changed(guards={}))
 
 
 def test_a_battery_that_runs_out_ends_both_models_alike() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.commands.main import main
-from apad_bridge.runs.studies import runner
+from apad_bridge.runs.studies import report, runner
 from apad_bridge.runs.studies.sleep_schedules import AMUSSELS, reason_of, schedules_of, sleep_study
 from apad_bridge.runs.studies.specification import Plan
 
@@ -68,6 +68,8 @@ def test_the_command_prints_the_schedules_and_the_reason(
         return [{**figures, **row} for row in rows_of(plan, 600.0)]
 
     monkeypatch.setattr(runner, "fly_study", fly_study)
+    # Its twelve figures, twice, took longer than all the rest; other tests of studies draw theirs.
+    monkeypatch.setattr(report, "_figure", lambda *_: "")
     assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out")]) == 0
     assert "Recommended: a wake every 30 min, sensors on for 60 s" in capsys.readouterr().out
     assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out"), "--json"]) == 0

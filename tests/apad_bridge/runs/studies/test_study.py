@@ -20,9 +20,17 @@ from apad_bridge.commands.main import main
 from apad_bridge.runs.studies import runner
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.runner import JOURNAL, AnotherStudy, StudyFailed, fly_study
-from apad_bridge.runs.studies.specification import Plan, load_study, plan_of, with_seeds
+from apad_bridge.runs.studies.specification import (
+    STUDY_FILE,
+    Plan,
+    load_study,
+    plan_of,
+    with_seeds,
+    write_study,
+)
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import write_resolved
+from apad_bridge.scenario.starts import starts_of
 
 SHIPPED = Path(__file__).parents[4] / "launch_scripts/studies"
 STUDY = {
@@ -52,6 +60,10 @@ def plan(**changes: Any) -> Plan:
             {"scenarios": [str(WHOLE_FILE)]},
             r"the event-driven model leaves out board.whole.* Say `model: mission`",
         ),
+        ({"draws": {"area.size": [1]}}, "area.size"),
+        ({"draws": {"mission.batch": [4, 9]}}, "9 aMussels do not fit into 4 docks"),
+        ({"draws": {"duration_s": [300.0]}}, "draws: duration_s: no seed decides this"),
+        ({"draws": {"theta": [30]}}, "draws: theta: no seed decides this"),
         ({"seeds": 0}, "seeds"),
         ({"colour": "red"}, "colour"),
     ],
@@ -100,6 +112,12 @@ def test_a_study_multiplies_settings_strategies_and_seeds() -> None:
     assert found.strategies[1] == "collection cautious, full_threshold 0.9"
 
 
+def test_a_parameter_s_value_may_be_a_block() -> None:
+    found = plan(parameters={"apad.home": [None, {"charging_w": 300.0, "go_at": 0.2}]})
+    homes = [found.scenario(setting, 0, 1).apad.home for setting in (0, 1)]
+    assert homes[0] is None and homes[1] is not None and homes[1].go_at == 0.2
+
+
 def test_a_mission_of_a_whole_board_is_flown_tick_by_tick_where_asked(tmp_path: Path) -> None:
     (row,) = fly_study(
         plan(scenarios=[str(WHOLE_FILE)], strategies=["cautious"], seeds=1, model="mission"), tmp_path, 1
@@ -138,6 +156,24 @@ def test_more_seeds_add_to_a_study_and_another_study_is_refused(tmp_path: Path) 
     assert told == [4, 2]
     with pytest.raises(AnotherStudy, match=r"holds the missions of another study.*--out"):
         fly_study(plan(strategies=["greedy"]), tmp_path, 1)
+
+
+def test_each_seed_draws_for_all_strategies_alike(tmp_path: Path) -> None:
+    charges, areas = [[0.1, 0.2], [0.8, 0.9]], [[[0, 0], [8, 0], [8, 8]], [[50, 0], [58, 0], [58, 8]]]
+    drawing = plan(draws={"fleet.start.charge": charges, "area.polygon_m": areas}, seeds=12)
+    fleets = [
+        [starts_of(drawing.scenario(0, strategy, seed)) for strategy in (0, 1)] for seed in drawing.seeds
+    ]
+    assert all(own == others for own, others in fleets)
+    drawn = {(fleet[0].primary > 0.5, fleet[0].north_m > 20) for fleet, _ in fleets}
+    assert drawn == {(False, False), (False, True), (True, False), (True, True)}
+    fly_study(with_seeds(drawing, 2), tmp_path, 1)
+    write_study(drawing, tmp_path)
+    again = load_study(tmp_path / STUDY_FILE)
+    assert [again.drawn(seed) for seed in again.seeds] == [drawing.drawn(seed) for seed in drawing.seeds]
+    assert again.fingerprint == drawing.fingerprint
+    with pytest.raises(AnotherStudy):
+        fly_study(plan(draws={"fleet.start.charge": charges}), tmp_path, 1)
 
 
 def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
