@@ -164,7 +164,7 @@ class Flight:
             env=environment,
             stdout=subprocess.DEVNULL,
         )
-        stack.callback(_end, self.command)
+        stack.callback(end_program, self.command)
         while not (self.run.is_dir() and listens(self.run)):
             if self.command.poll() is not None:
                 raise RuntimeError("the flight did not begin")
@@ -178,7 +178,7 @@ class Flight:
         return [(mission_s, at_s) for mission_s, at_s in json.loads(self.reader.end())]
 
 
-def _end(flying: subprocess.Popen[bytes]) -> None:
+def end_program(flying: subprocess.Popen[bytes]) -> None:
     """Ends a flight that still flies, with its aMussels; a kill would leave them to a resume."""
     flying.terminate()
     flying.wait(TIMEOUT_S)

@@ -63,7 +63,7 @@ MUSSELBED_FLEETS = (
 """(board, agents, seconds of mission time granted at once)"""
 HOURLY_FLEETS = (24, 100, 1000, 3000, 10_000)
 HOURS = 3
-SPARE_MB = 3072
+SPARE_MB = 1024
 ROSPY_NODES = (24, 100)
 THETA = PAPER.theta
 MISSION_S = 20 * 3600 // THETA

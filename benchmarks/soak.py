@@ -1,15 +1,25 @@
-"""Memory, descriptors and threads of each process in an hour at real time and theta 30: they have to stay flat.
+"""Memory, descriptors and threads of each process in an hour at real time, and in ten days at once: they have to stay flat.
 
-The flight is that of `benchmarks/run console`, with a browser that stays. Every process is looked at each 10 s. The first
-quarter fills caches and does not count; `..._per_hour` are slopes of a straight line through the rest. Memory is what is
-private to a process, so that no other program of the machine changes it. The bare rospy node that reads the ticks is the
-floor: what its memory does is rospy's own. The laws of `musselbed check` are checked at the end.
+- An hour at real time and theta 30, over ROS: the flight of `benchmarks/run console`, with a browser that stays. The bare
+  rospy node that reads the ticks is the floor: what its memory does is rospy's own.
+- Ten days of 120 aMussels with five aPads at theta 30, in virtual time, each aMussel a process. The aPads' energy is
+  unlimited.
+
+Every process is looked at each 10 s. The first quarter fills caches and does not count; `..._per_hour` and `..._per_day`
+are slopes of a straight line through the rest, the latter by days of the aMussels' time. Memory is what is private to a
+process, so that no other program of the machine changes it. The laws of `musselbed check` are checked at the end.
+
+The published stack advertises a topic for each aMussel when it first docks, and rospy takes a descriptor and a thread for
+its connection at either end. So `docked_so_far` stands beside the table: that growth ends with the fleet.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
+import sys
+import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterator
@@ -19,20 +29,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.check import broken_laws
-from benchmarks.console import AGENTS, Clients, Flight
+from benchmarks.console import AGENTS, Clients, Flight, end_program
 
 LOOK_S = 10.0
 WARM_PART = 0.25
 PROC = Path("/proc")
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+SEVERAL = Path(__file__).parents[1] / "launch_scripts/scenarios/bay-120.yaml"
+UNLIMITED_WH = 1e6
+COUNTED = {"private_mb": ".1f", "descriptors": "d", "threads": "d"}
+"""The counted quantities, each with the format of its cells."""
+_TAIL_BYTES = 100_000
+"""More than a tick's lines of a journal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Used:
-    """Private memory, descriptors and threads of the processes of one kind together, at a moment."""
+    """Private memory, descriptors and threads of the processes of one kind together, at a moment of the flight."""
 
     at_s: float
     processes: int
@@ -41,8 +59,13 @@ class Used:
     threads: int
 
 
-def measure(minutes: float = 60.0) -> dict[str, Any]:
+def measure(minutes: float = 60.0, days: float = 10.0) -> dict[str, Any]:
+    return {"real_time": at_real_time(minutes), "virtual_time": in_virtual_time(days)}
+
+
+def at_real_time(minutes: float) -> dict[str, Any]:
     seen: dict[str, list[Used]] = defaultdict(list)
+    docked: list[int] = []
     with ExitStack() as stack:
         flight = Flight(stack, round(60 * minutes))
         browser = Clients(flight.url, 1)
@@ -53,12 +76,10 @@ def measure(minutes: float = 60.0) -> dict[str, Any]:
             "console": flight.console.process.pid,
             "bare rospy node": flight.reader.process.pid,
         }
-        while True:
-            with suppress(subprocess.TimeoutExpired):
-                flight.command.wait(LOOK_S)
-                break
+        while not _ended(flight.command):
             for kind, used in _looked(kinds, time.monotonic()):
                 seen[kind].append(used)
+            docked.append(_docked_so_far(flight.run))
         ticks = len(flight.ticks())
         laws = sum(map(len, broken_laws(flight.run).values()))
     return {
@@ -66,8 +87,64 @@ def measure(minutes: float = 60.0) -> dict[str, Any]:
         "minutes": minutes,
         "ticks": ticks,
         "broken_laws": laws,
-        "rows": [_row(kind, used) for kind, used in seen.items()],
+        "docked_so_far": _three(_counted(docked)),
+        "rows": [_row(kind, used, "hour", 3600) for kind, used in seen.items()],
     }
+
+
+def in_virtual_time(days: float) -> dict[str, Any]:
+    seen: dict[str, list[Used]] = defaultdict(list)
+    began_s = time.monotonic()
+    with ExitStack() as stack:
+        home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
+        data = yaml.safe_load(SEVERAL.read_text())
+        theta = data["theta"]
+        data |= {"duration_s": round(86_400 * days / theta)}
+        data["apad"]["battery"] = {"capacity_wh": UNLIMITED_WH}
+        (home / "flown.yaml").write_text(yaml.safe_dump(data))
+        run = home / "run"
+        command = subprocess.Popen(
+            [*MUSSELBED, "run", home / "flown.yaml", "--time", "asap", "--json", "--out", run],
+            stdout=subprocess.DEVNULL,
+        )
+        stack.callback(end_program, command)
+        while not _ended(command):
+            mission_s = _mission_s(run)
+            for kind, used in _looked({"command": command.pid}, mission_s * theta):
+                seen[kind].append(used)
+        if command.returncode != 0:
+            raise RuntimeError(f"the flight ended with exit code {command.returncode}")
+        laws = sum(
+            len(found) for it in run.glob("*/journal.jsonl") for found in broken_laws(it.parent).values()
+        )
+    return {
+        "agents": data["fleet"]["count"],
+        "apads": 1 + len(data["apads"]),
+        "days": days,
+        "took_s": time.monotonic() - began_s,
+        "broken_laws": laws,
+        "rows": [_row(kind, used, "day", 86_400) for kind, used in seen.items()],
+    }
+
+
+def _ended(command: subprocess.Popen[bytes]) -> bool:
+    """Waits until the next look is due; True if the flight has ended before."""
+    try:
+        command.wait(LOOK_S)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
+
+
+def _mission_s(run: Path) -> float:
+    """The mission time of the newest whole line in any journal of the run; 0 before the first."""
+    newest_s = 0.0
+    for journal in run.glob("*/journal.jsonl"):
+        with open(journal, "rb") as file:
+            file.seek(max(0, journal.stat().st_size - _TAIL_BYTES))
+            for line in file.read().split(b"\n")[1:-1]:
+                newest_s = max(newest_s, json.loads(line)["t"] / 1000)
+    return newest_s
 
 
 def _looked(kinds: dict[str, int], at_s: float) -> Iterator[tuple[str, Used]]:
@@ -76,7 +153,7 @@ def _looked(kinds: dict[str, int], at_s: float) -> Iterator[tuple[str, Used]]:
     trees = {kind: [pid] for kind, pid in kinds.items()}
     for pid in children[kinds["command"]]:
         kind = "nursery and aMussels" if "agents.nursery" in _command_line(pid) else "supervisor"
-        trees[kind] = [pid, *children[pid]]
+        trees.setdefault(kind, []).extend([pid, *children[pid]])
     for kind, pids in trees.items():
         found = [used for pid in pids if (used := _used(pid)) is not None]
         if found:
@@ -116,38 +193,67 @@ def _used(pid: int) -> tuple[int, int, int] | None:
         return None
 
 
-def _row(kind: str, used: list[Used]) -> dict[str, Any]:
-    counted = used[int(WARM_PART * len(used)) : -1]  # at the last look it may be ending
+def _docked_so_far(run: Path) -> int:
+    """The number of aMussels that docked at least once, by the journal."""
+    with open(run / "journal.jsonl") as lines:
+        # The flight may be writing the last line.
+        events = [json.loads(line) for line in lines if '"dock"' in line and line.endswith("}\n")]
+    return len(
+        {
+            event["agent"]
+            for event in events
+            if event["kind"] == "primitive" and event["name"] == "dock" and event["phase"] == "succeeded"
+        }
+    )
+
+
+def _counted(looks: list[Any]) -> list[Any]:
+    return looks[int(WARM_PART * len(looks)) : -1]  # at the last look it may be ending
+
+
+def _three(values: list[Any]) -> list[Any]:
+    return [values[0], values[len(values) // 2], values[-1]]
+
+
+def _row(kind: str, used: list[Used], unit: str, unit_s: float) -> dict[str, Any]:
+    counted = _counted(used)
     row: dict[str, Any] = {"process": kind, "processes": counted[-1].processes}
-    for key in ("private_mb", "descriptors", "threads"):
+    for key in COUNTED:
         values = [getattr(it, key) for it in counted]
-        hours = [(it.at_s - counted[0].at_s) / 3600 for it in counted]
-        row[key] = [values[0], values[len(values) // 2], values[-1]]
-        row[f"{key}_per_hour"] = float(np.polyfit(hours, values, 1)[0]) if len(values) > 1 else None
+        times = [(it.at_s - counted[0].at_s) / unit_s for it in counted]
+        row[key] = _three(values)
+        row[f"{key}_per_{unit}"] = float(np.polyfit(times, values, 1)[0]) if len(set(times)) > 1 else None
     return row
 
 
 def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(
-        "process",
-        "MB after a quarter, middle, end",
-        "an hour",
-        "descriptors",
-        "an hour",
-        "threads",
-        "an hour",
+    real, virtual = result["real_time"], result["virtual_time"]
+    console.print(_table(real, "hour"))
+    console.print(
+        f"{real['minutes']:g} minutes, {real['agents']} aMussels, {real['ticks']} ticks, {real['broken_laws']} broken laws"
     )
-    for row in result["rows"]:
+    console.print(
+        f"docked so far after a quarter, in the middle and at the end: {', '.join(map(str, real['docked_so_far']))}"
+    )
+    console.print(_table(virtual, "day"))
+    console.print(
+        f"{virtual['days']:g} days, {virtual['agents']} aMussels, {virtual['apads']} aPads, in {virtual['took_s']:.0f} s; "
+        f"{virtual['broken_laws']} broken laws"
+    )
+
+
+def _table(flight: dict[str, Any], unit: str) -> Table:
+    a_unit = f"in {'an' if unit == 'hour' else 'a'} {unit}"
+    table = Table(
+        "process", "MB after a quarter, middle, end", a_unit, "descriptors", a_unit, "threads", a_unit
+    )
+    for row in flight["rows"]:
         cells = [f"{row['process']} ({row['processes']})"]
-        for key, form in (("private_mb", ".1f"), ("descriptors", "d"), ("threads", "d")):
-            slope = row[f"{key}_per_hour"]
+        for key, form in COUNTED.items():
+            slope = row[f"{key}_per_{unit}"]
             cells += [
                 ", ".join(format(it, form) for it in row[key]),
                 "unknown" if slope is None else f"{slope:+.2f}",
             ]
         table.add_row(*cells)
-    console.print(table)
-    console.print(
-        f"{result['minutes']:g} minutes, {result['agents']} aMussels, {result['ticks']} ticks, "
-        f"{result['broken_laws']} broken laws"
-    )
+    return table

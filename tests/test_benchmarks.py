@@ -5,14 +5,18 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shapely import Point, Polygon
 
 from apad_bridge.records.run_directory import RunDirectory
-from benchmarks import chaos
+from apad_bridge.runs.studies.figures import COLUMNS
+from apad_bridge.scenario.loader import load
+from benchmarks import chaos, planner
 
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
@@ -105,3 +109,48 @@ def test_a_flight_with_faults_is_checked_by_the_laws_of_a_run(monkeypatch: pytes
     monkeypatch.setattr(chaos, "check_run", without_a_charge)
     (broken,) = chaos.flown(scenario, resets).broken
     assert broken.startswith("energy is neither made nor lost: aMussel 3")
+
+
+@pytest.mark.parametrize("file", ["pool-12.yaml", "bay-24.yaml"])
+def test_held_out_configurations_have_other_shapes_and_charges_for_all_strategies_alike(file: str) -> None:
+    plan = planner.plan_for(planner.CONDITIONS["free surfacing"], file, 40)
+    own = load(planner.SCENARIOS / file).area.polygon_m
+    scenarios = [plan.scenario(0, 0, seed) for seed in plan.seeds]
+    assert min(plan.seeds) >= planner.FIRST_HELD_OUT
+    assert all(
+        Polygon(it.area.polygon_m).area == pytest.approx(Polygon(own).area, rel=2e-3) for it in scenarios
+    )
+    assert all(Polygon(it.area.polygon_m).contains(Point(it.apad.start_m)) for it in scenarios)
+    assert len({it.area.polygon_m for it in scenarios}) == 4 and own in {
+        it.area.polygon_m for it in scenarios
+    }
+    assert len({it.fleet.start for it in scenarios}) == len(planner.CHARGES)
+    last = len(plan.strategies) - 1
+    assert all(plan.scenario(0, last, it.seed).area == it.area for it in scenarios)
+
+
+def test_a_comparison_by_hand() -> None:
+    """Two configurations: a strategy with 3 and 5 points more than Cautious on 10 m less than Greedy's 100 and 110."""
+    plan = planner.plan_for(planner.CONDITIONS["2 % a surfacing"], "pool-12.yaml", 2)
+    rows = [
+        dict.fromkeys(COLUMNS, 0.0)
+        | {"strategy": name, "seed": seed, "uptime_paper_mean": uptime, "metres": metres}
+        for name, uptimes, ways_m in (
+            ("cautious", (70.0, 72.0), (200.0, 200.0)),
+            ("greedy", (60.0, 60.0), (100.0, 110.0)),
+            ("rollout-fair", (73.0, 77.0), (90.0, 100.0)),
+        )
+        for seed, uptime, metres in zip(plan.seeds, uptimes, ways_m, strict=True)
+    ]
+    flown = replace(plan, strategies=("cautious", "greedy", "rollout-fair"))
+    found = planner.compared(flown, rows)
+    assert found["services_of_greedys_way"] == pytest.approx(
+        105 / (0.7124 * 7), rel=1e-3
+    )  # 588 square metres
+    ours = found["strategies"]["rollout-fair"]
+    mean, low, high = ours["differences"]["uptime_paper_mean"]
+    assert mean == pytest.approx(4) and (high - low) / 2 == pytest.approx(
+        12.706, rel=1e-3
+    )  # t for one degree
+    assert ours["metres_of_greedy"] == pytest.approx(95 / 105)
+    assert ours["metres_more_than_greedy"][0] == pytest.approx(-10)
