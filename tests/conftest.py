@@ -1,13 +1,41 @@
-"""For every test: a slow machine, or one that does other things too, is no reason to fail; nor is a suite under nohup."""
+"""For every test: a slow machine, or one that does other things too, is no reason to fail; nor is a suite under nohup.
+
+Workers share the files out in an order in which no processor waits at the end.
+"""
 
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
-settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any_machine")
+# Each run of the suite tries the same examples, so that a failure is one of the change at hand; the nightly script searches
+# on with `--hypothesis-profile=search`.
+settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.register_profile("repeats", settings.get_profile("search"), derandomize=True)
+settings.load_profile("repeats")
 
 # A shell's background job ignores SIGINT, and one under nohup SIGHUP: what is ignored is handed on to every child.
 for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
+
+HERE = Path(__file__).parent
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Spreads the files of system tests over the first half of a suite that several workers run.
+
+    A system test mostly waits, so a worker beside it should compute. The last files are short ones, which all workers end
+    together.
+    """
+    if not hasattr(config, "workerinput"):
+        return
+    files = list(dict.fromkeys(item.path for item in items))
+    # The files beside this one are few and slow: types, pages.
+    first, system = ([it for it in files if it.parent == folder] for folder in (HERE, HERE / "system"))
+    others = [it for it in files if it not in {*first, *system}]
+    rank = {path: (0.0, n) for n, path in enumerate(first)}
+    rank |= {path: (0.5 * n / len(system), n) for n, path in enumerate(system, start=1)}
+    rank |= {path: (n / len(others), n) for n, path in enumerate(others, start=1)}
+    items.sort(key=lambda item: rank[item.path])

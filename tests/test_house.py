@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -31,10 +32,16 @@ ROS |= {"genpy", "genmsg", "std_msgs", "std_srvs", "geometry_msgs", "actionlib_m
 ROS |= {folder.name for folder in DEFINITIONS.iterdir()}
 
 
-def imported_names(text: str) -> set[str]:
+@cache
+def nodes_of(path: Path) -> list[ast.AST]:
+    """All nodes of a file's syntax tree, which several rules look at."""
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
+def imported_names(path: Path) -> set[str]:
     """The first part of every absolute import, wherever in the file it stands."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
@@ -45,7 +52,7 @@ def imported_names(text: str) -> set[str]:
 def files_that_import(names: set[str], root: Path = ROOT) -> Iterator[Path]:
     for room in ROOMS:
         for path in sorted((root / room).rglob("*.py")):
-            if imported_names(path.read_text()) & names:
+            if imported_names(path) & names:
                 yield path.relative_to(root)
 
 
@@ -72,7 +79,7 @@ def callers_of(method: str, receivers: set[str]) -> set[tuple[str, str]]:
     """(file, receiver) of each call RECEIVER.method(...) in apad_bridge, where RECEIVER ends in one of these names."""
     found = set()
     for path in sorted((ROOT / "apad_bridge").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes_of(path):
             if (
                 isinstance(node, ast.Call)
                 and isinstance(node.func, ast.Attribute)
@@ -134,7 +141,7 @@ def module_imports(root: Path = ROOT) -> dict[str, set[str]]:
     names = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in paths}
     found: dict[str, set[str]] = {name: set() for name in names}
     for name, path in names.items():
-        for node in ast.walk(ast.parse((root / path).read_text())):
+        for node in nodes_of(root / path):
             if isinstance(node, ast.Import):
                 found[name] |= {alias.name for alias in node.names} & names.keys()
             elif isinstance(node, ast.ImportFrom) and node.module:

@@ -25,7 +25,7 @@ from apad.msg import aPadAction, aPadGoal  # noqa: E402
 from misc_msgs.srv import ChangeDockingStatus, GetChargeInfo, GetDockingInfo, SendEnergy  # noqa: E402
 from navcon_msgs.srv import ConfigureVelocityController, EnableControl  # noqa: E402
 
-PATIENCE_S = 40.0
+PATIENCE_S = 180.0
 PERCH = 1
 
 

@@ -31,7 +31,7 @@ from apad.msg import aPadAction, aPadGoal  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
 from misc_msgs.srv import Go2pointPrimitiveService  # noqa: E402
 
-PATIENCE_S = 40.0
+PATIENCE_S = 180.0
 DRIFT_S = 30
 STEADY_MS = 15_000
 

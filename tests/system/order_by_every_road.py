@@ -47,7 +47,7 @@ from navcon_msgs.msg import (  # noqa: E402
     GoToPointGoal,
 )
 
-PATIENCE_S = 20.0
+PATIENCE_S = 180.0
 
 
 class Goal:

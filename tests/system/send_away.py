@@ -14,6 +14,7 @@ from typing import Any
 
 import rospy
 from actionlib import SimpleActionClient
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from std_srvs.srv import Trigger
 
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -24,7 +25,7 @@ from apad.msg import aPadAction, aPadActionGoal, aPadGoal  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
 from musselbed_msgs.msg import MissionEvent  # noqa: E402
 
-PATIENCE_S = 90.0
+PATIENCE_S = 150.0
 STAYS = 50
 """Positions at 10 Hz."""
 
@@ -34,11 +35,17 @@ def main() -> None:
     rospy.init_node("somebody", disable_signals=True)
     events: queue.Queue[tuple[str, dict[str, Any]]] = queue.Queue()
     positions: queue.Queue[tuple[float, float]] = queue.Queue()
-    goals: queue.Queue[tuple[float, float]] = queue.Queue()
+    goals: queue.Queue[tuple[str, tuple[float, float]]] = queue.Queue()
+    active: queue.Queue[set[str]] = queue.Queue()
     rospy.Subscriber(
         "/apad1/action_server/goal",
         aPadActionGoal,
-        lambda it: goals.put((it.goal.pose.position.x, it.goal.pose.position.y)),
+        lambda it: goals.put((it.goal_id.id, (it.goal.pose.position.x, it.goal.pose.position.y))),
+    )
+    rospy.Subscriber(
+        "/apad1/action_server/status",
+        GoalStatusArray,
+        lambda it: active.put({row.goal_id.id for row in it.status_list if row.status == GoalStatus.ACTIVE}),
     )
     rospy.Subscriber(
         "/musselbed/mission", MissionEvent, lambda it: events.put((it.kind, json.loads(it.data)))
@@ -59,8 +66,12 @@ def main() -> None:
     kind, begun = events.get(timeout=PATIENCE_S)
     while (kind, begun.get("name"), begun.get("phase")) != ("primitive", "go to point", "started"):
         kind, begun = events.get(timeout=PATIENCE_S)
-    # The event may come before the mission's goal does, which would then send this one away.
-    while math.dist(goals.get(timeout=PATIENCE_S), (begun["north_m"], begun["east_m"])) > 0.01:
+    # The event may come before the mission's goal does, which would then send this one away. Nor does a goal come to its
+    # server when it comes here: the vehicle must follow it.
+    key, place = goals.get(timeout=PATIENCE_S)
+    while math.dist(place, (begun["north_m"], begun["east_m"])) > 0.01:
+        key, place = goals.get(timeout=PATIENCE_S)
+    while key not in active.get(timeout=PATIENCE_S):
         pass
     goal = aPadGoal(id=0)
     goal.pose.position.x, goal.pose.position.y = north_m, east_m

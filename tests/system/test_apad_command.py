@@ -28,7 +28,7 @@ pytestmark = pytest.mark.system
 def test_it_offers_its_generation_alone_and_ends_at_ctrl_c(
     generation: str, service: str, tmp_path: Path
 ) -> None:
-    master = start_master(tmp_path / "ros", timeout_s=20, orphan_s=60)
+    master = start_master(tmp_path / "ros", timeout_s=120, orphan_s=60)
     try:
         environment = loopback_environment(tmp_path / "ros", master.uri)
         with subprocess.Popen(

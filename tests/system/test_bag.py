@@ -89,7 +89,7 @@ def tool_environment(messages: Path, base: dict[str, str] | None = None) -> dict
 
 @pytest.fixture
 def master(tmp_path: Path) -> Iterator[Master]:
-    running = start_master(tmp_path / "ros", timeout_s=20, orphan_s=0)
+    running = start_master(tmp_path / "ros", timeout_s=120, orphan_s=0)
     yield running
     running.stop()
 
@@ -97,7 +97,7 @@ def master(tmp_path: Path) -> Iterator[Master]:
 def rosbag(*words: str, environment: dict[str, str]) -> str:
     tool = shutil.which("rosbag")
     assert tool, "rosbag is missing: apt-get install python3-rosbag"
-    done = subprocess.run([tool, *words], env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([tool, *words], env=environment, capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -173,6 +173,6 @@ def test_rosbag_play_gives_every_tick_to_a_subscriber(
         )
         heard = listener.stdout.readline()
     finally:
-        listener.communicate(timeout=20)
+        listener.communicate(timeout=180)
     times = list(range(0, 1000 * TICKS, 1000))
     assert heard == f"{times} 7 0.5 1.5 True {30 * times[-1]}\n"

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from scenario_files import POOL_FILE
 
+from apad_bridge.commands.main import main
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.scenario import loader
 
@@ -34,25 +35,35 @@ def scenario(tmp_path: Path, docks: int, generation: str, fault: str = "none") -
     return path
 
 
-def flown(path: Path, out: Path, *options: str) -> tuple[dict[str, Any], list[Line]]:
-    command = [sys.executable, "-m", "apad_bridge.commands.main", "run", str(path), *options]
+def over_ros(path: Path, out: Path) -> tuple[dict[str, Any], list[Line]]:
+    command = [sys.executable, "-m", "apad_bridge.commands.main", "run", str(path), "--speed", "500"]
     command += ["--hosting", "one_process", "--json", "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout), read_journal(out / "journal.jsonl").lines
+    return records(out)
+
+
+def in_virtual_time(path: Path, out: Path) -> tuple[dict[str, Any], list[Line]]:
+    words = ["run", str(path), "--time", "asap", "--hosting", "one_process", "--json", "--out", str(out)]
+    assert main(words) == 0
+    return records(out)
+
+
+def records(out: Path) -> tuple[dict[str, Any], list[Line]]:
+    return json.loads((out / "summary.json").read_text()), read_journal(out / "journal.jsonl").lines
 
 
 def changes(lines: list[Line]) -> list[tuple[int, int, bool]]:
     return [(line["dock"], line["agent"], line["closed"]) for line in lines if line["kind"] == "dock"]
 
 
-@pytest.mark.parametrize(("generation", "docks"), [("a", 1), ("a", 6), ("b", 1), ("b", 3)])
+@pytest.mark.parametrize(("generation", "docks"), [("a", 6), ("b", 1)])
 def test_a_run_over_ros_uses_all_docks_as_one_in_virtual_time_does(
     tmp_path: Path, generation: str, docks: int
 ) -> None:
     path = scenario(tmp_path, docks, generation)
-    summary, lines = flown(path, tmp_path / "ros", "--speed", "500")
-    virtual, virtual_lines = flown(path, tmp_path / "asap", "--time", "asap")
+    summary, lines = over_ros(path, tmp_path / "ros")
+    virtual, virtual_lines = in_virtual_time(path, tmp_path / "asap")
     found = changes(lines)
     assert {dock for dock, _, _ in found} == set(range(docks))
     assert [closed for _, _, closed in found[: 2 * docks]] == [True] * docks + [False] * docks
@@ -69,8 +80,8 @@ def test_a_run_over_ros_uses_all_docks_as_one_in_virtual_time_does(
 def test_a_server_that_is_silent_about_higher_docks_loses_no_amussel(tmp_path: Path) -> None:
     """As the published server is. All are brought home, and to the same places as by one that tells all it holds."""
     path = scenario(tmp_path, 4, "a", "counts_docks")
-    summary, lines = flown(path, tmp_path / "ros", "--speed", "500")
-    virtual, virtual_lines = flown(path, tmp_path / "asap", "--time", "asap")
+    summary, lines = over_ros(path, tmp_path / "ros")
+    virtual, virtual_lines = in_virtual_time(path, tmp_path / "asap")
     assert changes(lines) == changes(virtual_lines) and len(changes(lines)) >= 8
     assert summary["services"] == virtual["services"] >= 4
     reckoned = "silence on position_static of an aMussel that the aPad holds: dead reckoning"

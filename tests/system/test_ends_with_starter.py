@@ -20,7 +20,7 @@ program.wait()
 """
 FAMILY = "(trap '' TERM; exec sleep 600) & echo $$ $!; wait"
 """A program with a child in its group, which does not obey SIGTERM."""
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 def started(*words: str) -> tuple[subprocess.Popen[str], list[int]]:

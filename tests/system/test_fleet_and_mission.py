@@ -14,6 +14,7 @@ import pytest
 import yaml
 from graphs import served_pool, somebodys_graph
 from killing import kill_supervisor
+from patient import PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_messages import typestore
@@ -45,7 +46,7 @@ def start(
     part: str, scenario: Path, out: Path, environment: dict[str, str], *more: str
 ) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [*MUSSELBED, part, str(scenario), "--time", "ros", "--out", str(out), "--json", *more],
+        [*PATIENT_MUSSELBED, part, str(scenario), "--time", "ros", "--out", str(out), "--json", *more],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

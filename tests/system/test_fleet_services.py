@@ -19,12 +19,12 @@ from apad_bridge.ros.types.messages import generated_folder
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 @pytest.fixture
 def master(tmp_path: Path) -> Iterator[Master]:
-    running = start_master(tmp_path / "ros", timeout_s=20, orphan_s=0)
+    running = start_master(tmp_path / "ros", timeout_s=120, orphan_s=0)
     yield running
     running.stop()
 

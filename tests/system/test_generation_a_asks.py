@@ -23,7 +23,7 @@ def test_it_is_asked_configured_charged_and_drained(tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.yaml"
     loader.write_resolved(scenario, loader.load(POOL_FILE))
     with ExitStack() as stack:
-        master = start_master(tmp_path / "ros", timeout_s=20, orphan_s=60)
+        master = start_master(tmp_path / "ros", timeout_s=120, orphan_s=60)
         stack.callback(master.stop)
         stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, tmp_path / "apad.log"))
         done = subprocess.run(

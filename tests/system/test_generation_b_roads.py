@@ -32,7 +32,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Any:
     scenario = folder / "scenario.yaml"
     loader.write_resolved(scenario, loader.from_data(data, "roads"))
     with ExitStack() as stack:
-        master = start_master(folder / "ros", timeout_s=20, orphan_s=60)
+        master = start_master(folder / "ros", timeout_s=120, orphan_s=60)
         stack.callback(master.stop)
         stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
         done = subprocess.run(

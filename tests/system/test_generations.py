@@ -30,12 +30,12 @@ from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 @pytest.fixture
 def master(tmp_path: Path) -> Iterator[Master]:
-    running = start_master(tmp_path / "ros", timeout_s=20, orphan_s=60)
+    running = start_master(tmp_path / "ros", timeout_s=120, orphan_s=60)
     yield running
     running.stop()
 

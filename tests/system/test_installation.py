@@ -95,7 +95,7 @@ def test_a_machine_without_debians_tools_is_told_so(programs: Path) -> None:
         (programs / name).symlink_to(f"/usr/bin/{name}")
     environment = {"PATH": str(programs), "TMPDIR": str(programs.parent)}
     done = subprocess.run(
-        ["/bin/bash", str(INSTALL)], env=environment, capture_output=True, text=True, timeout=60
+        ["/bin/bash", str(INSTALL)], env=environment, capture_output=True, text=True, timeout=180
     )
     assert (done.returncode, done.stderr) == (
         1,
@@ -115,5 +115,5 @@ def test_an_installed_clone_has_nothing_to_do() -> None:
         "PYTHONHOME": "/nowhere",
         "ROS_PACKAGE_PATH": "/nowhere",
     }
-    done = subprocess.run([str(INSTALL), "--test"], env=ambient, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([str(INSTALL), "--test"], env=ambient, capture_output=True, text=True, timeout=180)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "modems.md").read_text()
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 def wait_for(what: Callable[[], object], why: str) -> None:

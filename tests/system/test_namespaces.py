@@ -34,7 +34,7 @@ from apad_bridge.scenario.starts import starts_of
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch_scripts"
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 SPACES = {"basin": "basin", "lab/harbour": "harbour"}
 """Each with the folder of its run. The aPad of the first, of generation A, has a global name; the other's is relative."""
 

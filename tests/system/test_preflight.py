@@ -51,7 +51,7 @@ def apad(tmp_path: Path, scenario: Path, generation: str) -> Iterator[dict[str, 
         yield environment
     finally:
         vehicle.terminate()
-        vehicle.communicate(timeout=60)
+        vehicle.communicate(timeout=180)
         master.stop()
 
 
@@ -64,7 +64,7 @@ def watchdog(environment: dict[str, str]) -> Iterator[None]:
         yield
     finally:
         process.terminate()
-        process.wait(60)
+        process.wait(180)
 
 
 def musselbed(environment: dict[str, str], cwd: Path, *words: object) -> subprocess.CompletedProcess[str]:

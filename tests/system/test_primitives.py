@@ -23,7 +23,7 @@ pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
-PATIENCE_S = 90.0
+PATIENCE_S = 180.0
 
 CLIENT = """
 import json, sys

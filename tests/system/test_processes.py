@@ -37,7 +37,7 @@ pytestmark = pytest.mark.system
 
 IDS = (3, 8, 21)
 THETA = 30
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 FLEET = PAPER
 BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
 PATIENT = RestartPolicy(restarts=1000)

@@ -23,7 +23,7 @@ from apad_bridge.commands.main import main
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 HOSTILE = "<script>window.hurt = 1</script>"
 FLAGS = (
     "--headless=new",

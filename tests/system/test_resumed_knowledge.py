@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 import yaml
 from killing import kill_supervisor
+from patient import PATIENCE_S, PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_messages import BELIEFS, typestore
@@ -29,7 +30,6 @@ from firmware_model.states import State
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
-PATIENCE_S = 60.0
 THE_REAL, THETA, PERIOD_MS = 3, 30, 50_000
 HOUR_MS = 3_600_000 // THETA
 SLEEPERS = {1, 2, 4}
@@ -125,7 +125,7 @@ def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
     first_knew = wait_for(lambda: noted(run), "the checkpoint is gone")
     spoken = begin("/usr/bin/rostopic", "echo", "-n", 1, "/musselbed/beliefs", env=tools)
 
-    resumed = begin(*MUSSELBED, "resume", run)
+    resumed = begin(*PATIENT_MUSSELBED, "resume", run)
     said = yaml.safe_load(spoken.communicate(timeout=PATIENCE_S)[0].split("---")[0])
     assert {it["id"] for it in said["agents"]} == SLEEPERS | {THE_REAL}
     fault = called("inject_fault", f"{{id: {THE_REAL}, fault: brown_out}}")

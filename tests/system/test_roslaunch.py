@@ -156,7 +156,7 @@ def test_a_second_clock_is_refused(tmp_path: Path) -> None:
             second = subprocess.run(
                 command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
             )
-            theirs.communicate(timeout=60)
+            theirs.communicate(timeout=180)
     finally:
         master.stop()
     assert second.returncode == 3

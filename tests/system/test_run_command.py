@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import yaml
 from killing import kill_9, kill_supervisor
+from patient import PATIENCE_S, PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 from stalled import stalled_s
@@ -24,15 +25,7 @@ pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
-PATIENCE_S = 60.0
 REAL_APAD = "launch_scripts/scenarios/real-apad.yaml"
-PATIENT_MUSSELBED = [
-    sys.executable,
-    "-c",
-    f"from apad_bridge.runs import parent; parent._END_S = {PATIENCE_S}; "
-    "from apad_bridge.commands.main import main; raise SystemExit(main())",
-]
-"""The same, whose parent does not kill a supervisor that ends in order, but waits for a processor meanwhile."""
 
 
 def wait_for(what: Callable[[], Any], why: str, patience_s: float = PATIENCE_S) -> Any:
@@ -132,8 +125,15 @@ def decisions(run: Path) -> list[tuple[str, list[int]]]:
     return [(line["what"], [s["agent"] for s in line["steps"]]) for line in lines if line["kind"] == "plan"]
 
 
-@pytest.mark.parametrize("begun", ["fleet", "supervisor.log"])
-@pytest.mark.parametrize("word", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("word", "begun"),
+    [
+        (signal.SIGINT, "fleet"),
+        (signal.SIGINT, "supervisor.log"),
+        (signal.SIGTERM, "fleet"),
+        (signal.SIGHUP, "supervisor.log"),
+    ],
+)
 def test_a_run_that_is_told_to_end_while_it_starts_leaves_nothing(
     fly: Callable[..., tuple[subprocess.Popen[str], Path]], word: signal.Signals, begun: str
 ) -> None:

@@ -15,7 +15,7 @@ def musselbed(shadow: Path, *arguments: str) -> subprocess.CompletedProcess[str]
         [sys.executable, "-m", "apad_bridge.commands.main", *arguments],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=180,
         env={**os.environ, "PYTHONPATH": str(shadow)},
         cwd=shadow,
     )

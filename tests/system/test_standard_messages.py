@@ -24,14 +24,14 @@ from apad_bridge.scenario.starts import starts_of
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
     """Of a tool beside a node that shows a fleet of three."""
     home = tmp_path_factory.mktemp("ros")
-    master = start_master(home, timeout_s=20, orphan_s=0)
+    master = start_master(home, timeout_s=120, orphan_s=0)
     environment = loopback_environment(home, master.uri)
     command = [sys.executable, str(HERE / "show_standard_topics.py")]
     inside = environment | {"PYTHONPATH": str(HERE.parents[1])}

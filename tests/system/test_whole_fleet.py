@@ -23,7 +23,7 @@ def flown(scenario: Path, out: Path, *options: str) -> dict[str, Any]:
         [*command, *options],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=180,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import pytest
@@ -67,9 +68,9 @@ def test_a_lost_apad_keeps_what_it_has_docked_and_serves_nobody_any_more(run: Pa
     assert found.changed["uptime_paper.min"] < 50  # the one that it keeps docked
 
 
-def test_from_records_a_branch_goes_on_as_the_run_did(tmp_path: Path) -> None:
+def test_from_records_a_branch_goes_on_as_the_run_did(run: Path, tmp_path: Path) -> None:
     """A wait on the way of the aPad apart, which stands where it was seen last."""
-    run = flown(tmp_path)
+    run = Path(copytree(run, tmp_path / "run"))
     as_if_by_a_clock(run)
     for at_ms in (150_000, 300_000):
         found = branch(run, Turn(at_ms, {"collection": "none"}))
@@ -82,8 +83,10 @@ def test_from_records_a_branch_goes_on_as_the_run_did(tmp_path: Path) -> None:
         assert found.changed["planned_m"] < found.unchanged["planned_m"]
 
 
-def test_a_run_in_virtual_time_that_does_not_repeat_goes_on_from_its_records(tmp_path: Path) -> None:
-    run = flown(tmp_path)
+def test_a_run_in_virtual_time_that_does_not_repeat_goes_on_from_its_records(
+    run: Path, tmp_path: Path
+) -> None:
+    run = Path(copytree(run, tmp_path / "run"))
     journal = RunDirectory(run).journal
     lines = [json.loads(line) for line in journal.read_text().splitlines()]
     moved = next(line for line in lines if line["kind"] == "stimulus" and line["t"] > 50_000)

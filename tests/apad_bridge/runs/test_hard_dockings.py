@@ -23,7 +23,7 @@ def in_wind(speed_m_s: float, seed: int) -> Scenario:
     return replace(
         sound,
         seed=seed,
-        duration_s=2700.0,
+        duration_s=2300.0,
         water=replace(sound.water, wind=wind),
         beliefs=replace(sound.beliefs, twin=twin),
     )
@@ -42,7 +42,7 @@ def test_one_that_half_of_the_dockings_miss_and_that_often_stays_below_is_served
     sound = in_wind(0.0, seed=3)
     failing = replace(
         sound,
-        duration_s=4800.0,
+        duration_s=3400.0,
         apad=replace(sound.apad, dock_miss_probability=0.5),
         board=replace(sound.board, surfacing_failure_probability=0.3),
     )
