@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from enum import Enum, auto
 from typing import TYPE_CHECKING
 
@@ -80,6 +81,14 @@ class Board:
         self._deadline: Deadline | None = None
         if config.whole is None:
             self._batteries = WorstCase(config.charge, primary, secondary)
+
+    def copy(self) -> Board:
+        """A board in the same state that goes on by itself. TypeError for a whole board, whose log is not its own."""
+        if self.config.whole is not None:
+            raise TypeError("a whole board cannot be copied")
+        other = copy(self)
+        other._batteries, other._pin = copy(self._batteries), copy(self._pin)
+        return other
 
     @property
     def primary(self) -> Battery:

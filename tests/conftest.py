@@ -11,7 +11,9 @@ from hypothesis import HealthCheck, settings
 
 # Each run of the suite tries the same examples, so that a failure is one of the change at hand; the nightly script searches
 # on with `--hypothesis-profile=search`.
-settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.register_profile(
+    "search", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+)
 settings.register_profile("repeats", settings.get_profile("search"), derandomize=True)
 settings.load_profile("repeats")
 

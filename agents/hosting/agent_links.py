@@ -18,6 +18,7 @@ from itertools import islice
 from agents.hosting.host import Death, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,
+    Ahead,
     Answer,
     Key,
     LinkError,
@@ -57,8 +58,12 @@ class _Living:
 class _Open:
     """A request without its whole answer."""
 
+    key: Key
     frame: bytes
     parts: dict[int, tuple[Output, ...]] = field(default_factory=dict)
+
+
+_Outcomes = dict[int, Answer | Ahead | Death]
 
 
 class AgentLinks:
@@ -73,6 +78,10 @@ class AgentLinks:
         self._buffer = memoryview(bytearray(LIMIT_BYTES + 1))
         self.nursery_died = False
         self.dropped: Counter[str] = Counter()
+        self._running_ahead: dict[int, _Open] = {}
+        """The agents that were told to run ahead, without their windows."""
+        self._ran_ahead: dict[int, Ahead] = {}
+        """Windows that came before anybody asked for them."""
         self._truth_receiver = TruthReceiver(nursery.truth, self.dropped)
         self._epoll = select.epoll()
         self._epoll.register(nursery, select.EPOLLIN)
@@ -93,6 +102,7 @@ class AgentLinks:
         self._agent_of[descriptor] = agent_id
         self._dead.pop(agent_id, None)
         self._truth_receiver.forget(agent_id)
+        self.forget_ahead(agent_id)
         self._epoll.register(descriptor, select.EPOLLIN)
 
     def close(self) -> None:
@@ -106,21 +116,51 @@ class AgentLinks:
 
         Raises Fenced if another supervisor has taken over, ValueError if an agent refuses its frame.
         """
-        outcomes: dict[int, Answer | Death] = {}
+        outcomes: _Outcomes = {}
         agent_ids = iter(frames)
         while some := list(islice(agent_ids, _ASKED_AT_ONCE)):
             self._ask(key, {agent_id: frames[agent_id] for agent_id in some}, outcomes)
         self._truth_receiver.receive()
         return {agent_id: self._complete(agent_id, key, outcomes[agent_id]) for agent_id in frames}
 
-    def _ask(self, key: Key, frames: dict[int, bytes], outcomes: dict[int, Answer | Death]) -> None:
+    def run_ahead(self, agent_id: int, key: Key, frame: bytes) -> None:
+        """Tells a living agent to run ahead; `take_ahead` has its windows."""
+        self._running_ahead[agent_id] = _Open(key, frame)
+        self._send(agent_id, frame)
+
+    def take_ahead(self, agent_ids: list[int]) -> dict[int, Ahead | Death]:
+        """Waits for the windows of agents that were told to run ahead, or for the death of each."""
+        outcomes: _Outcomes = {}
+        open_: dict[int, _Open] = {}
+        for agent_id in agent_ids:
+            if (ahead := self._ran_ahead.pop(agent_id, None)) is not None:
+                outcomes[agent_id] = ahead
+            elif agent_id in self._living:
+                open_[agent_id] = self._running_ahead.pop(agent_id)
+            else:
+                outcomes[agent_id] = self._dead.get(agent_id, _NOT_RUNNING)
+        self._await(open_, outcomes)
+        return {
+            agent_id: outcome for agent_id, outcome in outcomes.items() if not isinstance(outcome, Answer)
+        }
+
+    def forget_ahead(self, agent_id: int) -> None:
+        """The windows that this agent ran ahead do not count."""
+        self._running_ahead.pop(agent_id, None)
+        self._ran_ahead.pop(agent_id, None)
+
+    def _ask(self, key: Key, frames: dict[int, bytes], outcomes: _Outcomes) -> None:
         open_: dict[int, _Open] = {}
         for agent_id, frame in frames.items():
             if agent_id in self._living:
-                open_[agent_id] = _Open(frame)
+                open_[agent_id] = _Open(key, frame)
                 self._send(agent_id, frame)
             else:
                 outcomes[agent_id] = self._dead.get(agent_id, _NOT_RUNNING)
+        self._await(open_, outcomes)
+
+    def _await(self, open_: dict[int, _Open], outcomes: _Outcomes) -> None:
+        """Waits until every request is answered, or its agent is dead."""
         asked_at_s = time.monotonic()
         impatience, unanswered = 0, len(open_)
         while open_:
@@ -129,9 +169,10 @@ class AgentLinks:
                 impatience = impatience + 1 if len(open_) == unanswered else 1
                 asked_at_s, unanswered = now_s, len(open_)
                 self._watch(open_, outcomes, impatience)
-            self._wait(asked_at_s + self._timeout_s - now_s, key, open_, outcomes)
+            self._wait(asked_at_s + self._timeout_s - now_s, open_, outcomes)
 
-    def _complete(self, agent_id: int, key: Key, outcome: Answer | Death) -> Answered | Death:
+    def _complete(self, agent_id: int, key: Key, outcome: Answer | Ahead | Death) -> Answered | Death:
+        assert not isinstance(outcome, Ahead)  # nobody asks with the key of an order to run ahead
         if isinstance(outcome, Death):
             self._truth_receiver.forget(agent_id)
             return outcome
@@ -148,21 +189,17 @@ class AgentLinks:
         except OSError:
             pass  # it is dead: the end of its link follows, and the nursery reports the reason
 
-    def _wait(
-        self, timeout_s: float, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answer | Death]
-    ) -> None:
+    def _wait(self, timeout_s: float, open_: dict[int, _Open], outcomes: _Outcomes) -> None:
         for descriptor, _ in self._epoll.poll(timeout_s) if open_ else ():
             agent_id = self._agent_of.get(descriptor)
             if agent_id is not None:
-                self._receive(agent_id, key, open_, outcomes)
+                self._receive(agent_id, open_, outcomes)
             elif descriptor == self._nursery.truth.fileno():
                 self._truth_receiver.receive()
             elif descriptor == self._nursery.fileno():
                 self._pump_nursery()
 
-    def _receive(
-        self, agent_id: int, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answer | Death]
-    ) -> None:
+    def _receive(self, agent_id: int, open_: dict[int, _Open], outcomes: _Outcomes) -> None:
         link = self._living[agent_id].link
         try:
             size = link.recv_into(self._buffer)
@@ -182,23 +219,41 @@ class AgentLinks:
             return
         request = open_.get(agent_id)
         if isinstance(message, Refusal):
-            self._refused(agent_id, message, key, waiting=request is not None)
-        elif request is None or message.key != key:
+            self._refused(agent_id, message, request or self._running_ahead.get(agent_id))
+        elif isinstance(message, Ahead):
+            self._take_ahead(agent_id, message, open_, outcomes)
+        elif request is None or message.key != request.key:
             self.dropped["agent: an answer that was not waited for"] += 1
         elif (answer := _assemble(request, message)) is not None:
             del open_[agent_id]
             outcomes[agent_id] = answer
 
-    def _refused(self, agent_id: int, refusal: Refusal, key: Key, waiting: bool) -> None:
+    def _take_ahead(
+        self,
+        agent_id: int,
+        ahead: Ahead,
+        open_: dict[int, _Open],
+        outcomes: _Outcomes,
+    ) -> None:
+        """Keeps the windows that somebody still waits for: something else may have happened to the agent since."""
+        request, running = open_.get(agent_id), self._running_ahead.get(agent_id)
+        if request is not None and request.key == ahead.key:
+            del open_[agent_id]
+            outcomes[agent_id] = ahead
+        elif running is not None and running.key == ahead.key:
+            del self._running_ahead[agent_id]
+            self._ran_ahead[agent_id] = ahead
+
+    def _refused(self, agent_id: int, refusal: Refusal, request: _Open | None) -> None:
         # A refusal for an old supervisor may reach this one: they hold the same end of the link.
-        if refusal.fenced and refusal.key[0] == key[0]:
+        if refusal.fenced and refusal.key[0] == self._nursery.epoch:
             raise Fenced(refusal.reason)
-        if waiting and refusal.key == key:
+        if request is not None and refusal.key == request.key:
             raise ValueError(f"aMussel {agent_id} refused its window: {refusal.reason}")
         # Details follow a colon.
         self.dropped[f"refused: {refusal.reason.partition(':')[0]}"] += 1
 
-    def _watch(self, open_: dict[int, _Open], outcomes: dict[int, Answer | Death], impatience: int) -> None:
+    def _watch(self, open_: dict[int, _Open], outcomes: _Outcomes, impatience: int) -> None:
         """Kills stopped or long silent agents. Asks the others again: an old supervisor may have their answers."""
         for agent_id, request in list(open_.items()):
             if impatience < _PATIENCE and not _stopped(self._living[agent_id].pid):
@@ -217,6 +272,7 @@ class AgentLinks:
         self._epoll.unregister(living.link)
         del self._agent_of[living.link.fileno()]
         living.link.close()
+        self._running_ahead.pop(agent_id, None)
         death = self._dead[agent_id] = Death(cause, reason or self._why(living.pid))
         return death
 

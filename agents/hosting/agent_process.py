@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import mmap
 import socket
+from itertools import pairwise
 
 from agents.hosting.host import Grant, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,
+    Ahead,
+    AheadWindow,
     Key,
     LinkError,
     Refusal,
+    Repeat,
+    RunAhead,
     Window,
     decode_to_agent,
     encode_answer,
@@ -19,14 +24,17 @@ from agents.hosting.link_protocol import (
 from agents.mussel import truths
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Output, Truth
-from agents.nursery.state_file import RecordPair
+from agents.nursery.state_file import RECORDS, RecordRing
+
+MOST_AHEAD = RECORDS - 2
+"""Windows that an agent may run ahead: a record stays for the last one that counts, and one for the next."""
 
 
 class WindowHandler:
     """An agent behind its link: takes a message, records the physical state, sends the truth, and makes the answer."""
 
     def __init__(
-        self, agent: Agent, records: RecordPair, truth: socket.socket, key: Key, granted_ms: int
+        self, agent: Agent, records: RecordRing, truth: socket.socket, key: Key, granted_ms: int
     ) -> None:
         """`key` and `granted_ms` belong to the last answered window, from which a restarted agent goes on."""
         self._agent = agent
@@ -40,6 +48,10 @@ class WindowHandler:
         self._reply = Reply(agent.next_due_ms, ())
         self._truths_sent = 0
         self._answer: list[bytes] = []
+        self._ran_ahead: list[int] = []
+        """The ends of the windows since the last answer, which count only once a supervisor names their time."""
+        self._copies: list[tuple[int, Agent]] = []
+        """The agent as it was at these times, rising; it goes back to one of them and runs on from there."""
 
     def take(self, data: bytes | memoryview) -> list[bytes]:
         """The answer to one message. The agent refuses a window before anything has changed, or runs all of it."""
@@ -55,23 +67,45 @@ class WindowHandler:
             return self._answer
         if key <= self._key:
             return [Refusal(key, False, f"not after the last window: {key} after {self._key}").encode()]
-        if not isinstance(message, Window):
-            self._repeat(key)
-        elif (fault := self._fault(message.grant)) is not None:
+        if (fault := self._fault(message)) is not None:
             return [Refusal(key, False, fault).encode()]
-        else:
-            self._run(key, message.grant)
+        match message:
+            case RunAhead():
+                self._answer = [self._run_ahead(message).encode()]
+            case Window(grant=grant, from_ms=from_ms):
+                if from_ms is not None:
+                    self._go_back(from_ms)
+                self._run(key, grant)
+                self._answer = self._encoded(key)
+            case Repeat():
+                self._repeat(key)
+                self._answer = self._encoded(key)
         self._epoch = key[0]
         self._key = key
-        self._answer = encode_answer(key, self._window, self._granted_ms, self._truths_sent, self._reply)
         return self._answer
 
-    def _fault(self, grant: Grant) -> str | None:
-        before_ms = self._granted_ms
-        for at_ms in (*[at_ms for at_ms, _ in grant.stimuli], grant.until_ms):
+    def _encoded(self, key: Key) -> list[bytes]:
+        return encode_answer(key, self._window, self._granted_ms, self._truths_sent, self._reply)
+
+    def _fault(self, message: Window | Repeat | RunAhead) -> str | None:
+        """The reason why a message cannot be obeyed."""
+        match message:
+            case RunAhead(windows=windows, counted_ms=counted_ms):
+                if self._agent.config.board.whole is not None:
+                    return "a whole board does not run ahead"
+                ahead = sum(end_ms > counted_ms for end_ms in self._ran_ahead)
+                return "farther ahead than its records reach" if ahead + windows > MOST_AHEAD else None
+            case Window(grant=grant, from_ms=int() as before_ms):
+                at_all = self._copies[0][0] if self._copies else self._granted_ms
+                times = [at_all, before_ms]
+            case Window(grant=grant) if not self._copies:
+                times = [self._granted_ms]
+            case _:
+                return "it ran ahead, and nobody names the time to go back to" if self._copies else None
+        times += [*(at_ms for at_ms, _ in grant.stimuli), grant.until_ms]
+        for before_ms, at_ms in pairwise(times):
             if at_ms < before_ms:
                 return f"time went back: {at_ms} before {before_ms}"
-            before_ms = at_ms
         return None
 
     def _run(self, key: Key, grant: Grant) -> None:
@@ -85,6 +119,41 @@ class WindowHandler:
         self._window = key
         self._granted_ms = grant.until_ms
         self._reply = Reply(agent.next_due_ms, tuple(outputs))
+
+    def _run_ahead(self, message: RunAhead) -> Ahead:
+        """Runs windows on from a copy of the agent, and records each, so that a restart finds the state at its end."""
+        agent, step_ms = self._agent, self._agent.config.water.step_ms
+        self._copies.append((self._ran_ahead[-1] if self._ran_ahead else self._granted_ms, agent.copy()))
+        while len(self._copies) > 1 and self._copies[1][0] <= message.counted_ms:
+            del self._copies[0]
+        self._ran_ahead = [end_ms for end_ms in self._ran_ahead if end_ms >= self._copies[0][0]]
+        windows: list[AheadWindow] = []
+        for _ in range(message.windows):
+            due_ms = agent.next_due_ms
+            if due_ms is None:
+                break
+            until_ms = -(-due_ms // step_ms) * step_ms
+            outputs = tuple(agent.advance(until_ms))
+            self._records.write(message.key, until_ms, agent.physical)
+            self._ran_ahead.append(until_ms)
+            windows.append(
+                AheadWindow(until_ms, Reply(agent.next_due_ms, outputs), tuple(agent.take_truths()))
+            )
+        return Ahead(message.key, tuple(windows))
+
+    def _go_back(self, counted_ms: int) -> None:
+        """Undoes the windows that ran ahead beyond `counted_ms`."""
+        undone = sum(end_ms > counted_ms for end_ms in self._ran_ahead)
+        if undone:
+            at_ms, agent = [it for it in self._copies if it[0] <= counted_ms][-1]
+            for end_ms in self._ran_ahead:
+                if at_ms < end_ms <= counted_ms:
+                    agent.advance(end_ms)
+            agent.take_truths()
+            self._agent = agent
+            self._records.take_back(undone)
+        self._ran_ahead.clear()
+        self._copies.clear()
 
     def _repeat(self, key: Key) -> None:
         agent = self._agent

@@ -5,10 +5,8 @@ Everything else passes as it is. A packet that is lost here comes back as a Drop
 
 from __future__ import annotations
 
-import os
 import random
 import resource
-import signal
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -52,6 +50,7 @@ class FaultyHost:
         self.take_truths = host.take_truths
         self.close = host.close
         self.kill = host.kill
+        self.stop = host.stop
 
     @property
     def lost(self) -> str | None:
@@ -60,10 +59,6 @@ class FaultyHost:
     @property
     def pids(self) -> Mapping[int, int]:
         return self._host.pids
-
-    def stop(self, agent_id: int) -> None:
-        """Stops the agent's process (SIGSTOP); the watchdog finds it. Nothing for an agent without a process."""
-        self._signal(agent_id, signal.SIGSTOP)
 
     def limit_memory(self, agent_id: int, megabytes: float | None) -> None:
         """Limits the address space of the agent's process; None lifts the limit."""
@@ -74,12 +69,6 @@ class FaultyHost:
             _, most = resource.prlimit(pid, resource.RLIMIT_AS)
             limit = most if megabytes is None else round(megabytes * 2**20)
             resource.prlimit(pid, resource.RLIMIT_AS, (limit, most))
-
-    def _signal(self, agent_id: int, number: int) -> None:
-        pid = self._host.pids.get(agent_id)
-        if pid is not None:
-            with suppress(ProcessLookupError):
-                os.kill(pid, number)
 
     def set_defect(self, agent_id: int, defect: LinkDefect, value: float = 0.0) -> None:
         self._defects.setdefault(agent_id, {})[defect] = value

@@ -50,6 +50,10 @@ class Host(Protocol):
         """Ends an agent as kill -9 does: its next window stays unanswered. Nothing for one that is dead."""
         ...
 
+    def stop(self, agent_id: int) -> None:
+        """Stops an agent's process (SIGSTOP); the watchdog finds it. Nothing for an agent without a process."""
+        ...
+
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         """Grants windows and waits for the outcome of each: an answer or a death, within a stated time-out."""
         ...

@@ -38,6 +38,9 @@ class InProcessHost:
     def kill(self, agent_id: int) -> None:
         self._doomed.add(agent_id)
 
+    def stop(self, agent_id: int) -> None:
+        pass
+
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         return {agent_id: self._run(agent_id, grant) for agent_id, grant in grants.items()}
 

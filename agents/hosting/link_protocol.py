@@ -2,9 +2,12 @@
 
 A window carries a key, (epoch, sequence). The epoch counts supervisors: an agent that has received a higher epoch refuses
 a lower one ("fenced off"). A repeated key gets the same answer again, so a supervisor may ask as often as it likes. A
-message of more than `LIMIT_BYTES`, or of none of these four kinds, is a LinkError: the receiver drops and counts it, an
+message of more than `LIMIT_BYTES`, or of none of these kinds, is a LinkError: the receiver drops and counts it, an
 agent also answers with a Refusal, and nothing else changes. For a supervisor a malformed answer is no answer, so its
 watchdog judges the agent.
+
+In virtual time an agent may run ahead: it runs windows that end at the mission's seconds, as if nothing happened to it, and
+sends all their outcomes at once. If something does happen, the next window names the time to go back to.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import msgpack
 
 from agents.hosting.host import Grant, Reply
 from agents.mussel import outputs, stimuli
+from agents.mussel.outputs import Truth
 
 LIMIT_BYTES = 65536
 """The largest message, either way, on any of the fleet's sockets."""
@@ -47,17 +51,21 @@ class Kind(IntEnum):
     REPEAT = 2
     ANSWER = 3
     REFUSAL = 4
+    RUN_AHEAD = 5
+    AHEAD = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
     key: Key
     grant: Grant
+    from_ms: int | None = None
+    """The end of the last window that counts, to which an agent that ran ahead goes back; None: it never ran ahead."""
 
     def encode(self) -> bytes:
         """ValueError for a window with more stimuli than a message holds."""
         facts = [[at_ms, stimuli.to_wire(stimulus)] for at_ms, stimulus in self.grant.stimuli]
-        data: bytes = _pack([Kind.WINDOW, *self.key, self.grant.until_ms, facts])
+        data: bytes = _pack([Kind.WINDOW, *self.key, self.grant.until_ms, facts, self.from_ms])
         if len(data) > LIMIT_BYTES:
             raise ValueError(
                 f"a window of {len(data)} bytes: a link carries {LIMIT_BYTES}; grant shorter windows"
@@ -73,6 +81,50 @@ class Repeat:
 
     def encode(self) -> bytes:
         data: bytes = _pack([Kind.REPEAT, *self.key])
+        return data
+
+
+@dataclass(frozen=True, slots=True)
+class RunAhead:
+    """Run so many more windows, each to the end of the mission second in which the agent next acts by itself."""
+
+    key: Key
+    windows: int
+    counted_ms: int
+    """The end of the last window that counts: the agent need not go back beyond it."""
+
+    def encode(self) -> bytes:
+        data: bytes = _pack([Kind.RUN_AHEAD, *self.key, self.windows, self.counted_ms])
+        return data
+
+
+@dataclass(frozen=True, slots=True)
+class AheadWindow:
+    """The outcome of one window to `until_ms` that an agent ran ahead."""
+
+    until_ms: int
+    reply: Reply
+    truths: tuple[Truth, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ahead:
+    """The windows that an agent ran ahead because of `key`, in order; fewer than asked if it has nothing more to do."""
+
+    key: Key
+    windows: tuple[AheadWindow, ...]
+
+    def encode(self) -> bytes:
+        rows = [
+            [
+                window.until_ms,
+                window.reply.next_due_ms,
+                [outputs.to_wire(output) for output in window.reply.outputs],
+                b"".join([truth.pack() for truth in window.truths]),
+            ]
+            for window in self.windows
+        ]
+        data: bytes = _pack([Kind.AHEAD, *self.key, rows])
         return data
 
 
@@ -141,36 +193,57 @@ def _parts(wire: list[list[Any]]) -> list[list[list[Any]]]:
     return parts
 
 
-def decode_to_agent(data: bytes | memoryview) -> Window | Repeat:
+def decode_to_agent(data: bytes | memoryview) -> Window | Repeat | RunAhead:
     """Decodes a supervisor's message; LinkError for anything else."""
     fields = _array(data)
-    if len(fields) == 5 and fields[0] == Kind.WINDOW and isinstance(fields[4], list):
+    if len(fields) == 6 and fields[0] == Kind.WINDOW and isinstance(fields[4], list):
         epoch, sequence, until_ms = _counts(fields[1:4])
-        return Window((epoch, sequence), Grant(until_ms, tuple(_fact(item) for item in fields[4])))
+        from_ms = None if fields[5] is None else _counts(fields[5:])[0]
+        return Window((epoch, sequence), Grant(until_ms, tuple(_fact(item) for item in fields[4])), from_ms)
+    if len(fields) == 5 and fields[0] == Kind.RUN_AHEAD:
+        epoch, sequence, windows, counted_ms = _counts(fields[1:])
+        return RunAhead((epoch, sequence), windows, counted_ms)
     if len(fields) == 3 and fields[0] == Kind.REPEAT:
         epoch, sequence = _counts(fields[1:3])
         return Repeat((epoch, sequence))
-    raise LinkError("neither a window nor a repeat")
+    raise LinkError("no window, no repeat and no order to run ahead")
 
 
-def decode_from_agent(data: bytes | memoryview) -> Answer | Refusal:
+def decode_from_agent(data: bytes | memoryview) -> Answer | Ahead | Refusal:
     """Decodes an agent's message; LinkError for anything else."""
     fields = _array(data)
     if len(fields) == 11 and fields[0] == Kind.ANSWER and isinstance(fields[10], list):
         epoch, sequence, of_epoch, of_sequence, granted_ms, truths, part, parts = _counts(fields[1:9])
         if part >= parts:
             raise LinkError("a part beyond the last one")
-        next_due_ms = None if fields[9] is None else _counts(fields[9:10])[0]
-        try:
-            decoded = tuple([outputs.from_wire(wire) for wire in fields[10]])
-        except ValueError as error:
-            raise LinkError(str(error)) from None
-        reply = Reply(next_due_ms, decoded)
+        reply = _reply(fields[9], fields[10])
         return Answer((epoch, sequence), (of_epoch, of_sequence), granted_ms, truths, part, parts, reply)
+    if len(fields) == 4 and fields[0] == Kind.AHEAD and isinstance(fields[3], list):
+        epoch, sequence = _counts(fields[1:3])
+        return Ahead((epoch, sequence), tuple([_ahead_window(row) for row in fields[3]]))
     if len(fields) == 5 and fields[0] == Kind.REFUSAL and type(fields[3]) is bool and type(fields[4]) is str:
         epoch, sequence = _counts(fields[1:3])
         return Refusal((epoch, sequence), fields[3], fields[4])
-    raise LinkError("neither an answer nor a refusal")
+    raise LinkError("no answer, no windows ahead and no refusal")
+
+
+def _reply(next_due_ms: Any, wire: list[Any]) -> Reply:
+    try:
+        decoded = tuple([outputs.from_wire(output) for output in wire])
+    except ValueError as error:
+        raise LinkError(str(error)) from None
+    return Reply(None if next_due_ms is None else _counts([next_due_ms])[0], decoded)
+
+
+def _ahead_window(row: Any) -> AheadWindow:
+    if not isinstance(row, list) or len(row) != 4 or type(row[2]) is not list or type(row[3]) is not bytes:
+        raise LinkError("not a window ahead")
+    until_ms, next_due_ms, wire, packed = row
+    try:
+        truths = outputs.unpack_truths(packed)
+    except ValueError as error:
+        raise LinkError(str(error)) from None
+    return AheadWindow(_counts([until_ms])[0], _reply(next_due_ms, wire), truths)
 
 
 def _array(data: bytes | memoryview) -> list[Any]:

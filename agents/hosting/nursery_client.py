@@ -54,6 +54,7 @@ class NurseryLink:
 
     def __init__(self, run_dir: str, epoch: int) -> None:
         self._sock = protocol.connect(run_dir, ANSWER_TIMEOUT_S)
+        self.epoch = epoch
         self._request = 0
         self._fenced: str | None = None
         self.pid = 0

@@ -14,7 +14,8 @@ from contextlib import suppress
 from agents.fleet import FleetConfig
 from agents.hosting.agent_links import AgentLinks, Answered
 from agents.hosting.host import Death, Grant, Reply
-from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
+from agents.hosting.link_protocol import NEVER, AheadWindow, Key, Repeat, Window
+from agents.hosting.look_ahead import LookAhead
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
@@ -40,7 +41,13 @@ class ProcessHost:
     """
 
     def __init__(
-        self, run_dir: str, epoch: int, window_timeout_s: float, process: subprocess.Popen[bytes] | None
+        self,
+        run_dir: str,
+        epoch: int,
+        window_timeout_s: float,
+        process: subprocess.Popen[bytes] | None,
+        *,
+        looks_ahead: bool = False,
     ) -> None:
         """Use `start` or `adopt`."""
         self.epoch = epoch
@@ -53,6 +60,9 @@ class ProcessHost:
         self._sequence = 0
         self._committed: dict[int, Key] = {}
         """The key of each agent's last answered window."""
+        self._look_ahead = LookAhead(self._next_key) if looks_ahead else None
+        self._lived_ms: dict[int, int] = {}
+        """The end of each agent's last window that counts, where agents run ahead."""
         self._truths: list[Truth] = []
         self._nurseries_died_at_s: list[float] = []
         self._dropped_before: Counter[str] = Counter()
@@ -70,17 +80,26 @@ class ProcessHost:
         epoch: int = 1,
         window_timeout_s: float = WINDOW_TIMEOUT_S,
         restart_policy: RestartPolicy | None = None,
+        looks_ahead: bool = False,
     ) -> ProcessHost:
         """Starts a new fleet, under its own nursery, in an existing directory without one.
+
+        With `looks_ahead` its agents run ahead, which pays where windows end at the mission's seconds and nobody waits for
+        a clock. The boards must be the paper's worst case, and no other supervisor can take over the fleet.
 
         Raises ValueError or FileExistsError for a fleet that cannot be, NurseryFailed if its nursery does not come up.
         """
         prepare(run_dir, fleet, initial_states, restart_policy)
-        return cls.adopt(run_dir, epoch, window_timeout_s=window_timeout_s)
+        return cls.adopt(run_dir, epoch, window_timeout_s=window_timeout_s, looks_ahead=looks_ahead)
 
     @classmethod
     def adopt(
-        cls, run_dir: str | os.PathLike[str], epoch: int, *, window_timeout_s: float = WINDOW_TIMEOUT_S
+        cls,
+        run_dir: str | os.PathLike[str],
+        epoch: int,
+        *,
+        window_timeout_s: float = WINDOW_TIMEOUT_S,
+        looks_ahead: bool = False,
     ) -> ProcessHost:
         """Takes over the fleet of a run directory, as supervisor number `epoch`; starts a nursery if there is none.
 
@@ -89,10 +108,10 @@ class ProcessHost:
         """
         process, run_dir = None, os.fspath(run_dir)
         try:
-            host = cls(run_dir, epoch, window_timeout_s, None)
+            host = cls(run_dir, epoch, window_timeout_s, None, looks_ahead=looks_ahead)
         except OSError:
             process = launch_nursery(run_dir)
-            host = cls(run_dir, epoch, window_timeout_s, process)
+            host = cls(run_dir, epoch, window_timeout_s, process, looks_ahead=looks_ahead)
         try:
             host._take_child_list()
         except BaseException:
@@ -119,23 +138,49 @@ class ProcessHost:
         return self._links
 
     def kill(self, agent_id: int) -> None:
+        self._signal(agent_id, signal.SIGKILL)
+
+    def stop(self, agent_id: int) -> None:
+        self._signal(agent_id, signal.SIGSTOP)
+
+    def _signal(self, agent_id: int, number: int) -> None:
         pid = self.pids.get(agent_id)
         if pid is not None:
             with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+                os.kill(pid, number)
+            if self._look_ahead is not None:
+                self._look_ahead.forget(self._links, agent_id)
+
+    def _next_key(self) -> Key:
+        self._sequence += 1
+        return (self.epoch, self._sequence)
 
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
-        self._sequence += 1
-        key = (self.epoch, self._sequence)
-        frames = {agent_id: Window(key, grant).encode() for agent_id, grant in grants.items()}
+        ahead = self._look_ahead
+        found = {} if ahead is None else ahead.take(self._links, grants)
+        key = self._next_key()
+        frames = {
+            agent_id: Window(key, grant, self._lived_ms.get(agent_id)).encode()
+            for agent_id, grant in grants.items()
+            if agent_id not in found
+        }
+        answers = self._links.ask(key, frames) if frames else {}
         outcomes: dict[int, Reply | Death] = {}
-        for agent_id, outcome in self._links.ask(key, frames).items():
-            if isinstance(outcome, Death):
-                outcomes[agent_id] = outcome
-                continue
-            self._committed[agent_id] = key
-            self._truths += outcome.truths
-            outcomes[agent_id] = outcome.reply
+        for agent_id in grants:
+            match found.get(agent_id) or answers[agent_id]:
+                case Death() as death:
+                    outcomes[agent_id] = death
+                    continue
+                case Answered(reply=reply, truths=truths):
+                    self._committed[agent_id] = key
+                case its_key, AheadWindow(reply=reply, truths=truths):
+                    self._committed[agent_id] = its_key
+            self._truths += truths
+            outcomes[agent_id] = reply
+        if ahead is not None:
+            lived = {it: grants[it] for it, outcome in outcomes.items() if not isinstance(outcome, Death)}
+            self._lived_ms |= {agent_id: grant.until_ms for agent_id, grant in lived.items()}
+            ahead.run_on(self._links, self._lived_ms, lived)
         return outcomes
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
@@ -157,6 +202,8 @@ class ProcessHost:
             return str(error)
         for pid, descriptor in outcome.living.values():
             self._links.add(agent_id, pid, descriptor)
+        if self._look_ahead is not None:
+            self._look_ahead.forget(self._links, agent_id)
         return outcome.refused.get(agent_id)
 
     def take_truths(self) -> list[Truth]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -83,6 +84,16 @@ class Agent:
         self._boot_outputs = self._power_on(physical, now_ms, cause)
         self._note_truth(now_ms)
         self._timer = self._next_timer()
+
+    def copy(self) -> Agent:
+        """An agent in the same state that goes on by itself. TypeError for a whole board, whose log is not its own."""
+        other = copy(self)
+        other.body, other.board = copy(self.body), self.board.copy()
+        other._reporter = self._reporter.copy(other.board, other.body)
+        other._defects = copy(self._defects)
+        other._truths, other._boot_outputs = list(self._truths), list(self._boot_outputs)
+        other._timer = other._next_timer()
+        return other
 
     def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
         """Starts from the physical state and forgets everything else from before."""

@@ -87,3 +87,18 @@ class Truth:
         if state is None:
             raise ValueError(f"no state {code}")
         return cls(at_ms, agent_id, state, Physical.unpack(data[cls.HEAD.size :]))
+
+
+TRUTH_BYTES = Truth.HEAD.size + Physical.FORMAT.size
+
+
+def unpack_truths(data: bytes | memoryview) -> tuple[Truth, ...]:
+    """The truths of which `data` are the packed bytes, in order; ValueError for other bytes."""
+    if len(data) % TRUTH_BYTES:
+        raise ValueError("bytes that are no truths")
+    try:
+        return tuple(
+            [Truth.unpack(data[start : start + TRUTH_BYTES]) for start in range(0, len(data), TRUTH_BYTES)]
+        )
+    except ValueError:
+        raise ValueError("a truth with a value that cannot be") from None

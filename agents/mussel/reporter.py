@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,12 @@ class Reporter:
         self._logbook = logbook
         self._modem = modem
         self._sequence = 0
+
+    def copy(self, board: Board, body: Body) -> Reporter:
+        """A reporter of this board and body that goes on with the same count."""
+        other = copy(self)
+        other._board, other._body = board, body
+        return other
 
     def wifi_status(self, now_ms: int) -> Packet:
         basic, board, logbook = self._basic(now_ms), self._board, self._logbook

@@ -8,12 +8,10 @@ from collections import Counter
 from dataclasses import dataclass
 
 from agents.hosting.link_protocol import LIMIT_BYTES, Key, LinkError, hung_up
-from agents.mussel.outputs import Truth
-from agents.mussel.physical import Physical
+from agents.mussel.outputs import TRUTH_BYTES, Truth, unpack_truths
 
 _HEAD = struct.Struct("<HIQ")
-_TRUTH_BYTES = Truth.HEAD.size + Physical.FORMAT.size
-_AT_ONCE = (LIMIT_BYTES - _HEAD.size) // _TRUTH_BYTES
+_AT_ONCE = (LIMIT_BYTES - _HEAD.size) // TRUTH_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,18 +34,13 @@ def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
 
 def decode(data: bytes | memoryview) -> TruthMessage:
     """The inverse of `encode`, for one datagram; LinkError for other bytes."""
-    if len(data) > LIMIT_BYTES or len(data) < _HEAD.size or (len(data) - _HEAD.size) % _TRUTH_BYTES:
+    if len(data) > LIMIT_BYTES or len(data) < _HEAD.size:
         raise LinkError("bytes that are no truths")
     agent_id, epoch, sequence = _HEAD.unpack_from(data)
     try:
-        truths = tuple(
-            [
-                Truth.unpack(data[start : start + _TRUTH_BYTES])
-                for start in range(_HEAD.size, len(data), _TRUTH_BYTES)
-            ]
-        )
-    except ValueError:
-        raise LinkError("a truth with a value that cannot be") from None
+        truths = unpack_truths(data[_HEAD.size :])
+    except ValueError as error:
+        raise LinkError(str(error)) from None
     if any(truth.agent_id != agent_id for truth in truths):
         raise LinkError("a truth of another agent")
     return TruthMessage(agent_id, (epoch, sequence), truths)

@@ -20,7 +20,7 @@ from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
 from agents.nursery.protocol import Died
-from agents.nursery.state_file import PAIR_BYTES, Record, RecordPair
+from agents.nursery.state_file import RING_BYTES, Record, RecordRing
 from agents.nursery.warm_up import warm_up
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
@@ -94,11 +94,11 @@ class AgentProcesses:
         self.children: dict[int, Child] = {}
         self._id_of_pid: dict[int, int] = {}
         # First records are written in order: a file without the last one has never been used.
-        if os.fstat(self._records_fd).st_size <= PAIR_BYTES * (len(self._index) - 1):
+        if os.fstat(self._records_fd).st_size <= RING_BYTES * (len(self._index) - 1):
             for agent_id in self._index:
-                self._pair(agent_id).initial_state(file.initial_states[agent_id])
+                self._ring(agent_id).initial_state(file.initial_states[agent_id])
             # An agent's state has its room from the start, so that a disk that fills up later ends no agent.
-            os.posix_fallocate(self._records_fd, 0, PAIR_BYTES * len(self._index))
+            os.posix_fallocate(self._records_fd, 0, RING_BYTES * len(self._index))
 
     def warm(self) -> None:
         """Runs all code of an agent, then freezes its objects: the garbage collector must not write to shared pages."""
@@ -113,7 +113,7 @@ class AgentProcesses:
         """(agent_id, pid or 0, epoch, sequence, granted_ms) of each agent's newest record."""
         rows = []
         for agent_id in self._index:
-            record = _newest(self._pair(agent_id), None)
+            record = _newest(self._ring(agent_id), None, None)
             child = self.children.get(agent_id)
             rows.append((agent_id, child.pid if child else 0, *record.key, record.granted_ms))
         return rows
@@ -171,11 +171,8 @@ class AgentProcesses:
             raise NotStarted(f"aMussel {agent_id} is not of this fleet")
         if agent_id in self.children:
             raise NotStarted(f"aMussel {agent_id} lives already, as process {self.children[agent_id].pid}")
-        pair = self._pair(agent_id)
-        record = _newest(pair, boot.up_to)
-        if boot.at_ms < record.granted_ms:
-            reason = f"it has lived to {record.granted_ms} ms and cannot boot at {boot.at_ms} ms"
-            raise NotStarted(f"aMussel {agent_id}: {reason}")
+        ring = self._ring(agent_id)
+        record = _newest(ring, boot.up_to, boot.at_ms)
         config = self._configs.config(agent_id)
         if boot.cause is not ResetCause.POWER_ON:
             self._count_restart(agent_id, record.granted_ms)
@@ -191,7 +188,7 @@ class AgentProcesses:
         flash = FlashRegion(self._flash_fd, self._index[agent_id], self._flash_pages)
         flash.roll_back(record.physical.samples)
         agent = Agent(config, self._codec, record.physical, boot.at_ms, boot.cause, flash)
-        handler = WindowHandler(agent, pair, self._truth_out, record.key, boot.at_ms)
+        handler = WindowHandler(agent, ring, self._truth_out, record.key, boot.at_ms)
         name = b"amussel-%d" % agent_id
         return PendingFork(place, agent_id, name, handler, supervisor_end.detach(), agent_end.detach())
 
@@ -245,8 +242,8 @@ class AgentProcesses:
         del self._id_of_pid[child.pid]
         os.close(child.link)
 
-    def _pair(self, agent_id: int) -> RecordPair:
-        return RecordPair(self._records_fd, self._index[agent_id], agent_id)
+    def _ring(self, agent_id: int) -> RecordRing:
+        return RecordRing(self._records_fd, self._index[agent_id], agent_id)
 
 
 def _lock(descriptor: int) -> None:
@@ -261,11 +258,11 @@ def _lock(descriptor: int) -> None:
     signal.setitimer(signal.ITIMER_REAL, 0)
 
 
-def _newest(pair: RecordPair, up_to: Key | None) -> Record:
-    record = pair.newest(up_to)
+def _newest(ring: RecordRing, up_to: Key | None, until_ms: int | None) -> Record:
+    record = ring.newest(up_to, until_ms)
     if record is None:
         raise NotStarted(
-            f"the physical file has no whole slot of aMussel {pair.agent_id} up to window {up_to}"
+            f"the physical file has no whole record of aMussel {ring.agent_id} up to window {up_to} and {until_ms} ms"
         )
     return record
 

@@ -1,7 +1,8 @@
-"""The fleet's physical file: two records for each agent, written in turn, each with the key of the window before it.
+"""The fleet's physical file: some records for each agent, written in turn, each with the key of the window before it.
 
 An agent writes its record before it answers, so a record of an unanswered window may exist; it does not count. A restart
-names the last answered key, and the newest whole record up to that key is the aMussel's state.
+names the last answered key and its end, and the newest whole record up to both is the aMussel's state. An agent that runs
+ahead writes a record for each such window, all with one key.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ _CRC = struct.Struct("<I")
 _BODY_BYTES = _HEAD.size + Physical.FORMAT.size
 RECORD_BYTES = 256
 """The room of a record, so that none crosses a page of the file."""
-PAIR_BYTES = 2 * RECORD_BYTES
-"""An agent's two records lie side by side."""
+RECORDS = 16
+"""The records of an agent, which lie side by side: one that counts, and those of windows that nobody has counted yet."""
+RING_BYTES = RECORDS * RECORD_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +34,12 @@ class Record:
     physical: Physical
 
 
-class RecordPair:
-    """One agent's two records in the file open as `fd`. The pair at `index` belongs to `agent_id`."""
+class RecordRing:
+    """One agent's records in the file open as `fd`. The ring at `index` belongs to `agent_id`."""
 
     def __init__(self, fd: int, index: int, agent_id: int) -> None:
         self._fd = fd
-        self._offset = PAIR_BYTES * index
+        self._offset = RING_BYTES * index
         self.agent_id = agent_id
         self._next = 0
 
@@ -47,21 +49,30 @@ class RecordPair:
         self.write(NEVER, 0, physical)
 
     def write(self, key: Key, granted_ms: int, physical: Physical) -> None:
-        """Overwrites the record that is not the newest committed one."""
+        """Overwrites the oldest record."""
         body = _HEAD.pack(self.agent_id, *key, granted_ms) + physical.pack()
         os.pwrite(self._fd, body + _CRC.pack(crc32(body)), self._offset + RECORD_BYTES * self._next)
-        self._next = 1 - self._next
+        self._next = (self._next + 1) % RECORDS
 
-    def newest(self, up_to: Key | None) -> Record | None:
-        """The newest whole record with a key up to `up_to` (any key, if None). The next write spares it."""
+    def take_back(self, count: int) -> None:
+        """The next writes overwrite the last `count` records, which do not count; RECORDS - 1 at most."""
+        self._next = (self._next - count) % RECORDS
+
+    def newest(self, up_to: Key | None, until_ms: int | None = None) -> Record | None:
+        """The newest whole record with a key up to `up_to` and an end up to `until_ms` (any, if None).
+
+        The next writes spare it.
+        """
         found: Record | None = None
-        for which in (0, 1):
+        for which in range(RECORDS):
             record = self._read(which)
             if record is None or (up_to is not None and record.key > up_to):
                 continue
-            if found is None or record.key > found.key:
+            if until_ms is not None and record.granted_ms > until_ms:
+                continue
+            if found is None or (record.key, record.granted_ms) > (found.key, found.granted_ms):
                 found = record
-                self._next = 1 - which
+                self._next = (which + 1) % RECORDS
         return found
 
     def _read(self, which: int) -> Record | None:

@@ -33,7 +33,7 @@ from agents.mussel.stimuli import (
     WifiArrived,
 )
 from agents.nursery.flash_file import FlashRegion
-from agents.nursery.state_file import RecordPair
+from agents.nursery.state_file import RecordRing
 from firmware_model.packets import PLAIN_KINDS, CommandPacket, Packet
 from firmware_model.packets.codec import Codec
 from firmware_model.packets.command_packets import WITH_ARGUMENTS
@@ -76,8 +76,8 @@ class _Walk:
         self._truth_out, self._truth_in = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._supervisor, self._link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._buffer = message_buffer()
-        self._pair = RecordPair(self._records_fd, 0, config.board.agent_id)
-        self._pair.initial_state(resting_on_bottom(0.0, 0.0, _bottom_um(config) / 1e6, 0.5, 1.0))
+        self._ring = RecordRing(self._records_fd, 0, config.board.agent_id)
+        self._ring.initial_state(resting_on_bottom(0.0, 0.0, _bottom_um(config) / 1e6, 0.5, 1.0))
         self._stimuli = list(_stimuli(config, codec))
         self._visits = dict.fromkeys(State, 0)
         self._turns = dict.fromkeys(State, 0)
@@ -92,13 +92,13 @@ class _Walk:
 
     def live(self, epoch: int) -> None:
         """Restarts the agent from its record, as the supervisor of that epoch, and lets it visit states."""
-        record = self._pair.newest((epoch, 0))
+        record = self._ring.newest((epoch, 0))
         assert record is not None
         flash = FlashRegion(self._flash_fd, 0, 3)
         flash.roll_back(record.physical.samples)
         cause = ResetCause.POWER_ON if epoch == 1 else ResetCause.BROWN_OUT
         self._agent = Agent(self._config, self._codec, record.physical, record.granted_ms, cause, flash)
-        self._handler = WindowHandler(self._agent, self._pair, self._truth_in, record.key, record.granted_ms)
+        self._handler = WindowHandler(self._agent, self._ring, self._truth_in, record.key, record.granted_ms)
         self._now_ms = record.granted_ms
         self._key: Key = (epoch, 0)
         self._ask(Repeat(self._key).encode())

@@ -147,7 +147,8 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path, sea:
     else:
         folder.mkdir(mode=PRIVATE)
         try:
-            host = ProcessHost.start(str(folder), fleet_config, initial_states)
+            looks_ahead = config.sea is None and fleet_config.board.whole is None
+            host = ProcessHost.start(str(folder), fleet_config, initial_states, looks_ahead=looks_ahead)
         except (NurseryFailed, NurseryDied) as error:
             raise PeerFailed(f"the fleet cannot start: {error}; see {folder}") from error
     return parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)

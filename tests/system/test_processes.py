@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -108,6 +109,50 @@ def test_one_process_and_many_give_the_same_trace(
         assert not many.dropped
     finally:
         many.close()
+
+
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(
+    story=STORIES,
+    steps_ms=st.lists(st.sampled_from([1000, 1000, 1000, 1000, 2000, 700]), min_size=20, max_size=60),
+)
+def test_agents_that_run_ahead_give_the_same_trace(
+    tmp_path_factory: pytest.TempPathFactory, story: Story, steps_ms: list[int]
+) -> None:
+    """A kill is noticed as soon as the killed agent's windows are used up: the death's time says when."""
+    story = [
+        entry for entry in story if entry[0] > 0
+    ]  # a death at 0 ms may be of the first window or of the second
+    ahead = ProcessHost.start(
+        tmp_path_factory.mktemp("run"), FLEET, BIRTHS, restart_policy=PATIENT, looks_ahead=True
+    )
+    try:
+        came, told = fly(ahead, story, steps_ms)
+        assert not ahead.dropped
+    finally:
+        ahead.close()
+    ends_ms = [THETA * end_ms for end_ms in accumulate(steps_ms, initial=0)]
+    noticed: Story = [
+        (next(step for step, end_ms in enumerate(ends_ms) if end_ms > it.agent_ms), it.agent_id, "kill")
+        for it in came
+        if isinstance(it, Died)
+    ]
+    facts = [entry for entry in story if entry[2] != "kill"]
+    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS), [*noticed, *facts], steps_ms)
+
+
+def test_few_messages_pass_while_nothing_happens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ahead = ProcessHost.start(tmp_path, FLEET, BIRTHS, looks_ahead=True)
+    try:
+        asked: list[dict[int, bytes]] = []
+        ask = ahead.links.ask
+        monkeypatch.setattr(ahead.links, "ask", lambda key, frames: asked.append(frames) or ask(key, frames))
+        clock = coordinator(ahead)
+        heard = [it for now_s in range(101) for it in clock.advance(1000 * now_s) if isinstance(it, Heard)]
+        assert len(heard) == 3 * 100
+        assert len(asked) == 1
+    finally:
+        ahead.close()
 
 
 def last_truths(truths: list[Truth]) -> dict[int, Truth]:

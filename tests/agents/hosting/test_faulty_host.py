@@ -33,6 +33,9 @@ class Echo:
     def kill(self, agent_id: int) -> None:
         self.dies = True
 
+    def stop(self, agent_id: int) -> None:
+        pass
+
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         if self.dies:
             self.dies = False

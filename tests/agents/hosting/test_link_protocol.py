@@ -14,26 +14,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.fleet import resting_on_bottom
-from agents.hosting.agent_process import WindowHandler
+from agents.hosting.agent_process import MOST_AHEAD, WindowHandler
 from agents.hosting.host import Grant, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,
     NEVER,
+    Ahead,
+    AheadWindow,
     Answer,
     LinkError,
     Refusal,
     Repeat,
+    RunAhead,
     Window,
     decode_from_agent,
     decode_to_agent,
     encode_answer,
 )
 from agents.mussel.agent import Agent
-from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
+from agents.mussel.outputs import Dropped, Output, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.mussel.truths import decode as decode_telling
-from agents.nursery.state_file import RecordPair
+from agents.nursery.state_file import RecordRing
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 FLEET = replace(PAPER, body=STILL.body)
@@ -60,6 +64,31 @@ def test_a_window_crosses_the_link(
 ) -> None:
     window = Window(key, Grant(until_ms, tuple(facts)))  # type: ignore[arg-type]
     assert decode_to_agent(window.encode()) == window
+
+
+@given(key=KEYS, windows=st.integers(0, 2**32), counted_ms=TIMES)
+def test_an_order_to_run_ahead_crosses_the_link(key: tuple[int, int], windows: int, counted_ms: int) -> None:
+    order = RunAhead(key, windows, counted_ms)
+    assert decode_to_agent(order.encode()) == order
+
+
+TRUTHS = st.builds(
+    lambda at_ms, state: Truth(at_ms, 7, state, resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)),
+    TIMES,
+    st.sampled_from(State),
+)
+AHEAD = st.builds(
+    AheadWindow,
+    TIMES,
+    st.builds(Reply, st.none() | TIMES, st.lists(OUTPUTS, max_size=3).map(tuple)),
+    st.lists(TRUTHS, max_size=3).map(tuple),
+)
+
+
+@given(key=KEYS, windows=st.lists(AHEAD, max_size=MOST_AHEAD))
+def test_windows_ahead_cross_the_link(key: tuple[int, int], windows: list[AheadWindow]) -> None:
+    ahead = Ahead(key, tuple(windows))
+    assert decode_from_agent(ahead.encode()) == ahead
 
 
 @given(key=KEYS, due_ms=st.none() | TIMES, outputs=st.lists(OUTPUTS, max_size=700))
@@ -121,10 +150,10 @@ def test_a_window_too_large_for_the_link_is_the_granters_mistake() -> None:
 
 
 @pytest.fixture
-def served() -> Iterator[tuple[WindowHandler, socket.socket, RecordPair]]:
+def served() -> Iterator[tuple[WindowHandler, socket.socket, RecordRing]]:
     """An agent behind its link, the end of its truth socket, and its records."""
     slots = os.memfd_create("slots")
-    pair = RecordPair(slots, 0, 7)
+    pair = RecordRing(slots, 0, 7)
     physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)
     pair.initial_state(physical)
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -135,7 +164,7 @@ def served() -> Iterator[tuple[WindowHandler, socket.socket, RecordPair]]:
 
 
 def test_the_same_question_gets_the_same_answer_and_happens_once(
-    served: tuple[WindowHandler, socket.socket, RecordPair],
+    served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, hearer, pair = served
     window = Window((1, 1), Grant(40_000)).encode()
@@ -153,7 +182,7 @@ def test_the_same_question_gets_the_same_answer_and_happens_once(
 
 
 def test_an_old_epoch_is_fenced_off_and_moves_nothing(
-    served: tuple[WindowHandler, socket.socket, RecordPair],
+    served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, _, pair = served
     servant.take(Window((1, 5), Grant(10_000)).encode())
@@ -165,7 +194,7 @@ def test_an_old_epoch_is_fenced_off_and_moves_nothing(
 
 
 def test_repeat_says_the_last_window_again_and_the_present_truth(
-    served: tuple[WindowHandler, socket.socket, RecordPair],
+    served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, hearer, _ = served
     last = decode_from_agent(servant.take(Window((1, 5), Grant(40_000)).encode())[0])
@@ -191,7 +220,7 @@ def test_repeat_says_the_last_window_again_and_the_present_truth(
     ],
 )
 def test_a_bad_message_is_refused_and_the_next_good_one_works(
-    served: tuple[WindowHandler, socket.socket, RecordPair], data: bytes, reason: str
+    served: tuple[WindowHandler, socket.socket, RecordRing], data: bytes, reason: str
 ) -> None:
     servant, _, _ = served
     servant.take(Window((1, 1), Grant(10_000)).encode())
@@ -199,3 +228,69 @@ def test_a_bad_message_is_refused_and_the_next_good_one_works(
     assert isinstance(refusal, Refusal) and not refusal.fenced and reason in refusal.reason
     answer = decode_from_agent(servant.take(Window((1, 2), Grant(20_000)).encode())[0])
     assert isinstance(answer, Answer) and answer.granted_ms == 20_000
+
+
+def ran_ahead(servant: WindowHandler, key: tuple[int, int], windows: int, counted_ms: int) -> Ahead:
+    ahead = decode_from_agent(servant.take(RunAhead(key, windows, counted_ms).encode())[0])
+    assert isinstance(ahead, Ahead)
+    return ahead
+
+
+def test_windows_ahead_are_those_that_would_be_granted(
+    served: tuple[WindowHandler, socket.socket, RecordRing],
+) -> None:
+    """FLEET's aMussels report once a mission second, which is 30 s of theirs."""
+    servant, _, ring = served
+    servant.take(Window((1, 1), Grant(30_000)).encode())
+    ahead = ran_ahead(servant, (1, 2), 3, 30_000)
+    assert [it.until_ms for it in ahead.windows] == [60_000, 90_000, 120_000]
+    assert [[output.at_ms for output in it.reply.outputs] for it in ahead.windows] == [
+        [60_000],
+        [90_000],
+        [120_000],
+    ]
+    assert [ring.newest((1, 2), at_ms).granted_ms for at_ms in (59_999, 60_000, 119_999)] == [
+        30_000,
+        60_000,
+        90_000,
+    ]  # type: ignore[union-attr]
+
+
+def test_an_agent_goes_back_and_what_happens_then_counts(
+    served: tuple[WindowHandler, socket.socket, RecordRing],
+) -> None:
+    servant, _, ring = served
+    servant.take(Window((1, 1), Grant(30_000)).encode())
+    ran_ahead(servant, (1, 2), 3, 30_000)
+    ran_ahead(servant, (1, 3), 3, 60_000)
+    sunk = Window((1, 4), Grant(120_000, ((90_000, ContactClosed(0, 0)),)), 90_000)
+    answer = decode_from_agent(servant.take(sunk.encode())[0])
+    assert isinstance(answer, Answer)
+    assert [type(output) for output in answer.reply.outputs] == [Dropped, WifiSent]
+    assert [output.at_ms for output in answer.reply.outputs] == [90_000, 120_000]
+    assert ring.newest((1, 3), 90_000).granted_ms == 90_000  # type: ignore[union-attr]
+    assert ring.newest((1, 4), 120_000).key == (1, 4)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (RunAhead((1, 9), MOST_AHEAD + 1, 60_000), "farther ahead than its records reach"),
+        (RunAhead((1, 9), MOST_AHEAD - 1, 60_000), "farther ahead than its records reach"),
+        (Repeat((2, 0)), "it ran ahead, and nobody names the time to go back to"),
+        (Window((1, 9), Grant(120_000)), "it ran ahead, and nobody names the time to go back to"),
+        (Window((1, 9), Grant(120_000), 29_999), "time went back: 29999 before 30000"),
+        (Window((1, 9), Grant(59_999), 60_000), "time went back: 59999 before 60000"),
+    ],
+)
+def test_an_agent_ahead_refuses_what_would_lose_its_time(
+    served: tuple[WindowHandler, socket.socket, RecordRing], message: RunAhead | Repeat | Window, reason: str
+) -> None:
+    """It has run to 120 s, and its windows count to 60 s: two are left that may be undone."""
+    servant, _, _ = served
+    servant.take(Window((1, 1), Grant(30_000)).encode())
+    ran_ahead(servant, (1, 2), 3, 30_000)
+    refusal = decode_from_agent(servant.take(message.encode())[0])
+    assert refusal == Refusal(message.key, False, reason)
+    answer = decode_from_agent(servant.take(Window((1, 10), Grant(90_000), 60_000).encode())[0])
+    assert isinstance(answer, Answer) and answer.granted_ms == 90_000

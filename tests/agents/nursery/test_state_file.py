@@ -1,4 +1,4 @@
-"""The physical file: the newest whole one of an agent's two records counts."""
+"""The physical file: the newest whole one of an agent's records counts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from agents.fleet import resting_on_bottom
 from agents.hosting.link_protocol import NEVER
 from agents.mussel.physical import Physical
-from agents.nursery.state_file import RECORD_BYTES, Record, RecordPair
+from agents.nursery.state_file import RECORD_BYTES, RECORDS, Record, RecordRing
 
 
 def place(north_m: float) -> Physical:
@@ -25,47 +25,70 @@ def file() -> Iterator[int]:
 
 
 def test_an_unanswered_windows_slot_does_not_count(file: int) -> None:
-    pair = RecordPair(file, 1, 7)
-    pair.initial_state(place(0))
-    pair.write((1, 1), 10, place(1))
-    pair.write((1, 2), 20, place(2))
-    again = RecordPair(file, 1, 7)
+    ring = RecordRing(file, 1, 7)
+    ring.initial_state(place(0))
+    ring.write((1, 1), 10, place(1))
+    ring.write((1, 2), 20, place(2))
+    again = RecordRing(file, 1, 7)
     assert again.newest((1, 1)) == Record((1, 1), 10, place(1))
     assert again.newest((1, 2)) == Record((1, 2), 20, place(2))
     assert again.newest(None) == Record((1, 2), 20, place(2))
 
 
 def test_a_restarted_agent_overwrites_what_did_not_count(file: int) -> None:
-    pair = RecordPair(file, 0, 7)
-    pair.initial_state(place(0))
-    pair.write((1, 1), 10, place(1))
-    pair.write((1, 2), 20, place(2))
-    again = RecordPair(file, 0, 7)
+    ring = RecordRing(file, 0, 7)
+    ring.initial_state(place(0))
+    ring.write((1, 1), 10, place(1))
+    ring.write((1, 2), 20, place(2))
+    again = RecordRing(file, 0, 7)
     again.newest((1, 1))
     again.write((1, 3), 15, place(3))
-    assert RecordPair(file, 0, 7).newest((1, 2)) == Record((1, 1), 10, place(1))
-    assert RecordPair(file, 0, 7).newest(None) == Record((1, 3), 15, place(3))
+    assert RecordRing(file, 0, 7).newest((1, 2)) == Record((1, 1), 10, place(1))
+    assert RecordRing(file, 0, 7).newest(None) == Record((1, 3), 15, place(3))
 
 
 @pytest.mark.parametrize("torn_at", [0, 5, 40, 90])
 def test_a_torn_slot_gives_way_to_the_other(file: int, torn_at: int) -> None:
-    pair = RecordPair(file, 0, 7)
-    pair.initial_state(place(0))
-    pair.write((1, 1), 10, place(1))
+    ring = RecordRing(file, 0, 7)
+    ring.initial_state(place(0))
+    ring.write((1, 1), 10, place(1))
     byte = os.pread(file, 1, RECORD_BYTES + torn_at)[0]
     os.pwrite(file, bytes([byte ^ 0x40]), RECORD_BYTES + torn_at)
-    assert RecordPair(file, 0, 7).newest(None) == Record(NEVER, 0, place(0))
+    assert RecordRing(file, 0, 7).newest(None) == Record(NEVER, 0, place(0))
 
 
 def test_another_agents_slot_or_none_is_no_slot(file: int) -> None:
-    RecordPair(file, 0, 7).initial_state(place(0))
-    assert RecordPair(file, 0, 8).newest(None) is None
-    assert RecordPair(file, 5, 7).newest(None) is None
+    RecordRing(file, 0, 7).initial_state(place(0))
+    assert RecordRing(file, 0, 8).newest(None) is None
+    assert RecordRing(file, 5, 7).newest(None) is None
 
 
 def test_the_higher_epoch_is_the_newer_one(file: int) -> None:
-    pair = RecordPair(file, 0, 7)
-    pair.initial_state(place(0))
-    pair.write((1, 900), 10, place(1))
-    pair.write((2, 1), 20, place(2))
-    assert RecordPair(file, 0, 7).newest(None) == Record((2, 1), 20, place(2))
+    ring = RecordRing(file, 0, 7)
+    ring.initial_state(place(0))
+    ring.write((1, 900), 10, place(1))
+    ring.write((2, 1), 20, place(2))
+    assert RecordRing(file, 0, 7).newest(None) == Record((2, 1), 20, place(2))
+
+
+def test_of_windows_with_one_key_the_newest_up_to_a_time_counts(file: int) -> None:
+    ring = RecordRing(file, 0, 7)
+    ring.initial_state(place(0))
+    for n in range(1, RECORDS):
+        ring.write((1, 4), 10 * n, place(n))
+    again = RecordRing(file, 0, 7)
+    assert again.newest((1, 4), 45) == Record((1, 4), 40, place(4))
+    assert again.newest((1, 3), 45) == Record(NEVER, 0, place(0))
+    assert again.newest((1, 4)) == Record((1, 4), 10 * (RECORDS - 1), place(RECORDS - 1))
+
+
+def test_windows_that_are_taken_back_are_overwritten_and_no_others(file: int) -> None:
+    ring = RecordRing(file, 0, 7)
+    ring.initial_state(place(0))
+    for n in range(1, RECORDS):
+        ring.write((1, 4), 10 * n, place(n))
+    ring.take_back(RECORDS - 3)
+    for n in range(RECORDS - 3):
+        ring.write((1, 5), 25 + n, place(100 + n))
+    assert RecordRing(file, 0, 7).newest((1, 4)) == Record((1, 4), 20, place(2))
+    assert RecordRing(file, 0, 7).newest((1, 5), 26) == Record((1, 5), 26, place(101))

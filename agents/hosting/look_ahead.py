@@ -1,0 +1,85 @@
+"""Look-ahead of a fleet in virtual time: its agents run many windows at once, instead of one at each tick.
+
+As long as nothing happens to an aMussel, its windows are known before they are granted: each ends at the mission second
+in which it next acts by itself. So agents compute the next windows while the supervisor still works on those before, and
+a tick costs no round trip. A window with a stimulus, or with another end, is asked for in the ordinary way, and the agent
+goes back to where it was. The outcomes are the same, by the law that cuts of time change nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from agents.hosting.agent_links import AgentLinks
+from agents.hosting.agent_process import MOST_AHEAD
+from agents.hosting.host import Death, Grant
+from agents.hosting.link_protocol import AheadWindow, Key, RunAhead
+
+_AT_ONCE = MOST_AHEAD // 2
+"""While the supervisor uses these, the agent runs as many more."""
+
+
+@dataclass(slots=True)
+class _Lead:
+    """How far one agent is ahead of the windows that count."""
+
+    windows: deque[tuple[Key, AheadWindow]] = field(default_factory=deque)
+    asked: Key | None = None
+    """The order to run ahead that is still unanswered."""
+    at_once: int = 0
+    """It doubles with each window in which nothing happened to the agent, so that a docked one seldom goes back."""
+
+
+class LookAhead:
+    """The windows that the agents of one host have run ahead."""
+
+    def __init__(self, next_key: Callable[[], Key]) -> None:
+        self._next_key = next_key
+        self._leads: dict[int, _Lead] = {}
+
+    def take(
+        self, links: AgentLinks, grants: Mapping[int, Grant]
+    ) -> dict[int, tuple[Key, AheadWindow] | Death]:
+        """The outcomes that are there already, with the key of each; an agent without one is to be asked."""
+        self._await(links, [it for it, grant in grants.items() if not grant.stimuli])
+        found: dict[int, tuple[Key, AheadWindow] | Death] = {}
+        for agent_id, grant in grants.items():
+            lead = self._leads.get(agent_id)
+            if lead is None:
+                continue
+            if not grant.stimuli and lead.windows and lead.windows[0][1].until_ms == grant.until_ms:
+                found[agent_id] = lead.windows.popleft()
+            else:
+                self.forget(links, agent_id)
+        return found
+
+    def _await(self, links: AgentLinks, agent_ids: Iterable[int]) -> None:
+        """Waits for the agents whose windows are all used up."""
+        leads = {it: self._leads[it] for it in agent_ids if it in self._leads}
+        waited = [it for it, lead in leads.items() if lead.asked is not None and not lead.windows]
+        if not waited:
+            return
+        for agent_id, outcome in links.take_ahead(waited).items():
+            lead = leads[agent_id]
+            if not isinstance(outcome, Death):
+                lead.windows.extend((outcome.key, window) for window in outcome.windows)
+            lead.asked = None
+
+    def run_on(self, links: AgentLinks, lived_ms: Mapping[int, int], grants: Mapping[int, Grant]) -> None:
+        """Lets the agents that have just been granted these windows run ahead of them."""
+        for agent_id, grant in grants.items():
+            lead = self._leads.setdefault(agent_id, _Lead())
+            lead.at_once = 0 if grant.stimuli else min(_AT_ONCE, 2 * lead.at_once + 1)
+            if lead.at_once and lead.asked is None and len(lead.windows) <= MOST_AHEAD - _AT_ONCE:
+                lead.asked = self._next_key()
+                order = RunAhead(lead.asked, lead.at_once, lived_ms[agent_id])
+                links.run_ahead(agent_id, lead.asked, order.encode())
+
+    def forget(self, links: AgentLinks, agent_id: int) -> None:
+        """The windows that this agent ran ahead do not count."""
+        links.forget_ahead(agent_id)
+        if (lead := self._leads.get(agent_id)) is not None:
+            lead.windows.clear()
+            lead.asked = None
