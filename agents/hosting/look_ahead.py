@@ -23,7 +23,7 @@ _AT_ONCE = MOST_AHEAD // 2
 
 @dataclass(slots=True)
 class _Lead:
-    """How far one agent is ahead of the windows that count."""
+    """The lead of one agent over the windows that count."""
 
     windows: deque[tuple[Key, AheadWindow]] = field(default_factory=deque)
     asked: Key | None = None
