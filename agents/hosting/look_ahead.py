@@ -41,10 +41,10 @@ class LookAhead:
 
     def take(
         self, links: AgentLinks, grants: Mapping[int, Grant]
-    ) -> dict[int, tuple[Key, AheadWindow] | Death]:
+    ) -> dict[int, tuple[Key, AheadWindow]]:
         """The outcomes that are there already, with the key of each; an agent without one is to be asked."""
         self._await(links, [it for it, grant in grants.items() if not grant.stimuli])
-        found: dict[int, tuple[Key, AheadWindow] | Death] = {}
+        found: dict[int, tuple[Key, AheadWindow]] = {}
         for agent_id, grant in grants.items():
             lead = self._leads.get(agent_id)
             if lead is None:
