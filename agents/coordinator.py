@@ -11,11 +11,12 @@ from agents.hosting.host import Death, Grant, Host
 from agents.mussel.outputs import Output
 from agents.mussel.stimuli import Stimulus
 from firmware_model.stimuli import ResetCause
+from firmware_model.value import value
 
 _NEVER_MS = 2**63
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Heard:
     """An output of an agent; `mission_ms` is derived from the agent's own stamp, rounded up."""
 

@@ -8,9 +8,10 @@ from typing import Any, ClassVar
 
 from agents.mussel.physical import Physical
 from firmware_model.states import State
+from firmware_model.value import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class WifiSent:
     at_ms: int
     data: bytes
@@ -65,7 +66,7 @@ def from_wire(wire: Any) -> Output:
 _STATES = {int(state): state for state in State}
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Truth:
     """An aMussel's true state, from `at_ms` until its next Truth. The recorder alone reads it."""
 

@@ -6,11 +6,11 @@ The nursery keeps one of these for every agent, and restarts a dead agent from i
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow
+from firmware_model.value import value
 
 if TYPE_CHECKING:
     from firmware_model.settings import StoredSettings
@@ -20,7 +20,7 @@ _FLOWS = {int(flow): flow for flow in Flow}
 _BUOYANCIES = {int(buoyancy): buoyancy for buoyancy in Buoyancy}
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 

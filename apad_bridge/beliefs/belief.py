@@ -9,6 +9,7 @@ from enum import IntFlag
 from apad_bridge.beliefs.mixture import Part, below, interval
 from apad_bridge.beliefs.modes import Mode, mode_of
 from firmware_model.states import State
+from firmware_model.value import value
 
 
 class Source(IntFlag):
@@ -39,7 +40,7 @@ EXACT_CLOCK = Clock()
 EXACT = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Belief:
     """An estimate for the mission time `at_ms`; charges are the paper's scaled voltage in [0, 1].
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
+from firmware_model.value import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Heard:
     """A decoded status packet."""
 

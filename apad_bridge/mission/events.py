@@ -9,9 +9,10 @@ from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import AllowMotion, Note, SwitchMotorsOff
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
 from firmware_model.packets.sample_record import SampleRecord
+from firmware_model.value import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class WifiHeard:
     at_ms: int
     data: bytes

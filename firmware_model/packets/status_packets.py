@@ -14,13 +14,14 @@ from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.sampling.sensors import COUNT_FIELDS, Counts
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
+from firmware_model.value import value
 
 _STATES = {int(state): state for state in State}
 _FEEDS = {int(feed): feed for feed in ActiveBattery}
 _CAUSES = {int(cause): cause for cause in ResetCause}
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class StatusPacket:
     """The part of every status except the short one. `sequence` counts reports modulo 65536; `agent_ms` is agent time."""
 
