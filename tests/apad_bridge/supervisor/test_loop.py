@@ -1,15 +1,17 @@
 """The flight loop in memory: repeats give the same trace, recorded stimuli replay it, and a relay joins two halves."""
 
+import gc
 import json
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenario_files import POOL_FILE, WHOLE_FILE
+from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE
 
 from agents.coordinator import Coordinator
 from agents.hosting.host import Grant
@@ -18,7 +20,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.loader import from_data as scenario_from
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -285,3 +287,19 @@ def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
     assert str(flight.run()) == ended_by
     gave_up = [data["gave_up"] for _, kind, data in recorder.events if kind == "died"]
     assert gave_up == ["it stays dead"] * killed
+
+
+@pytest.mark.parametrize("scenario", [POOL_FILE, WHOLE_FILE, SOUND_FILE])
+def test_ticks_leave_no_garbage_cycle(scenario: Path) -> None:
+    """A flight's process looks for cycles so seldom because of this."""
+    flight, _ = open_flight(load(scenario))
+    for _ in range(30):
+        flight.step()
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(150):
+            flight.step()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
