@@ -224,14 +224,13 @@ class Body:
             north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, amplitude_um)
         else:
             north_um = east_um = 0
-        depth_um = self.depth_at_um(now_ms)
-        if depth_um == 0:
-            leeway_north_um, leeway_east_um = self._config.leeway_um_s
-            north_um += leeway_north_um
-            east_um += leeway_east_um
+        leeway_um_s = self._config.leeway_um_s
+        if leeway_um_s != (0, 0) and self.depth_at_um(now_ms) == 0:
+            north_um += leeway_um_s[0]
+            east_um += leeway_um_s[1]
         if not water.current.is_still:
-            place_um = self.north_um, self.east_um
-            north_um_s, east_um_s = water.current.velocity_um_s(*place_um, depth_um, self._step)
+            place_um = self.north_um, self.east_um, self.depth_at_um(now_ms)
+            north_um_s, east_um_s = water.current.velocity_um_s(*place_um, self._step)
             north_um += north_um_s
             east_um += east_um_s
         self.north_um += north_um

@@ -263,8 +263,11 @@ class EnergyExchange(OrderBook):
             self._collect_if_due({}, now_ms)
 
     def _collect_if_due(self, docked: Docked, now_ms: int) -> None:
+        free_docks = self.docks.count(None)
+        if not free_docks:
+            return
         pool = self._candidates(now_ms)
-        count = self._dispatch.to_collect(pool, docked, self.docks.count(None))
+        count = self._dispatch.to_collect(pool, docked, free_docks)
         if count and self._plan_collection(pool, count, now_ms):
             self._go_collect(now_ms)
 
