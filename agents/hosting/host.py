@@ -9,9 +9,10 @@ from typing import Protocol
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import Stimulus
 from firmware_model.stimuli import ResetCause
+from firmware_model.value import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Grant:
     """A window: time up to `until_ms`, and its facts as (at_ms, stimulus) in order."""
 
@@ -19,7 +20,7 @@ class Grant:
     stimuli: tuple[tuple[int, Stimulus], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Reply:
     """A window's whole outcome. `next_due_ms` is when the agent next acts by itself."""
 

@@ -23,6 +23,7 @@ import msgpack
 from agents.hosting.host import Grant, Reply
 from agents.mussel import outputs, stimuli
 from agents.mussel.outputs import Truth
+from firmware_model.value import value
 
 LIMIT_BYTES = 65536
 """The largest message, either way, on any of the fleet's sockets."""
@@ -98,7 +99,7 @@ class RunAhead:
         return data
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class AheadWindow:
     """The outcome of one window to `until_ms` that an agent ran ahead."""
 
