@@ -75,6 +75,8 @@ COMPARED = [
     for rule, keys in RULES.items()
     for name, collection in COLLECTIONS.items()
 ]
+THREE = {"batch": 3, "pool_threshold": 0.6, "charge_to": 0.7}
+COMPARED.append({"name": "rollout-fair, three", **COLLECTIONS["rollout-fair"], **THREE})
 FEW = (
     "cautious",
     "greedy",
