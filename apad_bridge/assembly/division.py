@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from apad_bridge.planning.allocation import allocate
 from apad_bridge.ros_names.names import plain
 from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.errors import ScenarioError
@@ -27,6 +26,9 @@ def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
     """Returns the members in the scenario's order of aPads, each with its planned share. A single one has all."""
     if not scenario.apads:
         return (Member(scenario.apad.name, scenario, tuple(starts)),)
+    # Imported here, because it computes with numpy, and most fleets have one aPad.
+    from apad_bridge.planning.allocation import allocate
+
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
     return divided(scenario, starts, allocate([apad.start_m for apad in _apads(scenario)], places_m))
 

@@ -70,5 +70,5 @@ RosNamespace = Annotated[
 ]
 """A name with a leading slash is global, any other lies below the namespace of the run."""
 
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)
