@@ -25,8 +25,9 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import open_in_process
 from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, FaultMix, Faults, Injection, TimedFault, planned
 

@@ -51,10 +51,10 @@ from apad_bridge.records.journal import JournalDamaged, read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import open_in_process
 from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
-from apad_bridge.scenario.schema import Hosting
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.control import answered_line
 from apad_bridge.supervisor.packet_relay import PacketRelay, Source, whole_flight

@@ -28,9 +28,10 @@ from rich.table import Table
 
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a import messages as shown_a

@@ -16,7 +16,7 @@ import pytest
 from doc_blocks import EXCERPTS, Block, blocks
 from doc_blocks import PAGES as BLOCK_PAGES
 
-from apad_bridge.commands.main import parser
+from apad_bridge.commands.main import COMMANDS, parser
 from apad_bridge.runs.exits import EXITS, Exit
 from apad_bridge.scenario.schema import Scenario
 
@@ -110,7 +110,7 @@ def test_every_command_parses(page: str, command: str, capsys: pytest.CaptureFix
     _, *words = shlex.split(command.replace("[", "").replace("]", ""), comments=True)
     arguments = [*words, "--help"] if len(words) == 1 else words
     try:
-        parser().parse_args(arguments)
+        parser(arguments).parse_args(arguments)
     except SystemExit as ended:
         assert ended.code == 0, f"{page}: {command}: {capsys.readouterr().err}"
     for path in words:
@@ -125,7 +125,10 @@ def parsers(of: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
                 yield from parsers(each)
 
 
-PARSERS = list(parsers(parser()))
+PARSERS = [parser()]
+PARSERS += {
+    each.prog: each for name in COMMANDS for each in parsers(parser([name])) if each.prog != "musselbed"
+}.values()
 
 
 @pytest.mark.parametrize("each", PARSERS, ids=lambda each: each.prog)
@@ -136,7 +139,7 @@ def test_every_help_ends_with_two_commands_that_parse(each: argparse.ArgumentPar
     for example in examples:
         assert example.startswith(each.prog)
         words = shlex.split(example.partition(" > ")[0])[1:]
-        parser().parse_args(words)
+        parser(words).parse_args(words)
         for path in words:
             assert not path.startswith(ROOMS) or (ROOT / path).exists(), example
 

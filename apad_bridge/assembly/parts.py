@@ -35,9 +35,10 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
-from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.core import LearnedState, Supervisor

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from apad_bridge.scenario.schema import Generation
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.generation_a.stack import STACK as GENERATION_A
 from apad_bridge.vehicle.generation_b.stack import STACK as GENERATION_B
 from apad_bridge.vehicle.stack import Stack

@@ -9,20 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting import started
-from apad_bridge.commands.flight import peers_may_fail
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.run import namespace_of_shell
 from apad_bridge.ros.system.route import environment_for, somebodys_master
-from apad_bridge.runs.exits import UserError
+from apad_bridge.runs.exits import UserError, peers_may_fail
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Generation
 
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "apad",
-        help="fly the simulated aPad alone, for any ROS 1 client",
         description="Puts the scenario's simulated aPad on the master at ROS_MASTER_URI, with the topics, services and "
         "actions of its generation, and without a fleet or a mission. It prints `ready` when it is on the graph, "
         "and ends at Ctrl-C.",
@@ -48,6 +45,8 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from apad_bridge.scenario.loader import load
+
     try:
         load(arguments.scenario)
     except ScenarioError as error:

@@ -23,7 +23,6 @@ FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "beliefs",
-        help="evaluate a run's beliefs: error, coverage and consistency",
         description="Compares the supervisor's beliefs with the truth, at times a period apart: by the age of the last "
         "packet, by mode and by aMussel. Reads the run's bags. Reads the journal where a bag is not closed, as of a "
         "flying run, or has no deviations of beliefs.",

@@ -25,7 +25,6 @@ _TIME = re.compile(r"(?:(?:(\d+):)?(\d+):)?(\d+(?:\.\d+)?)")
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "branch",
-        help="fly a run again from a moment on with another strategy, another threshold, or without an aPad",
         description="Repeats a run up to a moment, from its stimuli or from its records, and goes on in virtual time with "
         "other rules. Prints the figures beside those of a branch that changes nothing. The run's records do not change.",
         epilog=ending(

@@ -28,7 +28,6 @@ _ENDING = ending(
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "calibrate",
-        help="a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
         description="Measures speed, stopping distance, docking time and misses, drift, energy and the loss of packets "
         "by range in a vehicle's bags, of either generation. Each figure has its interval of 95 % and its number of "
         "samples. Prints the scenario's keys that follow, what a bag cannot tell, and why. Flies the go-tos again by the "

@@ -16,7 +16,6 @@ from apad_bridge.scenario.errors import ScenarioError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "capacity",
-        help="print upper bounds of a scenario's uptime, activity and samples, and of the fleet that its docks sustain",
         description="Prints bounds that follow from the batteries, the docks and the duty cycle alone. No strategy exceeds "
         "them, because they exclude travel, docking and waiting. docs/studies.md derives them.",
         epilog=ending(

@@ -8,13 +8,14 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from apad_bridge.analysis.invariants import Broken, check_run
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from apad_bridge.analysis.invariants import Broken
 
 MOST_SHOWN = 10
 """Broken laws that a person sees of one aPad's run; `--json` has them all."""
@@ -23,7 +24,6 @@ MOST_SHOWN = 10
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "check",
-        help="check that a run's records obey the laws that hold in every run",
         description="Checks the journal and the samples of a run. Time never falls, and energy is neither made nor "
         "lost. An aMussel is in one dock and at one place. Samples are kept once, beliefs are finite, and the cost is the "
         "way driven. A broken law is a defect of musselbed; the command prints the lines that show it.",
@@ -51,6 +51,9 @@ def exit_of_laws(broken: Mapping[Path, list[Broken]]) -> int:
 
 def broken_laws(directory: Path) -> dict[Path, list[Broken]]:
     """The broken laws by the directory of each aPad's run. UserError for a directory without a run, or a damaged one."""
+    from apad_bridge.analysis.invariants import check_run
+    from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+
     found = [
         it.parent
         for it in (directory / "journal.jsonl", *sorted(directory.glob("*/journal.jsonl")))

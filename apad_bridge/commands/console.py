@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.run_directory import RunDirectoryError
-from apad_bridge.runs.children import served_beside
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -24,7 +22,6 @@ _LAST_PAGE_S = 2.0
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "console",
-        help="show a run live in a browser, and give it orders from there",
         description="Serves the replay page of a run with live data: the map, the batteries, the events, and buttons for "
         "stop, continue, abort and remarks. Ctrl-C ends the console and not the run. Each console prints an address with "
         "its own token. Anybody with the address may give orders. Without RUN it shows the run on the master at "
@@ -55,6 +52,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.console.process import Address, serve
+    from apad_bridge.records.run_directory import RunDirectoryError
 
     if not 0 <= arguments.port < 65536:
         raise UserError(f"--port must be 0 to 65535, not {arguments.port}")
@@ -107,6 +105,8 @@ def console_beside(directory: Path) -> Iterator[str]:
 
     It ends after its pages have the run's summary, or without that after `_LAST_PAGE_S`. UserError when it cannot start.
     """
+    from apad_bridge.runs.children import served_beside
+
     arguments = ["console", str(directory), "--json"]
     with served_beside("console", arguments, directory, _LAST_PAGE_S) as line:
         yield json.loads(line)["url"]

@@ -22,25 +22,21 @@ from apad_bridge.supervisor.control import (
 from apad_bridge.vehicle.errors import PeerFailed
 
 _NO_EMERGENCY_STOP = "This is no emergency stop: it needs a live supervisor and a link to the vehicle."
-_COMMANDS: dict[Act, tuple[str, str, tuple[str, str]]] = {
+_COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
     Act.STOP: (
-        "hold the aPad where it is, until `continue`",
         "The aPad holds its position and the mission waits. The order does not stop a moving dock half-way. "
         f"{_NO_EMERGENCY_STOP}",
         ("musselbed stop runs/pool-12-1", "musselbed stop runs/bay-120-1/apad2 --by Anna"),
     ),
     Act.CONTINUE: (
-        "continue a run that was stopped or taken over",
         "The mission plans anew from the aPad's place. A script, or a flight by hand, continues where it stopped.",
         ("musselbed continue runs/pool-12-1", "musselbed continue runs/bay-120-1/apad2 --by Anna"),
     ),
     Act.ABORT: (
-        "end the mission of a run; the aPad holds its position",
         f"The run ends in order, with its summary, and exit code 0. {_NO_EMERGENCY_STOP}",
         ("musselbed abort runs/pool-12-1", "musselbed abort runs/pool-12-1 --motors-off"),
     ),
     Act.REMARK: (
-        "write a remark into the records of a run",
         "The journal, the bag and the replay page show the remark at its mission time.",
         (
             'musselbed remark runs/pool-12-1 "fishing boat 200 m north"',
@@ -51,10 +47,9 @@ _COMMANDS: dict[Act, tuple[str, str, tuple[str, str]]] = {
 
 
 def add_parser(commands: Any) -> None:
-    for act, (summary, description, examples) in _COMMANDS.items():
+    for act, (description, examples) in _COMMANDS.items():
         parser = commands.add_parser(
             act.value,
-            help=summary,
             description=description,
             epilog=ending(*examples),
         )

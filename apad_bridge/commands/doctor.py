@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
-        help="check this machine, its ROS, the network both ways, and a scenario",
         description="Checks the needs of a run, and prints a line for each check: OK, WARN or FAIL, the finding, and "
         "the mend. It changes nothing: for the test of the way back it registers with the master at ROS_MASTER_URI, and "
         "unregisters at once. Without a master it skips these checks, because `musselbed run` starts its own.",

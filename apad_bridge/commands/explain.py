@@ -20,7 +20,6 @@ from apad_bridge.runs.exits import Exit, UserError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "explain",
-        help="the reasons of the mission's plan at a time",
         description="Prints the plan in force at a mission time: its candidates with their beliefs, the cost of each "
         "part, and the other plans that the strategy weighed, the runner-up first. Reads the journal, "
         "also of a run that is still flying.",

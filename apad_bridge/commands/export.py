@@ -17,7 +17,6 @@ from apad_bridge.runs.exits import Exit, UserError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
-        help="every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
         description="Writes the samples of a run's bags, the events of its journal, uploaded samples and the summary. MCAP "
         "opens in Foxglove with the layout of `musselbed layout foxglove`; .mat opens in MATLAB and Octave. Also of a run "
         "that still flies or that was killed.",

@@ -27,7 +27,6 @@ from apad_bridge.runs.exits import Exit, UserError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "fit",
-        help="fit a battery's charge or discharge curve to your own log",
         description="Fits the models of a scenario to measurements.",
         epilog=ending(
             "musselbed fit battery charge.csv discharge.csv",

@@ -12,7 +12,6 @@ from apad_bridge.scenario.run_options import Part
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "fleet",
-        help="fly simulated aMussels on the master at ROS_MASTER_URI, without a mission",
         description="Starts the scenario's aMussels, a process each, on the master at ROS_MASTER_URI. They report on "
         "/amusselN/position and battery_level. A publisher of /amusselN/position_static docks them, and rosservice call "
         "/amusselN/surface and /amusselN/sink moves them. This command plans nothing and commands no aPad. "

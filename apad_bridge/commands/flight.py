@@ -2,38 +2,38 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apad_bridge.assembly.division import Member, members
-from apad_bridge.commands.check import broken_laws, exit_of_laws, print_laws
 from apad_bridge.commands.console import console_beside
 from apad_bridge.commands.imc import imc_beside
 from apad_bridge.commands.outcome import print_plan, report
-from apad_bridge.commands.preflight_checks import recording_commands
 from apad_bridge.commands.run_checks import check_run
+from apad_bridge.planning import registry
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirectoryError
-from apad_bridge.runs import parent
-from apad_bridge.runs.dry_run import first_plan
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.summary import Flown, combined_summary
 from apad_bridge.scenario.end_by import with_end_by_in_seconds
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start, read_starts, save_starts
-from apad_bridge.scripting.program import Program, ScriptSource
+from apad_bridge.scenario.starts import Start, read_starts, save_starts, starts_of
 from apad_bridge.vehicle.errors import PeerFailed
+
+if TYPE_CHECKING:
+    from apad_bridge.scripting.program import Program
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +71,27 @@ class Live:
 
 
 NOTHING_LIVE = Live()
+
+
+def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Start]]:
+    """The scenario with the command line's changes, and its starts; UserError with every mistake found."""
+    try:
+        scenario = with_overrides(
+            load(arguments.scenario),
+            theta=arguments.theta,
+            agents=arguments.agents,
+            strategy=getattr(arguments, "strategy", None),
+            seed=arguments.seed,
+            hosting=arguments.hosting,
+            generation=arguments.generation,
+        )
+        registry.collection(scenario.mission.collection)
+        registry.redeployment(scenario.mission.redeployment)
+        return scenario, starts_of(scenario)
+    except ScenarioError as error:
+        raise UserError(str(error)) from error
+    except (OSError, ValueError) as error:
+        raise UserError(f"{arguments.scenario}: {error}") from error
 
 
 def fly(
@@ -113,6 +134,8 @@ def fly(
         if only_bags:
             print("at the end its bag alone stays; --out DIR keeps all of it", flush=True)
         if options.apad is APadKind.ROS and options.part is not Part.FLEET:
+            from apad_bridge.commands.preflight_checks import recording_commands
+
             for command in recording_commands(scenario, options.namespace):
                 print(f"on the vehicle's computer: {command}", flush=True)
     title = scenario.name if script is None else script.file.name
@@ -140,6 +163,8 @@ def fly(
 
 def _checked(whole: RunDirectory, code: int) -> int:
     """Checks the records, with lines on stderr; a broken law is a bug, whatever else the code says."""
+    from apad_bridge.commands.check import broken_laws, exit_of_laws, print_laws
+
     broken = broken_laws(whole.path)
     print_laws(broken, sys.stderr)
     return exit_of_laws(broken) or code
@@ -157,16 +182,6 @@ def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:
     if options.script:
         return Path(options.script).name
     return "by hand" if options.manual else scenario.mission.collection
-
-
-@contextmanager
-def peers_may_fail() -> Iterator[None]:
-    """Turns a peer's failure into one line on stderr and its exit code."""
-    try:
-        yield
-    except PeerFailed as error:
-        print(f"musselbed: {error}", file=sys.stderr)
-        raise SystemExit(Exit.PEER_FAILED) from error
 
 
 def failure_text(failures: Mapping[str, str], *, is_alone: bool = True) -> str:
@@ -203,9 +218,16 @@ def _fly(
     script: Script | None,
 ) -> Flown:
     if options.time is not TimeSource.ASAP:
+        # Imported here, as the other way below: this process needs one of the two, and the parent's parts are few.
+        from apad_bridge.runs import parent
+
         return parent.fly(all_members, scenario.sharing, options, whole, progress)
+    from apad_bridge.runs.several.lockstep import fly_in_step
+
     if script is None:
         return fly_in_step(all_members, scenario.sharing, whole, progress)
+    from apad_bridge.scripting.program import ScriptSource
+
     source = ScriptSource(scenario, script.program, script.file.name, progress.print_message)
     flown = fly_in_step(all_members, scenario.sharing, whole, progress, (source,))
     source.join()
@@ -236,6 +258,8 @@ def _ends(all_members: Sequence[Member], whole: RunDirectory) -> list[Start]:
 
 
 def _print_plans(all_members: Sequence[Member], as_json: bool) -> int:
+    from apad_bridge.runs.dry_run import first_plan
+
     plans = {member.name: first_plan(member.scenario) for member in all_members}
     if len(all_members) == 1:
         return print_plan(plans[all_members[0].name], as_json)

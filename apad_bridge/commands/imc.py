@@ -13,11 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.children import served_beside
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
 
 LOOPBACK = "127.0.0.1"
 NEPTUS_PORT = 6001
@@ -30,7 +27,6 @@ _NO_AUTHENTICATION = (
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "imc",
-        help="show a run live on a console that speaks IMC (Neptus), and take its orders",
         description="Sends the aPad and the aMussels to consoles that speak IMC: places, batteries, states and events. "
         "Writes all its packets into an LSF log in the run's directory. A console that is listed with its IMC "
         f"id may order go-to, station keeping, stop and abort. {_NO_AUTHENTICATION}. Ctrl-C ends this and not the run.",
@@ -117,6 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.imc.gateway import Gateway, Settings, serve
     from apad_bridge.imc.systems import apad_number
     from apad_bridge.imc.wire import Console
+    from apad_bridge.records.run_directory import RunDirectoryError
 
     try:
         consoles = tuple(map(Console.parse, arguments.neptus or [f"{LOOPBACK}:{NEPTUS_PORT}"]))
@@ -163,6 +160,8 @@ def imc_beside(directory: Path, asked: tuple[str, ...]) -> Iterator[str]:
 
     It ends by itself with the run. UserError when it cannot start.
     """
+    from apad_bridge.runs.children import served_beside
+
     with served_beside("imc", ["imc", str(directory), *asked], directory, _LAST_PACKETS_S) as line:
         yield line.rstrip("\n")
 
@@ -190,6 +189,9 @@ def _interface(text: str) -> str:
 
 def _apad_name(directory: Path) -> str:
     """The aPad of a run; an empty name where the directory holds no run, which is told later."""
+    from apad_bridge.records.run_directory import RunDirectory
+    from apad_bridge.scenario.loader import load
+
     try:
         return load(RunDirectory(directory).scenario).apad.name
     except (OSError, ScenarioError):

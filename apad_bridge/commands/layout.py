@@ -13,8 +13,9 @@ from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load, write_atomically
+from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.text_file import write_atomically
 
 _NAMESPACE = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?")
 
@@ -23,7 +24,6 @@ def add_parser(commands: Any) -> None:
     opened = "; ".join(f"{name}: {kind.opened}" for name, kind in KINDS.items())
     parser = commands.add_parser(
         "layout",
-        help="write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
         description="Writes a layout for a scenario's aPads and aMussels, to stdout or a file. launch_scripts/layouts "
         "holds those of pool-12. Other aMussels, other ids, several aPads or a namespace need their own.",
         epilog=ending(

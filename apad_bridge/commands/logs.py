@@ -26,9 +26,7 @@ _ENDING = ending(
 
 
 def add_parser(commands: Any) -> None:
-    parser = commands.add_parser(
-        "logs", help="bags of one mission that were recorded on two machines", epilog=_ENDING
-    )
+    parser = commands.add_parser("logs", epilog=_ENDING)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     merging = actions.add_parser(
         "merge",

@@ -27,36 +27,40 @@ except ImportError:
 if TYPE_CHECKING:
     import argparse
 
-_COMMANDS = (
-    "run",
-    "resume",
-    "control",
-    "fleet",
-    "mission",
-    "apad",
-    "script",
-    "runs",
-    "check",
-    "replay",
-    "export",
-    "report",
-    "logs",
-    "console",
-    "imc",
-    "beliefs",
-    "explain",
-    "mu",
-    "fit",
-    "calibrate",
-    "shadow",
-    "study",
-    "branch",
-    "pack",
-    "capacity",
-    "layout",
-    "preflight",
-    "doctor",
-)
+COMMANDS = {
+    "run": "fly a scenario: a fleet, the supervisor's mission, and an aPad",
+    "resume": "continue a run whose supervisor died",
+    "stop": "hold the aPad where it is, until `continue`",
+    "continue": "continue a run that was stopped or taken over",
+    "abort": "end the mission of a run; the aPad holds its position",
+    "remark": "write a remark into the records of a run",
+    "fleet": "fly simulated aMussels on the master at ROS_MASTER_URI, without a mission",
+    "mission": "fly the mission alone, for real aMussels or another fleet",
+    "apad": "fly the simulated aPad alone, for any ROS 1 client",
+    "script": "fly a Python script with the aPad's API as the mission",
+    "runs": "list the runs here with their key figures, newest first",
+    "check": "check that a run's records obey the laws that hold in every run",
+    "replay": "show a run, or two side by side, as one HTML page",
+    "export": "every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
+    "report": "one HTML page and one PDF about runs: table, figures, energy, beliefs, faults",
+    "logs": "bags of one mission that were recorded on two machines",
+    "console": "show a run live in a browser, and give it orders from there",
+    "imc": "show a run live on a console that speaks IMC (Neptus), and take its orders",
+    "beliefs": "evaluate a run's beliefs: error, coverage and consistency",
+    "explain": "the reasons of the mission's plan at a time",
+    "mu": "run one MU board by itself: Table I, an energy budget, its states",
+    "fit": "fit a battery's charge or discharge curve to your own log",
+    "calibrate": "a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
+    "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
+    "study": "compare strategies on many random configurations, with confidence intervals",
+    "branch": "fly a run again from a moment on with another strategy, another threshold, or without an aPad",
+    "pack": "pack a study or a run as an archive that repeats its own figures",
+    "capacity": "print upper bounds of a scenario's uptime, activity and samples, and of the fleet that its docks sustain",
+    "layout": "write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
+    "preflight": "check a real aPad and everything around it before a mission",
+    "doctor": "check this machine, its ROS, the network both ways, and a scenario",
+}
+"""The commands, and their lines in the list of all. A module is loaded for its own command alone."""
 
 _OF_CONTROL = ("stop", "continue", "abort", "remark")
 """The commands of the module `control`; each other module has the command of its own name."""
@@ -64,7 +68,7 @@ _NS = "__ns:="
 
 
 def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The parser of these arguments: with the command alone that they begin with, or else with all of them."""
+    """The parser of these arguments: with the command that they name, or else with the names of all."""
     import argparse
 
     from apad_bridge.commands.help_text import CommandParser, ending
@@ -85,27 +89,25 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 
     top.add_argument("--version", action=ShowVersion, nargs=0, help="show program's version number and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND")
-    for name in _modules(arguments[0] if arguments else ""):
-        try:
-            import_module(f"apad_bridge.commands.{name}").add_parser(commands)
-        except ImportError as error:
-            # A package that shadows ours must not keep the doctor from reporting it.
-            _add_unloadable(commands, name, error)
+    named = next((it for it in arguments if not it.startswith("-")), None)
+    if named not in COMMANDS:
+        for name, line in COMMANDS.items():
+            commands.add_parser(name, help=line)
+        return top
+    module = "control" if named in _OF_CONTROL else named
+    try:
+        import_module(f"apad_bridge.commands.{module}").add_parser(commands)
+    except ImportError as error:
+        # A package that shadows ours must not keep the doctor from reporting it.
+        _add_unloadable(commands, named, error)
     return top
-
-
-def _modules(command: str) -> Sequence[str]:
-    """The modules to load for a command: its own, or all of them for what is no command."""
-    if command in _OF_CONTROL:
-        return ("control",)
-    return (command,) if command in _COMMANDS and command != "control" else _COMMANDS
 
 
 def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
     def refuse(_: argparse.Namespace) -> int:
         raise UserError(f"cannot be loaded ({error}); `musselbed doctor` names the cause")
 
-    stub = commands.add_parser(name, help=f"cannot be loaded: {error}")
+    stub = commands.add_parser(name)
     stub.add_argument("rest", nargs="...")
     stub.set_defaults(run=refuse)
 

@@ -12,7 +12,6 @@ from apad_bridge.scenario.run_options import Part
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "mission",
-        help="fly the mission alone, for real aMussels or another fleet",
         description="Flies the scenario's mission with the aPad on the master at ROS_MASTER_URI, for aMussels that it "
         "finds there. It reads whole status packets on /musselbed/heard, or /amusselN/position and battery_level of an "
         "existing fleet, and publishes its packets to them on /musselbed/said. It serves the scenario's ids only.",

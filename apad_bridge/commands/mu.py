@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "mu",
-        help="run one MU board by itself: Table I, an energy budget, its states",
         description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad. `energy` sums "
         "the energy that the boards of a run drew.",
         epilog=ending("musselbed mu table1", "musselbed mu run night.yaml --trace"),

@@ -14,7 +14,6 @@ from apad_bridge.runs.exits import Exit, UserError
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "pack",
-        help="pack a study or a run as an archive that repeats its own figures",
         description="Packs scenarios, seeds, versions of packages, records and results. The archive's script `repeat.sh` "
         "flies everything again and compares the figures.",
         epilog=ending(

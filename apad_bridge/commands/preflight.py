@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands import run as run_command
-from apad_bridge.commands.flight import peers_may_fail
+from apad_bridge.commands.flight import read_scenario
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.preflight_checks import (
     PROOFS,
@@ -36,7 +36,7 @@ from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, check_lookout, check_
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
-from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -49,7 +49,6 @@ _STYLES = {Status.OK: "green", Status.WARN: "yellow", Status.FAIL: "bold red"}
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "preflight",
-        help="check a real aPad and everything around it before a mission",
         description="Checks the network both ways, the aPad on the master at ROS_MASTER_URI, and the scenario for it "
         "to fly, and prints one page: green, or the mend. Nothing moves unless --prove-stop or --prove-docks asks for it. "
         "`musselbed run` makes the same checks before a real aPad moves, and refuses to start on red.",
@@ -142,7 +141,7 @@ def _read(arguments: argparse.Namespace) -> tuple[RunOptions, Scenario, Sequence
     parser = argparse.ArgumentParser()
     run_command.add_parser(parser.add_subparsers())
     as_run = parser.parse_args(words)
-    scenario, starts = run_command.read_scenario(as_run)
+    scenario, starts = read_scenario(as_run)
     if problems := problems_with_real_vehicle(scenario):
         raise UserError("\n".join(problems))
     if arguments.echo is not None and arguments.modem is None:

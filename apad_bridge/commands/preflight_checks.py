@@ -22,10 +22,10 @@ from apad_bridge.ros.system.route import environment_for
 from apad_bridge.ros_names.names import in_full, plain
 from apad_bridge.ros_names.namespaces import is_one_of_several
 from apad_bridge.runs.exits import UserError
-from apad_bridge.scenario.loader import write_atomically
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.text_file import write_atomically
 
 PROVEN_FOR = timedelta(hours=24)
 """A proof of a former preflight counts for so long."""

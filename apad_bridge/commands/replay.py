@@ -8,16 +8,13 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.replay.build import build_comparison, build_replay
 from apad_bridge.commands.help_text import ending
-from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
 
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "replay",
-        help="show a run, or two side by side, as one HTML page",
         description="Writes replay.html into a run's directory: one file that opens from disk, without a network. "
         "It shows the journal up to now, also of a flying or a killed run. With a second run, the page shows both side by "
         "side and what differs, in compared-with-RUN2.html.",
@@ -37,6 +34,9 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from apad_bridge.analysis.replay.build import build_comparison, build_replay
+    from apad_bridge.records.run_directory import RunDirectoryError
+
     try:
         if arguments.other is None:
             page = build_replay(arguments.directory)

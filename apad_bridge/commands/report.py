@@ -17,7 +17,6 @@ _DATA = ("csv", "parquet")
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "report",
-        help="one HTML page and one PDF about runs: table, figures, energy, beliefs, faults",
         description="Writes report.html and report.pdf. They show the runs' figures side by side, and the paper's figures "
         "5, 6 and 9 drawn from their data. They add the energy by module and state, the quality of beliefs, and each fault "
         "with what followed. Every series goes into a folder for each run beside them.",

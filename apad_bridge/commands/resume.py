@@ -7,17 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.flight import failure_text, flown_by_whom, peers_may_fail
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.outcome import report
-from apad_bridge.commands.run_checks import check_real_vehicle
-from apad_bridge.records.journal import FORMAT_VERSION, format_of
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs import parent
-from apad_bridge.runs.children import supervisor_of
-from apad_bridge.runs.exits import UserError
-from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.scenario.loader import load
+from apad_bridge.runs.exits import UserError, peers_may_fail
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -25,7 +16,6 @@ from apad_bridge.vehicle.errors import PeerFailed
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "resume",
-        help="continue a run whose supervisor died",
         description="Starts another supervisor for a run. It takes over the live fleet, reads the journal and the "
         "checkpoint, checks the docks, reports the restored state, and continues the mission. It locks out the old "
         "supervisor, should that still run.",
@@ -46,6 +36,17 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    # Imported here: a help, or a mistake in the options, needs none of the parts of a flight.
+    from apad_bridge.commands.flight import failure_text, flown_by_whom
+    from apad_bridge.commands.outcome import report
+    from apad_bridge.commands.run_checks import check_real_vehicle
+    from apad_bridge.records.journal import FORMAT_VERSION, format_of
+    from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+    from apad_bridge.runs import parent
+    from apad_bridge.runs.children import supervisor_of
+    from apad_bridge.runs.progress import FlightProgress
+    from apad_bridge.scenario.loader import load
+
     path = arguments.directory
     try:
         directory = RunDirectory.open(path)

@@ -5,20 +5,14 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.flight import Live, fly
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.imc import add_imc_argument, imc_arguments
-from apad_bridge.planning import registry
 from apad_bridge.runs.exits import UserError
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
-from apad_bridge.scenario.schema import Generation, Hosting, Scenario
-from apad_bridge.scenario.starts import Start, starts_of
 
 SLOWEST, FASTEST = 0.01, 10_000.0
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
@@ -28,7 +22,6 @@ wall: real time (times --speed with the simulated aPad); ros: the /clock of anot
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "run",
-        help="fly a scenario: a fleet, the supervisor's mission, and an aPad",
         description="Flies a scenario to its end and prints its row of the paper's Table II. A new run directory keeps "
         "the records: journal.jsonl, run.bag, summary.json, the resolved scenario, and starts and ends from which another "
         "run can begin.",
@@ -160,27 +153,6 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Start]]:
-    """The scenario with the command line's changes, and its starts; UserError with every mistake found."""
-    try:
-        scenario = with_overrides(
-            load(arguments.scenario),
-            theta=arguments.theta,
-            agents=arguments.agents,
-            strategy=getattr(arguments, "strategy", None),
-            seed=arguments.seed,
-            hosting=arguments.hosting,
-            generation=arguments.generation,
-        )
-        registry.collection(scenario.mission.collection)
-        registry.redeployment(scenario.mission.redeployment)
-        return scenario, starts_of(scenario)
-    except ScenarioError as error:
-        raise UserError(str(error)) from error
-    except (OSError, ValueError) as error:
-        raise UserError(f"{arguments.scenario}: {error}") from error
-
-
 def options_of(arguments: argparse.Namespace) -> RunOptions:
     apad, time = APadKind(getattr(arguments, "apad", APadKind.ROS)), TimeSource(arguments.time)
     if not SLOWEST <= arguments.speed <= FASTEST:
@@ -232,6 +204,9 @@ def namespace_of_shell() -> str:
 
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
+    # Imported here: a help, or a mistake in the options, needs none of the parts of a flight.
+    from apad_bridge.commands.flight import Live, fly, read_scenario
+
     scenario, starts = read_scenario(arguments)
     live = Live(arguments.console, imc_arguments(arguments))
     return fly(options, scenario, starts, arguments.out, arguments.json, live, check=arguments.check)

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apad_bridge.doctor.finding import Status
-from apad_bridge.doctor.graph import Graph
-from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import UserError
@@ -85,6 +83,8 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
     """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
     if options.apad is not APadKind.ROS:
         return
+    from apad_bridge.doctor.graph import Graph
+    from apad_bridge.doctor.network import Unreachable
     from apad_bridge.ros.doctor_apad_checks import check_docks
 
     try:

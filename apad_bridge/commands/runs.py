@@ -42,7 +42,6 @@ class Row:
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "runs",
-        help="list the runs here with their key figures, newest first",
         description="Lists the runs of a folder: the begin of each, the cause of its end, and its figures.",
         epilog=ending("musselbed runs", "musselbed runs /data/adriatic --json"),
     )

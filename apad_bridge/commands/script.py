@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands import run as run_command
-from apad_bridge.commands.flight import Script, fly
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part
-from apad_bridge.scripting.program import ScriptError, as_program
 
 _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
 
@@ -21,7 +19,6 @@ _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "script",
-        help="fly a Python script with the aPad's API as the mission",
         description="Flies FILE.py instead of the paper's mission. The script gets `api`, `id_self` and `time`; time.sleep "
         "follows mission time. The flight ends with the script, when its last order is done.",
         epilog=ending(
@@ -51,6 +48,9 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from apad_bridge.commands.flight import Script, fly, read_scenario
+    from apad_bridge.scripting.program import ScriptError, as_program
+
     file: Path = arguments.file
     try:
         program = as_program(file)
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.part is Part.MISSION and arguments.apad != APadKind.ROS:
         raise UserError("--no-fleet is for the aMussels on another master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
-    scenario, starts = run_command.read_scenario(arguments)
+    scenario, starts = read_scenario(arguments)
     return fly(options, scenario, starts, arguments.out, arguments.json, script=Script(file, program))
 
 

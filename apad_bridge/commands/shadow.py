@@ -34,7 +34,6 @@ _WAIT_S = 0.2
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "shadow",
-        help="somebody else's mission, live or from a bag: their decisions beside what ours would have been",
         description="Follows a mission of somebody else's and only listens: it publishes nothing, calls no service and "
         "sends no goal. At each of their decisions it says what the scenario's strategy would have done, on our beliefs of "
         "their aMussels. Later packets tell how far each estimate was wrong.",

@@ -39,7 +39,6 @@ _SLEEP_SEEDS = 5
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "study",
-        help="compare strategies on many random configurations, with confidence intervals",
         description="Flies strategies x scenarios x seeds x parameters, each strategy on the same configurations, and "
         "prints means, paired differences and upper bounds. After an interruption the same command continues the study. "
         f"`musselbed study {TABLE_TWO}` repeats the paper's Table II, and `musselbed study {SLEEP}` compares schedules of "

@@ -17,7 +17,7 @@ from typing import Protocol
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.scenario.text_file import write_atomically
 from apad_bridge.supervisor.control import LONGEST_LINE, SOCKET_NAME, refused_line, short_path
 
 _FIXED = ("scenario.yaml", "run.json")

@@ -15,10 +15,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.scenario.loader import from_data, load, resolve, write_atomically, write_resolved
+from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
+from apad_bridge.scenario.text_file import write_atomically
 
 RUNS = Path("runs")
 PRIVATE = 0o700

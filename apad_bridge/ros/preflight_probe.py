@@ -34,9 +34,10 @@ from apad_bridge.ros.doctor_apad_checks import named_like
 from apad_bridge.ros.types.any_message import AnyMessages
 from apad_bridge.ros.types.wire_probe import NotAnnounced, messages_within, next_messages
 from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, of_apad
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 
 WATCHED_S = 3.0

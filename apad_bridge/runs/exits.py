@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import errno
 import resource
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 from typing import assert_never
 
 from apad_bridge.mission.ending import EndReason
+from apad_bridge.vehicle.errors import PeerFailed
 
 
 class Exit(IntEnum):
@@ -60,6 +63,16 @@ def exit_of_all(reasons: Iterable[EndReason]) -> Exit:
 
 class UserError(Exception):
     """A mistake of the user's: the text is one clear line, with the mend."""
+
+
+@contextmanager
+def peers_may_fail() -> Iterator[None]:
+    """Turns a peer's failure into one line on stderr and its exit code."""
+    try:
+        yield
+    except PeerFailed as error:
+        print(f"musselbed: {error}", file=sys.stderr)
+        raise SystemExit(Exit.PEER_FAILED) from error
 
 
 def shortage(error: OSError) -> str | None:

@@ -30,10 +30,11 @@ from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
+from apad_bridge.runs.display import ProgressDisplay, failure_line
 from apad_bridge.runs.nurseries import FOLDER
-from apad_bridge.runs.progress import ProgressDisplay, failure_line
 from apad_bridge.runs.status import Status
-from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import Announce, FlightContext

@@ -36,9 +36,9 @@ from apad_bridge.runs.children import (
     read_children,
     supervisor_of,
 )
+from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, Message, Said, Seen, Summary
-from apad_bridge.runs.progress import JointDisplay, ProgressDisplay
 from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import Status

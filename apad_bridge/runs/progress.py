@@ -5,92 +5,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from agents.hosting.started import outlive_starter
-from apad_bridge.records.event_texts import event_text, is_failure
-from apad_bridge.runs.parent_protocol import say, write
+from apad_bridge.runs.display import MakeStatus, clock_text
 from apad_bridge.runs.status import Status
 from apad_bridge.supervisor.forecast import Forecast
 
 _LINE_EVERY_MS = 300_000
 _REFRESH_HZ = 8
 _MOST_NAMED = 8
-
-
-MakeStatus = Callable[[], Status]
-"""Makes the newest status. It takes longer than many a tick, so a display calls it for a status that it shows."""
-
-
-class ProgressDisplay(Protocol):
-    """Shows a flight's progress to a person, or passes it on."""
-
-    def print_message(self, text: str) -> None: ...
-
-    def show_status(self, now_ms: int, status: MakeStatus) -> None:
-        """Called at every tick with its mission time."""
-        ...
-
-
-class ParentDisplay:
-    """A ProgressDisplay that writes lines for the parent process, which shows them.
-
-    From the first status on, this process outlives that parent.
-    """
-
-    def print_message(self, text: str) -> None:
-        say(text)
-
-    def show_status(self, now_ms: int, status: MakeStatus) -> None:
-        outlive_starter()
-        write(status())
-
-
-class JointDisplay:
-    """Shows the flights of several aPads, or of one, as one. Of several, each line begins with its aPad's name."""
-
-    def __init__(self, names: Sequence[str], progress: ProgressDisplay) -> None:
-        self._names = names
-        self._progress = progress
-        self._newest: dict[str, tuple[int, MakeStatus]] = {}
-
-    def of(self, name: str) -> ProgressDisplay:
-        """This aPad's part of the display."""
-        return _JointPart(self, name)
-
-    def print_message(self, name: str, text: str) -> None:
-        self._progress.print_message(text if len(self._names) == 1 else f"{name}: {text}")
-
-    def show_status(self, name: str, now_ms: int, status: MakeStatus) -> None:
-        self._newest[name] = now_ms, status
-        self._progress.show_status(min(at_ms for at_ms, _ in self._newest.values()), self._combined)
-
-    def _combined(self) -> Status:
-        return Status.combined([status() for _, status in self._newest.values()], len(self._names))
-
-
-@dataclass(frozen=True, slots=True)
-class _JointPart:
-    """One aPad's ProgressDisplay."""
-
-    joint: JointDisplay
-    name: str
-
-    def print_message(self, text: str) -> None:
-        self.joint.print_message(self.name, text)
-
-    def show_status(self, now_ms: int, status: MakeStatus) -> None:
-        self.joint.show_status(self.name, now_ms, status)
-
-
-def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
-    """A line for a person about an event of the journal that is a failure; None for any other event."""
-    return f"{_clock(at_ms)}  {event_text(kind, data)}" if is_failure(kind, data) else None
 
 
 class FlightProgress:
@@ -162,7 +89,7 @@ class FlightProgress:
         self._update(completed=status.now_ms, clock=self._clock_text(status.now_ms), doing=_doing(status))
 
     def _clock_text(self, now_ms: int) -> str:
-        return f"{_clock(now_ms)} / {_clock(self._duration_ms)}"
+        return f"{clock_text(now_ms)} / {clock_text(self._duration_ms)}"
 
     def _update(self, **fields: Any) -> None:
         if self._task is not None:
@@ -172,7 +99,7 @@ class FlightProgress:
         """The real time left, once the flight's pace is known."""
         (task,) = self._progress.tasks
         left_s = task.time_remaining
-        return "" if left_s is None else f"; {_clock(round(1000 * left_s))} left"
+        return "" if left_s is None else f"; {clock_text(round(1000 * left_s))} left"
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
@@ -204,9 +131,9 @@ def _forecast_text(forecast: Forecast | None) -> str:
     if forecast is None:
         return ""
     times = (("next pick-up", forecast.next_pickup_s), ("batch full", forecast.batch_full_s))
-    parts = [f"{name} in {_clock(round(1000 * it))}" for name, it in times if it is not None]
+    parts = [f"{name} in {clock_text(round(1000 * it))}" for name, it in times if it is not None]
     if forecast.mission_end_s is not None and forecast.apad_fraction_at_end is not None:
-        end, left = _clock(round(1000 * forecast.mission_end_s)), 100 * forecast.apad_fraction_at_end
+        end, left = clock_text(round(1000 * forecast.mission_end_s)), 100 * forecast.apad_fraction_at_end
         parts.append(f"end in {end} at {left:.0f} %")
     return f"; {', '.join(parts)}" if parts else ""
 
@@ -216,9 +143,3 @@ def _docked_text(docked: Sequence[int]) -> str:
     if not docked:
         return "none docked"
     return f"{' '.join(map(str, docked)) if len(docked) <= _MOST_NAMED else len(docked)} docked"
-
-
-def _clock(now_ms: int) -> str:
-    minutes, seconds = divmod(now_ms // 1000, 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes:02d}:{seconds:02d}"

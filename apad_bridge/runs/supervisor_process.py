@@ -32,17 +32,15 @@ from apad_bridge.ros.system.ros_time import await_master, stamp_ms
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.children import supervising
+from apad_bridge.runs.display import ParentDisplay
 from apad_bridge.runs.dry_run import without_commands
 from apad_bridge.runs.exits import Exit, shortage
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
-from apad_bridge.runs.progress import ParentDisplay
 from apad_bridge.runs.several.member import join_others
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting.program import ScriptSource, as_program
-from apad_bridge.scripting.rendezvous import REAL_TIME
 from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
@@ -59,6 +57,10 @@ def command_sources_of(
         return ()
     command_sources: tuple[CommandSource, ...] = (call_queue,)
     if options.script:
+        # Imported here, because most runs fly no script.
+        from apad_bridge.scripting.program import ScriptSource, as_program
+        from apad_bridge.scripting.rendezvous import REAL_TIME
+
         path = Path(options.script)
         command_sources = (
             *command_sources,
@@ -235,10 +237,13 @@ def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None
             until_first_plan=options.dry_run,
         ),
     )
-    for command_source in command_sources:
-        if isinstance(command_source, ScriptSource):
-            command_source.join()
-            command_source.print_error()
+    if options.script:
+        from apad_bridge.scripting.program import ScriptSource
+
+        for command_source in command_sources:
+            if isinstance(command_source, ScriptSource):
+                command_source.join()
+                command_source.print_error()
     return summary
 
 

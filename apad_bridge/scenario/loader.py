@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from apad_bridge.scenario.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.schema import MAX_DOCKS, PAPER_DOCKS, Scenario
 from apad_bridge.scenario.starts_table import read_ids, table_of
-from apad_bridge.scenario.text_file import read_text
+from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 _SCENARIO = TypeAdapter(Scenario)
@@ -168,21 +167,6 @@ def with_overrides(
     if generation is not None:
         data["apad"]["generation"] = generation
     return from_data(data, "command line")
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Writes a text file under a temporary name in the same directory, then renames it."""
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with open(descriptor, "w", encoding="utf-8", newline="\n") as file:
-            os.fchmod(descriptor, 0o644)
-            file.write(text)
-            file.flush()
-            os.fsync(descriptor)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
 
 
 def _file_entries(data: Any) -> list[tuple[dict[str, Any], str]]:

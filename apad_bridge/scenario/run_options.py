@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.scenario.text_file import write_atomically
 
 OPTIONS_NAME = "run.json"
 

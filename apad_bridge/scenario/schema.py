@@ -17,6 +17,7 @@ from annotated_types import Ge, Le
 from agents.water.bounds import Count
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.fence import check_corners
@@ -87,11 +88,6 @@ class RandomStart:
     def __post_init__(self) -> None:
         if self.charge[0] > self.charge[1]:
             raise ValueError("charge must be [low, high]")
-
-
-class Hosting(StrEnum):
-    PROCESSES = "processes"
-    ONE_PROCESS = "one_process"
 
 
 class DriftMode(StrEnum):
@@ -327,16 +323,6 @@ class APadBattery:
     def __post_init__(self) -> None:
         if self.full_v <= self.empty_v:
             raise ValueError("full_v must be above empty_v")
-
-
-class Generation(StrEnum):
-    """The generation of the aPad's software. `auto`: the one that the live graph offers; the simulated aPad is then `a`."""
-
-    AUTO = "auto"
-    A = "a"
-    """The action `action_server`."""
-    B = "b"
-    """Mission primitives: services below `commander/primitive`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,11 +15,11 @@ from struct import Struct
 from agents.fleet import deviations_of
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.id_ranges import in_ranges
-from apad_bridge.scenario.loader import write_atomically
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
 from apad_bridge.scenario.starts_table import Row, read_table, table_of
+from apad_bridge.scenario.text_file import write_atomically
 
 _KEY = Struct("<QQQ")
 _DIGEST = Struct("<QQ")

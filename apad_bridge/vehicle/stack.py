@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from apad_bridge.scenario.schema import Generation
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.capabilities import Capabilities
 
 

@@ -24,7 +24,8 @@ from apad_bridge.ros.links.generation_a import GenerationALink
 from apad_bridge.ros.links.generation_b import GenerationBLink
 from apad_bridge.ros.system.ros_pace import OwnMasterClock
 from apad_bridge.scenario import loader
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext

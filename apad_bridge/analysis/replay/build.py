@@ -16,8 +16,9 @@ from apad_bridge.analysis.replay.series import add_rails, page_data
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load, write_atomically
+from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.text_file import write_atomically
 
 SCRIPTS = ("plots.js", "map.js", "details.js", "page.js", "live.js")
 """The page's own, in the order in which it has them."""

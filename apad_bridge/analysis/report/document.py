@@ -14,7 +14,7 @@ from apad_bridge.analysis.belief_scores.scores import Score
 from apad_bridge.analysis.energy.energy import AgentEnergy, summed
 from apad_bridge.analysis.report import figures
 from apad_bridge.analysis.report.contents import RunReport, Told
-from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.scenario.text_file import write_atomically
 
 PAGE, PDF = "report.html", "report.pdf"
 _ROWS_A_PAGE = 34

@@ -11,7 +11,7 @@ from apad_bridge.assembly.stacks import STACKS, stack_of
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.scenario.schema import Generation
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 

@@ -12,8 +12,9 @@ from apad_bridge.doctor.network import Unreachable
 from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.links.generations import live_generation, offered_generations
 from apad_bridge.ros.links.legacy_link import OpenedAPad, OpenLink
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.run_options import APadKind, RunOptions
-from apad_bridge.scenario.schema import LIMITS, Generation, Scenario
+from apad_bridge.scenario.schema import LIMITS, Scenario
 from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate

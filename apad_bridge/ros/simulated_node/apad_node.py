@@ -27,9 +27,10 @@ from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.ros_names.names import plain
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import StopSign
 
 if TYPE_CHECKING:

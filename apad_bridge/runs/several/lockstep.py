@@ -23,7 +23,7 @@ from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
-from apad_bridge.runs.progress import JointDisplay, ProgressDisplay
+from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.several.assignment import Assignment, Move, view_of
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.scenario.another_apad import Sharing

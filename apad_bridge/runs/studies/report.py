@@ -20,7 +20,7 @@ from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import Plan, Setting
 from apad_bridge.runs.studies.statistics import Difference, Estimate, Standing, standings
-from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.scenario.text_file import write_atomically
 
 RESULTS, REPORT = "results.parquet", "report.html"
 HEADINGS = {

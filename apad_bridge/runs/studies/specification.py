@@ -25,9 +25,10 @@ from apad_bridge.runs.studies.event_driven import model_gap
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import from_data, load, resolve, write_atomically, write_with_files
+from apad_bridge.scenario.loader import from_data, load, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
+from apad_bridge.scenario.text_file import write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})

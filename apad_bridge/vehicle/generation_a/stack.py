@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from apad_bridge.scenario.schema import Generation
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.capabilities import Capabilities, published_docks
 from apad_bridge.vehicle.stack import Stack
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from apad_bridge.scenario.schema import Generation
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.capabilities import Capabilities, DockPlaces
 from apad_bridge.vehicle.generation_b.messages import dock_direction_rad
 from apad_bridge.vehicle.stack import Stack

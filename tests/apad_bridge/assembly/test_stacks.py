@@ -6,7 +6,7 @@ import pytest
 
 from apad_bridge.assembly.stacks import STACKS, load, stack_of
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.scenario.schema import Generation
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.stack import Stack
 
 

@@ -18,7 +18,8 @@ URI = "http://127.0.0.1:11311"
 
 
 def options(*words: str) -> RunOptions:
-    return options_of(commands.parser().parse_args(["run", "pool.yaml", *words]))
+    arguments = ["run", "pool.yaml", *words]
+    return options_of(commands.parser(arguments).parse_args(arguments))
 
 
 @pytest.mark.parametrize(

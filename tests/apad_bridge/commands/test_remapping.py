@@ -14,7 +14,8 @@ from apad_bridge.scenario.run_options import RunOptions
 
 
 def options(*words: str) -> RunOptions:
-    return options_of(parser().parse_args(["run", "pool.yaml", *words]))
+    arguments = ["run", "pool.yaml", *words]
+    return options_of(parser(arguments).parse_args(arguments))
 
 
 def test_they_go_with_the_run(tmp_path: Path) -> None:

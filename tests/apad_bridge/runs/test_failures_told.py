@@ -13,11 +13,13 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
+from apad_bridge.runs.display import failure_line
 from apad_bridge.runs.in_memory import open_flight
-from apad_bridge.runs.progress import FlightProgress, failure_line
+from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.status import Status
-from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.vehicle.commands import VehicleFact

@@ -12,10 +12,10 @@ from apad_bridge.assembly.division import Member
 from apad_bridge.commands.main import main
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.children import supervising, supervisor_of
-from apad_bridge.runs.progress import MakeStatus
+from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.several.lockstep import fly_in_step
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Hosting
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.vehicle.errors import PeerFailed
 

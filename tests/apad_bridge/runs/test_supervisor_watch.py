@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from apad_bridge.runs.children import Child
+from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.parent import Run, SupervisorWatch
 from apad_bridge.runs.parent_protocol import Failed, Message, Said, Summary, to_line
-from apad_bridge.runs.progress import MakeStatus
 from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import Status

@@ -21,8 +21,8 @@ from apad_bridge.analysis.field_log.reader import FactReader
 from apad_bridge.analysis.field_log.vehicle_log import vehicle_log
 from apad_bridge.commands import main
 from apad_bridge.records.bag import RecordedMessage
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, write_resolved
-from apad_bridge.scenario.schema import Hosting
 from apad_bridge.scenario.yaml_text import parse_yaml
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec

@@ -26,8 +26,9 @@ from apad_bridge.analysis.field_log.facts import (
 from apad_bridge.analysis.shadow.shadow import ELSEWHERE, WAIT, Move, Shadow
 from apad_bridge.commands import main
 from apad_bridge.planning.solution import StepKind
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, with_overrides, write_resolved
-from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.schema import Scenario
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State

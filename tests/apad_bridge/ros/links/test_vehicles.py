@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from apad_bridge.ros.links import vehicles
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import plain_safety
 

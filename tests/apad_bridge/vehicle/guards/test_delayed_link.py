@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
-from apad_bridge.scenario.schema import Generation
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.simulated.kinematics import Pose

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Generation
 from apad_bridge.vehicle.commands import (
     Arrived,
     CommandAccepted,
