@@ -105,7 +105,7 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 
 def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
     def refuse(_: argparse.Namespace) -> int:
-        raise UserError(f"cannot be loaded ({error}); `musselbed doctor` names the cause")
+        raise error
 
     stub = commands.add_parser(name)
     stub.add_argument("rest", nargs="...")
@@ -144,6 +144,13 @@ def _run(arguments: list[str]) -> int:
             sys.stdout.flush()
     except UserError as error:
         print(f"musselbed {chosen.command}: {error}", file=sys.stderr)
+        return Exit.USER_MISTAKE
+    except ImportError as error:
+        # A package is missing, or another one shadows ours.
+        print(
+            f"musselbed {chosen.command}: cannot be loaded ({error}); `musselbed doctor` names the cause",
+            file=sys.stderr,
+        )
         return Exit.USER_MISTAKE
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
