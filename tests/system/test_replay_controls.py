@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
-from browsers import chromium
+from browsers import chromium, load_page
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -73,8 +73,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def open_page(browser: webdriver.Chrome, page: Path, at: str = "") -> None:
-    browser.get("about:blank")
-    browser.get(page.as_uri() + at)
+    load_page(browser, page.as_uri() + at)
 
 
 def errors(browser: webdriver.Chrome) -> list[Any]:

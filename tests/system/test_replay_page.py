@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsers import chromium
+from browsers import chromium, load_page
 from scenario_files import POOL_FILE
 from selenium import webdriver
 
@@ -141,8 +141,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def browse(browser: webdriver.Chrome, page: Path, at: str = "") -> str:
     """Opens the page from disk and gives what the browser made of it."""
-    browser.get("about:blank")  # of an address that changes after its # alone, nothing is loaded anew
-    browser.get(page.as_uri() + at)
+    load_page(browser, page.as_uri() + at)
     return browser.page_source
 
 
