@@ -59,17 +59,18 @@ def in_a_shell(script: str, folder: Path, environment: dict[str, str]) -> str:
     return done.stdout
 
 
-def install(page: Path, module: str, folder: Path, environment: dict[str, str]) -> None:
+def install(page: Path, module: str, folder: Path, environment: dict[str, str], *, options: str = "") -> None:
     folder.mkdir()
     for name in (f"{module}.py", "setup.cfg"):
         (folder / name).write_text(file_of(page, name))
     (folder / "pyproject.toml").write_text(file_of(STRATEGY, "pyproject.toml"))
-    in_a_shell(commands()[0], folder, environment)
+    in_a_shell(f"{commands()[0].rstrip()} {options}", folder, environment)
 
 
 def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: dict[str, str]) -> None:
     install(STRATEGY, "lab_strategies", tmp_path / "strategies", environment)
-    install(CODEC, "lab_codec", tmp_path / "codec", environment)
+    # It is built by the setuptools at hand: to fetch and unpack one for each package takes seconds, and shows the same.
+    install(CODEC, "lab_codec", tmp_path / "codec", environment, options="--no-build-isolation")
     # The pages' commands name the shipped pool; here it lasts until the time that one of them asks about.
     scenarios = tmp_path / "launch_scripts" / "scenarios"
     scenarios.mkdir(parents=True)

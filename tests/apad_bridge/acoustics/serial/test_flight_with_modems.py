@@ -17,7 +17,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.stimuli import SoundArrived, to_wire
 from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
 from apad_bridge.acoustics.serial.nanomodem import AnswerReader, Direction, Message, RoutedPacket
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.runs.in_memory import MemoryRecorder
@@ -49,15 +49,15 @@ def flying(
     scenario: Scenario, serial_lines: SerialLines, opened: tuple[int, ...] = ()
 ) -> Iterator[tuple[Flight, MemoryRecorder]]:
     """A flight in a thread of its own, ended in order."""
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     recorder = MemoryRecorder(scenario)
     flight = Flight(
         parts.supervisor(flight_config(scenario)),
         FlightContext(
             vehicle=InProcessVehicle(parts.simulated_apad(scenario)),
             pace=WallClock(1.0),
-            fleet=parts.fleet_of(
+            fleet=fleet_parts.fleet_of(
                 flight_config(scenario), host, dict.fromkeys(initial_states, 0), opened=opened
             ),
             serial_lines=serial_lines,
@@ -101,7 +101,7 @@ def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Pat
         assert driver.read_until(b"\r\n").startswith(b"#A007V")
         # It takes two frames of 105 ms and the serial line. A flight that polled its lines only at ticks would take a
         # second each time, a busy machine only sometimes.
-        assert any(range_in_s(driver) < 0.9 for _ in range(20))
+        until(lambda: range_in_s(driver) < 0.9)
         permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
         driver.write(b"$U003%02d" % len(permission) + permission)
         assert driver.read_until(b"\r\n") == b"$U003%02d\r\n" % len(permission)
