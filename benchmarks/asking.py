@@ -29,7 +29,7 @@ from rich.table import Table
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.acoustics import answer_charge
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
@@ -192,14 +192,14 @@ class Scoring(MemoryRecorder):
 
 
 def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
-    initial_states = parts.initial_states(truth, starts_of(truth))
-    host = InProcessHost(parts.fleet_config(flight_config(truth)), initial_states)
+    initial_states = fleet_parts.initial_states(truth, starts_of(truth))
+    host = InProcessHost(fleet_parts.fleet_config(flight_config(truth)), initial_states)
     supervisor = parts.supervisor(flight_config(thought), samples=SampleCollection(thought.fleet.ids))
     for packet in _sown(initial_states):
         supervisor.beliefs.hear(packet, 0)
     recorder = Scoring(truth)
     vehicle = InProcessVehicle(parts.simulated_apad(truth))
-    fleet = parts.fleet_of(flight_config(truth), host, dict.fromkeys(initial_states, 0))
+    fleet = fleet_parts.fleet_of(flight_config(truth), host, dict.fromkeys(initial_states, 0))
     flight = Flight(
         supervisor, FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet), recorder
     )

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 
-from agents.coordinator import Coordinator
-from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.faulty_host import FaultyHost
-from agents.hosting.host import Host
-from agents.mussel.body import gps_fix_um
-from agents.mussel.physical import Physical
-from agents.water.patches import CALM
-from agents.water.sea import Sea
-from agents.water.sea_client import RemoteSea
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
 from apad_bridge.assembly.energy_model import energy_model
-from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_deviation_um
-from apad_bridge.assembly.water import current_config, waters_config
+from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.allocation import Allocation
@@ -37,13 +26,11 @@ from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.core import LearnedState, Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
-from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, NoFleet, WithoutWater
+from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
@@ -51,64 +38,6 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
 from firmware_model.packets.codec import load_codec
-
-
-def fleet_config(config: FlightConfig) -> FleetConfig:
-    """Builds the configuration of the flight's agents, and reads the current's file.
-
-    OSError, or ValueError for a file that is no current.
-    """
-    scenario = config.scenario
-    return FleetConfig(
-        theta=scenario.theta,
-        seed=scenario.seed,
-        codec=scenario.hearing.codec,
-        board=config.board,
-        body=config.body,
-        reports=config.reports,
-        current=current_config(scenario),
-        waters=CALM if scenario.water is None else waters_config(scenario.water.fields),
-        first_id=scenario.fleet.first_id,
-        agent_ids=scenario.fleet.agent_ids,
-        clock_drift_ppb=clock_drift_ppb(scenario.board),
-        spread=spread_of(scenario),
-    )
-
-
-def fleet_of(
-    config: FlightConfig,
-    host: Host,
-    granted_ms: Mapping[int, int],
-    now_ms: int = 0,
-    opened: Collection[int] = (),
-    sea: Sea | RemoteSea | None = None,
-) -> Fleet:
-    """Builds the fleet that runs in `host` at mission time `now_ms`; each aMussel has run up to its `granted_ms`.
-
-    `opened` are the aMussels whose modems are open to other programs, in a scenario with water. It joins the `sea` that
-    several flights share; without one, a scenario with water has a sea of its own.
-    """
-    scenario = config.scenario
-    host = FaultyHost(host, scenario.seed)
-    coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
-    if config.sea is None or scenario.water is None:
-        return Fleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
-    if sea is None:
-        sea = Sea(config.sea, scenario.theta, granted_ms, now_ms=now_ms, opened=opened)
-    station = sea.join(coordinator, host)
-    if scenario.water.links_file is None:
-        return Fleet(coordinator, host, InSea(station), config.timeslots)
-    links = LinksFile(Path(scenario.water.links_file), scenario.theta)
-    station.set_topology(links.read())
-    return Fleet(coordinator, host, InSea(station), config.timeslots, links)
-
-
-def shared_sea(scenario: Scenario, apads: int) -> Sea | None:
-    """Builds the sea that the flights of so many aPads share; None for one flight, or without water."""
-    config = flight_config(scenario).sea
-    if config is None or apads == 1:
-        return None
-    return Sea(config, scenario.theta, scenario.fleet.all_ids, apads)
 
 
 def fault_injection(
@@ -132,20 +61,6 @@ def fault_injection(
         (at_ms, it) for at_ms, it in due if at_ms > after_ms and (it.agent_id is None or it.agent_id in ids)
     ]
     return FaultInjection(host, scenario.theta, later, ongoing, real_hull=real_hull)
-
-
-def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
-    """Returns the physical state of every agent at time 0, by id: resting on the bottom, put there from the surface."""
-    depth_m, deviation_um = scenario.area.depth_m, gps_deviation_um(scenario.hearing)
-
-    def resting(start: Start) -> Physical:
-        physical = resting_on_bottom(start.north_m, start.east_m, depth_m, start.primary, start.secondary)
-        if deviation_um is None:
-            return physical
-        fix_um = gps_fix_um(scenario.seed, start.agent_id, 0, physical.fix_um, deviation_um)
-        return replace(physical, fix_um=fix_um)
-
-    return {start.agent_id: resting(start) for start in starts}
 
 
 def misses(scenario: Scenario) -> Misses:

@@ -21,7 +21,7 @@ from agents.coordinator import Heard
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import WasReset, from_json
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
@@ -264,10 +264,10 @@ def _relive(
     scenario: Scenario, config: FlightConfig, lines: Sequence[Line], at_ms: int, recorder: _Recorder
 ) -> _Relived:
     """Has each aMussel live through its recorded stimuli, tick by tick up to the moment, and hears what they send."""
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    fleet = parts.fleet_of(
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    fleet = fleet_parts.fleet_of(
         config,
-        InProcessHost(parts.fleet_config(config), initial_states),
+        InProcessHost(fleet_parts.fleet_config(config), initial_states),
         dict.fromkeys(initial_states, 0),
     )
     learned = parts.initial_learned_state(config)

@@ -17,7 +17,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.hosting.nursery_client import NurseryDied
 from agents.hosting.process_host import NurseryFailed, ProcessHost
 from agents.water.sea import Sea
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.mission.call_queue import CallQueue
@@ -145,8 +145,8 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path, sea:
 
     It joins the `sea` that several flights share, if there is one.
     """
-    scenario, fleet_config = config.scenario, parts.fleet_config(config)
-    initial_states = parts.initial_states(scenario, starts)
+    scenario, fleet_config = config.scenario, fleet_parts.fleet_config(config)
+    initial_states = fleet_parts.initial_states(scenario, starts)
     if scenario.fleet.hosting is Hosting.ONE_PROCESS:
         host: InProcessHost | ProcessHost = InProcessHost(fleet_config, initial_states)
     else:
@@ -156,7 +156,7 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path, sea:
             host = ProcessHost.start(str(folder), fleet_config, initial_states, looks_ahead=looks_ahead)
         except (NurseryFailed, NurseryDied) as error:
             raise PeerFailed(f"the fleet cannot start: {error}; see {folder}") from error
-    return parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
+    return fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
 
 
 def in_process_context(config: FlightConfig, fleet: Fleet) -> FlightContext:

@@ -9,7 +9,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.call_queue import CallQueue
@@ -82,9 +82,12 @@ def open_flight(
     With `command_sources` these command the aPad; `takeover` can take the mission over. `join` changes the flight's context
     before the flight is built. `sea` is the one that several flights share.
     """
-    config, initial_states = flight_config(scenario), parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(config), initial_states)
-    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
+    config, initial_states = (
+        flight_config(scenario),
+        fleet_parts.initial_states(scenario, starts_of(scenario)),
+    )
+    host = InProcessHost(fleet_parts.fleet_config(config), initial_states)
+    fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
     context = join(in_process_context(config, fleet))
     supervisor = parts.supervisor(
         config,

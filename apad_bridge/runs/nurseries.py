@@ -11,7 +11,7 @@ from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
 from agents.water.sea_client import RemoteSea
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.scenario.schema import Scenario
@@ -31,7 +31,11 @@ def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) ->
     """Starts a nursery with its fleet prepared in the run's directory; a supervisor that adopts them starts its agents."""
     folder = run_dir / FOLDER
     folder.mkdir(mode=PRIVATE)
-    prepare(str(folder), parts.fleet_config(flight_config(scenario)), parts.initial_states(scenario, starts))
+    prepare(
+        str(folder),
+        fleet_parts.fleet_config(flight_config(scenario)),
+        fleet_parts.initial_states(scenario, starts),
+    )
     try:
         return launch_nursery(str(folder))
     except NurseryFailed as error:
@@ -68,4 +72,4 @@ def adopt(
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
     except (NurseryFailed, NurseryDied, Fenced) as error:
         raise PeerFailed(f"the fleet cannot be taken over: {error}; see {run_dir / FOLDER}") from error
-    return parts.fleet_of(config, host, host.granted_ms, now_ms, opened_modems, sea)
+    return fleet_parts.fleet_of(config, host, host.granted_ms, now_ms, opened_modems, sea)

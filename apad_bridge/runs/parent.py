@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, assert_never
+from typing import TYPE_CHECKING, Any, assert_never
 
 from agents.hosting.interrupts import held_back
 from agents.hosting.link_protocol import readable
@@ -39,12 +39,14 @@ from apad_bridge.runs.children import (
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, Message, Said, Seen, Summary
-from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import Flown
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
+
+if TYPE_CHECKING:
+    from apad_bridge.runs.several.reassignment import Reassigner
 
 _END_S = 4.0
 """Supervisors that were asked to end in order are killed after this time; everything ends within 5 s."""
@@ -95,6 +97,9 @@ def fly(
             runs.append(Run(member.name, path, own))
         reassigner = None
         if takes_over:
+            # Imported here, because it computes with numpy, and most runs have one aPad.
+            from apad_bridge.runs.several.reassignment import Reassigner
+
             reassigner = Reassigner(
                 {it.name: it.scenario.fleet.ids for it in members}, {it.name: it.path for it in runs}
             )

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.forecast import Forecast
 from firmware_model.state_groups import DOCKED
+
+if TYPE_CHECKING:
+    from apad_bridge.supervisor.core import Supervisor
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from typing import Any
 from agents.coordinator import Coordinator
 from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
@@ -69,7 +69,7 @@ def scenario(first_id: int) -> Scenario:
 def main() -> None:
     node, first_id, *claimant = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
     flown = scenario(first_id)
-    initial_states = parts.initial_states(flown, starts_of(flown))
+    initial_states = fleet_parts.initial_states(flown, starts_of(flown))
     before = [PresenceChange(0, first_id + 2, Presence.REAL, name) for name in claimant]
     presences = Presences(initial_states, flown.area.depth_m, before)
     gateway = open_gateway([], flown.theta, node_name=node)
@@ -89,7 +89,7 @@ def main() -> None:
     division = whole_flight(lambda: presences.simulated)
     topics = PacketTopics(initial_states, division.peers)
     relay = PacketRelay(division, [topics.take], {Outcome.PUBLISH: topics.publish})
-    host = InProcessHost(parts.fleet_config(flight_config(flown)), initial_states)
+    host = InProcessHost(fleet_parts.fleet_config(flight_config(flown)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta)
     faults = FaultInjection(FaultyHost(host, flown.seed), flown.theta)
     supervisor = parts.supervisor(flight_config(flown))

@@ -16,7 +16,7 @@ from typing import Any
 
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.ros.gateway.gateway import open_gateway
@@ -68,8 +68,8 @@ class Decisions:
 
 def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: float) -> dict[str, Any]:
     decisions = Decisions()
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     supervisor = parts.supervisor(flight_config(scenario))

@@ -15,8 +15,8 @@ from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import WasReset, from_json
+from apad_bridge.assembly.fleet_parts import fleet_config, initial_states
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.assembly.parts import fleet_config, initial_states
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError

@@ -17,7 +17,7 @@ from functools import partial
 
 from agents.hosting import interrupts
 from apad_bridge.assembly.division import Member
-from apad_bridge.assembly.parts import shared_sea
+from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.event_kinds import EventKind

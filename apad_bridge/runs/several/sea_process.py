@@ -15,7 +15,7 @@ from pathlib import Path
 from agents.hosting.started import outlive_starter
 from agents.water import sea_link
 from agents.water.sea_server import SeaServer
-from apad_bridge.assembly.parts import shared_sea
+from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.loader import load
 

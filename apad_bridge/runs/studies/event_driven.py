@@ -26,7 +26,7 @@ import numpy.typing as npt
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.body import drift_words
 from agents.mussel.outputs import Truth
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -97,9 +97,9 @@ def fly_event_driven(scenario: Scenario) -> Figures:
         body=replace(full_config.body, drift_amplitude_um=0),
     )
     starts = starts_of(scenario)
-    initial_states = parts.initial_states(scenario, starts)
-    host = InProcessHost(parts.fleet_config(config), initial_states)
-    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
+    initial_states = fleet_parts.initial_states(scenario, starts)
+    host = InProcessHost(fleet_parts.fleet_config(config), initial_states)
+    fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
     vehicle = CruisingAPad(scenario.apad, parts.misses(scenario), scenario.area.home_m)
     beliefs = TruthfulReports(scenario)
     learned = LearnedState(

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from apad_bridge.assembly.division import Member, members
-from apad_bridge.assembly.parts import shared_sea
+from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_flight
 from apad_bridge.runs.several.assignment import Assignment

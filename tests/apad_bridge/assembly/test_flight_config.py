@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from scenario_files import POOL_FILE, SOUND_FILE
 
+from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly import flight_config as resolving
-from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.samples import Water
 from apad_bridge.runs.in_memory import open_flight
@@ -30,7 +30,7 @@ def sound(change: Callable[[dict[str, Any]], None]) -> Scenario:
 def test_the_way_up_is_equally_long_for_bodies_water_twins_and_records() -> None:
     scenario = sound(lambda data: data["board"].update(surfacing_s=61.007, float_timeout_s=33.25))
     config = flight_config(scenario)
-    fleet = parts.fleet_config(config)
+    fleet = fleet_parts.fleet_config(config)
     assert config.sea is not None and config.twin is not None
     assert fleet.maker().config(3).water.body.sinking.surfacing_ms == 61_007
     assert config.sea.sinking == fleet.body.sinking == Water(scenario)._sinking
@@ -73,7 +73,7 @@ def test_a_current_s_file_is_read_when_the_fleet_starts_and_not_before(tmp_path:
     drift = replace(POOL.fleet.drift, current_file=str(tmp_path / "gone.csv"))
     config = flight_config(replace(POOL, fleet=replace(POOL.fleet, drift=drift)))
     with pytest.raises(OSError, match=r"gone\.csv"):
-        parts.fleet_config(config)
+        fleet_parts.fleet_config(config)
 
 
 def test_without_water_there_is_no_sea_and_no_service() -> None:

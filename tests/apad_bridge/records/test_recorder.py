@@ -18,7 +18,7 @@ from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason, MissionEnd
@@ -57,8 +57,8 @@ def new_directory(path):
 
 def fly(scenario, recorder, until_ms=None):
     """Flies the whole flight, or its ticks up to `until_ms`."""
-    initial_states = parts.initial_states(scenario, list(starts_of(scenario)))
-    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    initial_states = fleet_parts.initial_states(scenario, list(starts_of(scenario)))
+    host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
@@ -305,7 +305,7 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
     from agents.mussel.body import Body
     from apad_bridge.records.samples import Water
 
-    water_config = parts.fleet_config(flight_config(scenario)).maker().config(3).water
+    water_config = fleet_parts.fleet_config(flight_config(scenario)).maker().config(3).water
     water = Water(scenario)
     for buoyancy in Buoyancy:
         body = Body(3, water_config, 0, 0, 10_000, 1_234_567, buoyancy, False, 10_000)

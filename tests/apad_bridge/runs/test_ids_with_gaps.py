@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE
 
+from apad_bridge.assembly.fleet_parts import fleet_config
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.assembly.parts import fleet_config
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve

@@ -11,7 +11,7 @@ from scenario_files import POOL_FILE
 
 from agents.mussel.body import Body
 from agents.water.stream import parse_stream
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.currents import current_text, problem_with_current, read_current
 from apad_bridge.scenario.errors import ScenarioError
@@ -95,8 +95,8 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
     data = resolve(scenario)
     data["theta"] = 1
     scenario = from_data(data, "theta 1")
-    config = parts.fleet_config(flight_config(scenario)).maker().config(1)
-    born = parts.initial_states(scenario, starts_of(scenario))[1]
+    config = fleet_parts.fleet_config(flight_config(scenario)).maker().config(1)
+    born = fleet_parts.initial_states(scenario, starts_of(scenario))[1]
     body = Body(1, config.water, 0, 0, 0, born.depth_um, born.buoyancy, False, 0)
     assert body.drift_due_ms is None
     body.run_buoyancy(body.buoyancy.FLOAT, 0)
@@ -112,7 +112,7 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
 def test_two_currents_contradict_each_other(tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0.1,0\n")
     data = resolve(tidal(file=str(tmp_path / "c.csv")))
-    assert parts.fleet_config(flight_config(from_data(data, "one"))).current.csv is not None
+    assert fleet_parts.fleet_config(flight_config(from_data(data, "one"))).current.csv is not None
     data["fleet"]["drift"]["current_file"] = str(tmp_path / "c.csv")
     with pytest.raises(ScenarioError, match=r"water\.current: .*leave one out"):
         from_data(data, "two")

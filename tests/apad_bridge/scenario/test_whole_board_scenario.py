@@ -10,7 +10,7 @@ import pytest
 import yaml
 from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import board_config, charge_model
@@ -54,7 +54,7 @@ def test_the_profiles_are_table_one_to_the_grain() -> None:
 
 def test_the_worst_case_has_no_whole_firmware() -> None:
     pool = load(POOL_FILE)
-    assert parts.fleet_config(flight_config(pool)).board.whole is None
+    assert fleet_parts.fleet_config(flight_config(pool)).board.whole is None
     assert charge_model(pool.board) == table_one.WORST_CASE
 
 
@@ -84,7 +84,9 @@ def test_twice_the_capacity_lasts_twice_as_long() -> None:
 
 
 def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None:
-    fleet = parts.fleet_config(flight_config(changed(power_with("metering: table-one, low_level: 0.3"))))
+    fleet = fleet_parts.fleet_config(
+        flight_config(changed(power_with("metering: table-one, low_level: 0.3")))
+    )
     assert fleet.board.whole is not None
     assert fleet.board.whole.power.metering == replace(table_one.METERING, seed=1)
     assert fleet.board.whole.power.low_level == FULL * 3 // 10
@@ -106,7 +108,7 @@ def test_what_lies_between_a_dock_and_a_charger() -> None:
             "  pin_debounce_ms: 50\n  pin_chatter_ms: 900\n  pin_check_s: 30\n  coil_alignment_s: 1.5",
         )
     )
-    fleet = parts.fleet_config(flight_config(scenario))
+    fleet = fleet_parts.fleet_config(flight_config(scenario))
     board = fleet.maker().config(1).board
     assert (board.pin_chatter_ms, board.pin_check_ms, fleet.body.coil_alignment_ms) == (900, 30_000, 1500)
 
@@ -119,7 +121,7 @@ def test_one_number_of_a_cycle_is_overridden() -> None:
 
 
 def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
-    fleet = parts.fleet_config(
+    fleet = fleet_parts.fleet_config(
         flight_config(
             changed(
                 (
@@ -138,7 +140,10 @@ def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
 
 
 def test_never_asleep_is_no_cycle() -> None:
-    assert parts.fleet_config(flight_config(changed((CYCLE_LINE, "cycle: never")))).board.whole.cycle is None  # type: ignore[union-attr]
+    assert (
+        fleet_parts.fleet_config(flight_config(changed((CYCLE_LINE, "cycle: never")))).board.whole.cycle
+        is None
+    )  # type: ignore[union-attr]
 
 
 def test_the_modules_of_a_scenario_are_those_of_the_board() -> None:

@@ -12,7 +12,7 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 
 from agents.hosting.in_process import InProcessHost
 from agents.packet_medium import Medium
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory
 from apad_bridge.scenario.errors import ScenarioError
@@ -119,7 +119,7 @@ def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_pat
 def test_a_scenario_without_water_is_what_it_was() -> None:
     data = resolve(load(POOL_FILE))
     assert data["water"] is None
-    assert parts.fleet_config(flight_config(from_data(data, "again"))) == parts.fleet_config(
+    assert fleet_parts.fleet_config(flight_config(from_data(data, "again"))) == fleet_parts.fleet_config(
         flight_config(load(POOL_FILE))
     )
 
@@ -157,10 +157,10 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     path = tmp_path / "links.csv"
     path.write_text("from,to,loss\n")
     scenario = in_water(500, {"links_file": str(path)})
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    fleet = parts.fleet_of(
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    fleet = fleet_parts.fleet_of(
         flight_config(scenario),
-        InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states),
+        InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states),
         dict.fromkeys(initial_states, 0),
     )
     recorder = MemoryRecorder(scenario)
@@ -263,10 +263,10 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     links = tmp_path / "links.csv"
     links.write_text("from,to,loss\n3,apad,1\n")
     scenario = in_water(200, {"links_file": str(links)})
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    fleet = parts.fleet_of(
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    fleet = fleet_parts.fleet_of(
         flight_config(scenario),
-        InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states),
+        InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states),
         dict.fromkeys(initial_states, 0),
     )
     recorder = MemoryRecorder(scenario)

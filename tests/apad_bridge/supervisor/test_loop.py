@@ -18,7 +18,7 @@ from agents.hosting.host import Grant
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.loader import from_data as scenario_from
@@ -75,8 +75,8 @@ class Witness(MemoryRecorder):
 
 
 def new_host(scenario: Scenario) -> InProcessHost:
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    return InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    return InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
 
 
 def fleet_in(host: InProcessHost, scenario: Scenario) -> Fleet:
@@ -145,8 +145,8 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
 ) -> None:
     """Only the journal's `stimulus` and `died` lines go in; no mission, no vehicle and no coordinator take part."""
     scenario, recorded = SCENARIOS[board], recorded_flight(board)
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     assert any(kind == "died" for _, kind, _ in recorded.events)
     end_ms = 120_000 * scenario.theta
     for agent_id in initial_states:
@@ -252,8 +252,8 @@ class DoomedHost(InProcessHost):
 
     def __init__(self, scenario: Scenario, lost: str | None) -> None:
         super().__init__(
-            parts.fleet_config(flight_config(scenario)),
-            parts.initial_states(scenario, list(starts_of(scenario))),
+            fleet_parts.fleet_config(flight_config(scenario)),
+            fleet_parts.initial_states(scenario, list(starts_of(scenario))),
         )
         self._lost = lost
 

@@ -14,7 +14,7 @@ from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.packet_medium import Medium
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
@@ -96,8 +96,8 @@ class Witness(MemoryRecorder):
 class Bench:
     def __init__(self, charge: float = 0.95) -> None:
         self.scenario = quiet_scenario(charge)
-        initial_states = parts.initial_states(self.scenario, starts_of(self.scenario))
-        host = InProcessHost(parts.fleet_config(flight_config(self.scenario)), initial_states)
+        initial_states = fleet_parts.initial_states(self.scenario, starts_of(self.scenario))
+        host = InProcessHost(fleet_parts.fleet_config(flight_config(self.scenario)), initial_states)
         self.paper, self.elsewhere = Paper(), Elsewhere()
         self.recorder = Witness(self.scenario)
         self.presences = Presences(initial_states, self.scenario.area.depth_m)

@@ -15,7 +15,7 @@ from scenario_files import WHOLE_FILE
 
 from agents.fleet import drift_of
 from agents.hosting.in_process import InProcessHost
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -50,9 +50,9 @@ def scenario(seed: int = 1, **water: Any) -> Scenario:
 
 def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
     """Every packet of an aMussel's."""
-    initial_states = parts.initial_states(flown, starts_of(flown))
-    config = replace(parts.fleet_config(flight_config(flown)), clock_drift_ppb=drift_ppb)
-    fleet = parts.fleet_of(
+    initial_states = fleet_parts.initial_states(flown, starts_of(flown))
+    config = replace(fleet_parts.fleet_config(flight_config(flown)), clock_drift_ppb=drift_ppb)
+    fleet = fleet_parts.fleet_of(
         flight_config(flown), InProcessHost(config, initial_states), dict.fromkeys(initial_states, 0)
     )
     recorder = MemoryRecorder(flown)

@@ -10,7 +10,7 @@ from scenario_files import SOUND_FILE, WHOLE_FILE
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.samples import Water
 from apad_bridge.records.summary import uptime_figures
@@ -51,8 +51,8 @@ class Witness(MemoryRecorder):
 
 
 def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[Witness, Flight]:
-    initial_states = parts.initial_states(scenario, starts or starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    initial_states = fleet_parts.initial_states(scenario, starts or starts_of(scenario))
+    host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     witness = Witness(scenario)

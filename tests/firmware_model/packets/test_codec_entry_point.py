@@ -16,7 +16,7 @@ from agents.coordinator import Coordinator, Heard
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import SoundArrived
-from apad_bridge.assembly import parts
+from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.events import WifiHeard
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -75,9 +75,9 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     data = resolve(load(POOL_FILE))
     data["hearing"]["codec"] = "lines"
     scenario = from_data(data, "test")
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     fleet = Coordinator(
-        InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states),
+        InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states),
         dict.fromkeys(initial_states, 0),
         scenario.theta,
     )
