@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import yaml
+from patient import PATIENCE_S
 from scenario_files import POOL_FILE
 
+from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
 
@@ -44,3 +48,17 @@ def somebodys_graph(scenario: Path, folder: Path, speed: float) -> Iterator[dict
         stack.callback(clock.wait, 180)
         stack.callback(clock.terminate)
         yield environment
+
+
+def lines_of(run: Path) -> list[Line]:
+    """The lines of its journal so far."""
+    journal = run / "journal.jsonl"
+    return read_journal(journal).lines if journal.exists() else []
+
+
+def wait_until(holds: Callable[[], bool], *flights: subprocess.Popen[str]) -> None:
+    """Until it holds while the flights go on. Files announce nothing, so it is polled."""
+    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    while not holds():
+        assert time.monotonic() < until_s and all(it.poll() is None for it in flights)
+        pause.wait(0.5)

@@ -6,19 +6,19 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from graphs import served_pool, somebodys_graph
+from graphs import lines_of, served_pool, somebodys_graph, wait_until
 from killing import kill_supervisor
 from patient import PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_messages import typestore
-from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.types.messages import generated_folder
 
 pytestmark = pytest.mark.system
@@ -90,20 +90,6 @@ def recorded(bag: Path) -> list[tuple[str, int, int]]:
             assert getattr(message, "mission_time_ms", mission_ms) == mission_ms
             rows.append((connection.topic, mission_ms, header.sec * 1000 + header.nanosec // 1_000_000))
     return [row for row in rows if row[2]]
-
-
-def lines_of(run: Path) -> list[Line]:
-    """The lines of its journal so far."""
-    journal = run / "journal.jsonl"
-    return read_journal(journal).lines if journal.exists() else []
-
-
-def wait_until(holds: Callable[[], bool], *flights: subprocess.Popen[str]) -> None:
-    """Until it holds while the flights go on. Files announce nothing, so it is polled."""
-    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-    while not holds():
-        assert time.monotonic() < until_s and all(it.poll() is None for it in flights)
-        pause.wait(0.5)
 
 
 def wait_until_heard(run: Path, what: str = '"kind":"belief"') -> None:

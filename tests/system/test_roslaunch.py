@@ -72,14 +72,35 @@ def roslaunch(environment: dict[str, str], *arguments: str) -> str:
     return said
 
 
+SHOW = """
+import sys, roslaunch
+for option in (["--nodes"], ["--dump-params"], ["--args", "/musselbed"]):
+    roslaunch.main(["roslaunch", *option, *sys.argv[1:]])
+    print("---")
+"""
+
+
+def shown_by_roslaunch(environment: dict[str, str], *arguments: str) -> list[str]:
+    """The nodes, the parameters and our node's command, as roslaunch tells them of a launch file."""
+    done = subprocess.run(
+        ["/usr/bin/python3", "-c", SHOW, *arguments],
+        env=environment,
+        cwd=environment["PWD"],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == 0, done.stderr
+    nodes, parameters, command, _ = done.stdout.split("---\n")
+    return [nodes, parameters, command]
+
+
 @pytest.mark.parametrize("name", SHIPPED)
 def test_what_a_launch_file_starts(name: str, environment: dict[str, str]) -> None:
-    nodes = WITH_FIVE if name == "bay-120" else WITH_THE_SIMULATED_APAD
-    assert set(roslaunch(environment, "--nodes", "musselbed", f"{name}.launch").split()) == nodes
-    assert yaml.safe_load(roslaunch(environment, "--dump-params", "musselbed", f"{name}.launch")) == {
-        "/use_sim_time": True
-    }
-    command = roslaunch(environment, "--args", "/musselbed", "musselbed", f"{name}.launch").split()
+    nodes, parameters, told = shown_by_roslaunch(environment, "musselbed", f"{name}.launch")
+    assert set(nodes.split()) == (WITH_FIVE if name == "bay-120" else WITH_THE_SIMULATED_APAD)
+    assert yaml.safe_load(parameters) == {"/use_sim_time": True}
+    command = told.split()
     assert f"{LAUNCH}/scenarios/{name}.yaml" in command
     scenario = load(LAUNCH / "scenarios" / f"{name}.yaml")
     for option, value in {
@@ -95,9 +116,9 @@ def test_what_a_launch_file_starts(name: str, environment: dict[str, str]) -> No
 @pytest.mark.parametrize("name", SHIPPED)
 def test_with_an_aPad_of_somebody_elses_time_is_left_alone(name: str, environment: dict[str, str]) -> None:
     arguments = ("musselbed", f"{name}.launch", "simulate_apad:=false")
-    assert set(roslaunch(environment, "--nodes", *arguments).split()) == FLEET_ONLY
-    assert "use_sim_time" not in roslaunch(environment, "--dump-params", *arguments)
-    command = roslaunch(environment, "--args", "/musselbed", *arguments)
+    nodes, parameters, command = shown_by_roslaunch(environment, *arguments)
+    assert set(nodes.split()) == FLEET_ONLY
+    assert "use_sim_time" not in parameters
     assert "--apad ros --time wall" in command and "speed" not in command
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -11,9 +12,7 @@ from pathlib import Path
 from xmlrpc.client import ServerProxy
 
 import pytest
-from graphs import served_pool, somebodys_graph
-
-from apad_bridge.records.journal import read_journal
+from graphs import lines_of, served_pool, somebodys_graph, wait_until
 
 pytestmark = pytest.mark.system
 
@@ -56,7 +55,7 @@ class Observer:
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    return served_pool(tmp_path / "shadowed.yaml", 8, 150)
+    return served_pool(tmp_path / "shadowed.yaml", 8, 3600)
 
 
 @pytest.fixture
@@ -73,6 +72,11 @@ def start(words: list[str], environment: dict[str, str]) -> subprocess.Popen[str
     )
 
 
+def collected_in(run: Path) -> list[int]:
+    """The aMussels whose dockings its journal has so far."""
+    return [line["agent"] for line in lines_of(run) if line["kind"] == "dock" and line["closed"]]
+
+
 def test_it_hears_a_mission_and_is_heard_by_nobody(
     scenario: Path, graph: dict[str, str], tmp_path: Path
 ) -> None:
@@ -83,9 +87,13 @@ def test_it_hears_a_mission_and_is_heard_by_nobody(
         assert any("listening" in line for line in shadow.stderr)
         fleet = start(["fleet", str(scenario), "--time", "ros", "--out", str(tmp_path / "fleet-run")], graph)
         mission = start(["mission", str(scenario), "--time", "ros", "--out", str(out)], graph)
+        wait_until(lambda: len(collected_in(out)) >= 4, mission)
+        abort = [*MUSSELBED, "abort", str(out)]
+        assert subprocess.run(abort, env=graph, cwd=ROOT, timeout=PATIENCE_S).returncode == 0
         _, mistakes = mission.communicate(timeout=PATIENCE_S)
         assert mission.returncode == 0, mistakes
         said, mistakes = shadow.communicate(timeout=PATIENCE_S)
+        fleet.send_signal(signal.SIGINT)
         fleet.communicate(timeout=PATIENCE_S)
     assert shadow.returncode == 0, mistakes
 
@@ -96,9 +104,7 @@ def test_it_hears_a_mission_and_is_heard_by_nobody(
 
     told = json.loads(said)
     theirs = [it["theirs"]["agent_id"] for it in told["decisions"] if it["theirs"]["kind"] == "collect"]
-    lines = read_journal(out / "journal.jsonl").lines
-    collected = [line["agent"] for line in lines if line["kind"] == "dock" and line["closed"]]
     # Of the first batch: later ones depend on what a busy machine lets surface in time.
-    assert len(collected) >= 4 and theirs[:4] == collected[:4]
+    assert theirs[:4] == collected_in(out)[:4]
     assert told["agreed"] >= 1
     assert any(it["estimate"] is not None for it in told["decisions"] if it["theirs"]["kind"] == "collect")

@@ -44,7 +44,7 @@ def changed(**changes: Any) -> Scenario:
 
 CASES: dict[str, dict[str, Any]] = {
     "cautious": {"seed": 2},
-    "greedy": {"seed": 3, "mission__collection": "greedy"},
+    "greedy": {"seed": 3, "mission__collection": "greedy", "duration_s": 1500.0},
     "it decides anew after each docking": {"seed": 3, "mission__collection": "njnp", "duration_s": 1200.0},
     "nobody is charged": {"seed": 4, "mission__collection": "none", "duration_s": 600.0},
     "dockings miss": {"seed": 4, "apad__dock_miss_probability": 0.4, "duration_s": 1200.0},
