@@ -8,13 +8,15 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from apad_bridge.mission.ending import MissionEnd
-from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.vehicle.primitives import GoToPoint
+
+if TYPE_CHECKING:
+    from apad_bridge.mission.manual import ManualMission
 
 ANSWER_S = 10.0
 """A tick comes once a mission second; after so many wall seconds without one the caller withdraws the call."""

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, assert_never
+from typing import TYPE_CHECKING, Annotated, assert_never
 
 from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
@@ -29,7 +29,9 @@ from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.errors import PeerFailed
-from apad_bridge.vehicle.guards.gate import Gate
+
+if TYPE_CHECKING:
+    from apad_bridge.vehicle.guards.gate import Gate
 
 SOCKET_NAME = "control.sock"
 _MOTORS_OFF = "motors off"

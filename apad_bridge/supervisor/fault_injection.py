@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
 from agents.mussel.stimuli import (
@@ -22,7 +22,6 @@ from agents.mussel.stimuli import (
     Stimulus,
     WasReset,
 )
-from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.timed_faults import Injection, TimedFault
 from apad_bridge.vehicle.faulty_link import FaultyLink
@@ -30,6 +29,9 @@ from apad_bridge.vehicle.link import VehicleLink
 from firmware_model.power.charge import grains
 from firmware_model.state_groups import DOCKED
 from firmware_model.stimuli import ResetCause
+
+if TYPE_CHECKING:
+    from apad_bridge.beliefs.fleet import FleetBeliefs
 
 REAL_HULL = "a real aPad flies: faults are for runs with the simulated one"
 _LEAK_MS = 10_000

@@ -14,16 +14,18 @@ import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from agents.coordinator import Coordinator
 from agents.mussel.stimuli import Placed
-from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.timed_faults import TimedFault, injection
 from apad_bridge.supervisor.fault_injection import Action, FaultInjection, NoFaults, is_docked
 from firmware_model.power.charge import grains
+
+if TYPE_CHECKING:
+    from apad_bridge.beliefs.fleet import FleetBeliefs
 
 
 class Presence(StrEnum):

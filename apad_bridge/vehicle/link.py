@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand, VehicleFact
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+
+if TYPE_CHECKING:
+    from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 
 @dataclass(frozen=True, slots=True)
