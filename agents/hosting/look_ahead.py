@@ -39,9 +39,7 @@ class LookAhead:
         self._next_key = next_key
         self._leads: dict[int, _Lead] = {}
 
-    def take(
-        self, links: AgentLinks, grants: Mapping[int, Grant]
-    ) -> dict[int, tuple[Key, AheadWindow]]:
+    def take(self, links: AgentLinks, grants: Mapping[int, Grant]) -> dict[int, tuple[Key, AheadWindow]]:
         """The outcomes that are there already, with the key of each; an agent without one is to be asked."""
         self._await(links, [it for it, grant in grants.items() if not grant.stimuli])
         found: dict[int, tuple[Key, AheadWindow]] = {}
