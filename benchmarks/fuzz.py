@@ -26,6 +26,7 @@ import msgpack
 from rich.console import Console
 from rich.table import Table
 
+from agents.fleet import resting_on_bottom
 from agents.hosting import agent_links, link_protocol
 from agents.hosting.host import Grant, Reply
 from agents.modem.commands import GRAMMAR, Field
@@ -42,7 +43,7 @@ from agents.modem.frames import (
     Generation,
 )
 from agents.modem.modem import Modem
-from agents.mussel.outputs import Dropped, SoundSent, WifiSent
+from agents.mussel.outputs import Dropped, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.nursery import protocol as nursery
 from apad_bridge.console.server import Ending, app_of
@@ -355,12 +356,16 @@ def _agent_link(_: Path) -> Iterator[Door]:
     facts = ((1, SoundArrived(b"abc")), (2, ContactClosed(1, 2)))
     to_agent = [
         link_protocol.Window((1, 2), Grant(100, facts)).encode(),
+        link_protocol.Window((1, 3), Grant(100, facts), 40).encode(),
         link_protocol.Repeat((1, 2)).encode(),
+        link_protocol.RunAhead((1, 2), 7, 100).encode(),
     ]
     reply = Reply(5, (WifiSent(1, b"ab"), SoundSent(2, b""), Dropped(3, "why")))
+    truth = Truth(130, 7, State.ACTIVE, resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0))
     from_agent = [
         *link_protocol.encode_answer((1, 2), (1, 2), 100, 3, reply),
         link_protocol.Refusal((1, 2), False, "why").encode(),
+        link_protocol.Ahead((1, 2), (link_protocol.AheadWindow(130, reply, (truth,)),)).encode(),
     ]
 
     def once(rng: random.Random, counts: Counter[str]) -> None:
@@ -370,7 +375,7 @@ def _agent_link(_: Path) -> Iterator[Door]:
             else:
                 message = link_protocol.decode_from_agent(_msgpack(rng, rng.choice(from_agent)))
                 if isinstance(message, link_protocol.Answer):
-                    agent_links._assemble(agent_links._Open(b""), message)
+                    agent_links._assemble(agent_links._Open((1, 2), b""), message)
         except link_protocol.LinkError:
             counts["refused"] += 1
         else:
