@@ -124,9 +124,11 @@ class AgentLinks:
         return {agent_id: self._complete(agent_id, key, outcomes[agent_id]) for agent_id in frames}
 
     def run_ahead(self, agent_id: int, key: Key, frame: bytes) -> None:
-        """Tells a living agent to run ahead; `take_ahead` has its windows."""
-        self._running_ahead[agent_id] = _Open(key, frame)
-        self._send(agent_id, frame)
+        """Tells an agent to run ahead; `take_ahead` has its windows, or its death."""
+        # It may have died while others were waited for, and its windows from before are still used.
+        if agent_id in self._living:
+            self._running_ahead[agent_id] = _Open(key, frame)
+            self._send(agent_id, frame)
 
     def take_ahead(self, agent_ids: list[int]) -> dict[int, Ahead | Death]:
         """Waits for the windows of agents that were told to run ahead, or for the death of each."""

@@ -153,10 +153,12 @@ class Codec:
         return message
 
     def read_log(self, data: bytes) -> list[Any]:
-        """All messages of an LSF log."""
+        """All whole messages of an LSF log, which may still be written."""
         messages, start = [], 0
         while start < len(data):
             end = start + 22 + int.from_bytes(data[start + 4 : start + 6], "little")
+            if end > len(data):
+                break
             messages.append(self.read(data[start:end]))
             start = end
         return messages

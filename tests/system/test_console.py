@@ -141,7 +141,8 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
 
         press(browser, "#stop")
         wait_until(lambda: text(browser, "answer") == "stop: done")
-        assert [line["order"] for line in journalled(run_dir, "operator")] == ["stop"]
+        # An order is answered in its tick, and its line is in the file when the tick ends.
+        wait_until(lambda: [line["order"] for line in journalled(run_dir, "operator")] == ["stop"])
         browser.find_element(By.ID, "remark-text").send_keys("<b>gulls</b>\n")
         wait_until(lambda: "<b>gulls</b>" in text(browser, "events"))
         assert [line["text"] for line in journalled(run_dir, "remark")] == ["<b>gulls</b>"]
@@ -152,7 +153,9 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         press(browser, "#continue")
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "continue: done")
-        assert [line["order"] for line in journalled(run_dir, "operator")] == ["stop", "continue"]
+        wait_until(
+            lambda: [line["order"] for line in journalled(run_dir, "operator")] == ["stop", "continue"]
+        )
 
         # A person who looks back is left there until "Live".
         browser.execute_script("document.querySelector('#events button').click()")
@@ -201,7 +204,7 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
         press(browser, cause)
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "cause a fault (aMussel 6): done")
-        (fault,) = journalled(run_dir, "fault")
+        (fault,) = wait_until(lambda: journalled(run_dir, "fault"))
         assert (fault["id"], fault["fault"]) == (6, "watchdog")
         # It is among the events, and its effect on the page: the board begins anew, and works again.
         wait_until(lambda: "fault of aMussel 6: watchdog" in text(browser, "events"))
@@ -211,9 +214,8 @@ def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run
         press(browser, "[data-act='hand over']")
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "hand over (aMussel 6): done")
-        assert [(it["id"], it["is"], it["by"]) for it in journalled(run_dir, "presence")] == [
-            (6, "real", "console")
-        ]
+        (presence,) = wait_until(lambda: journalled(run_dir, "presence"))
+        assert (presence["id"], presence["is"], presence["by"]) == (6, "real", "console")
         # The roster refuses from a page what it refuses from a service.
         press(browser, cause)
         press(browser, "#sure button[value=yes]")

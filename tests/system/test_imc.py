@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -178,7 +179,11 @@ def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_
     assert [it["t"] for it in journalled(run_dir, "override")] == [journalled(run_dir, "operator")[0]["t"]]
 
     (log,) = run_dir.glob("imc/*/*/Data.lsf")
-    logged = console.codec.read_log(log.read_bytes())
-    assert {header_of(it).src for it in logged if name_of(it) == "Abort"} == {NEPTUS}
+    # The log is written at each heartbeat.
+    deadline_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    while not (aborts := [it for it in console.codec.read_log(log.read_bytes()) if name_of(it) == "Abort"]):
+        assert time.monotonic() < deadline_s
+        pause.wait(0.1)
+    assert {header_of(it).src for it in aborts} == {NEPTUS}
     assert "not listed" in (run_dir / "imc.log").read_text()
     assert json.loads((run_dir / "summary.json").read_text())["end_reason"] == "a call"
