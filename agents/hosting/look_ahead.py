@@ -26,6 +26,8 @@ class _Lead:
     """The lead of one agent over the windows that count."""
 
     windows: deque[tuple[Key, AheadWindow]] = field(default_factory=deque)
+    lived_ms: int | None = None
+    """The end of its last window that counts."""
     asked: Key | None = None
     """The order to run ahead that is still unanswered."""
     at_once: int = 0
@@ -65,14 +67,20 @@ class LookAhead:
                 lead.windows.extend((outcome.key, window) for window in outcome.windows)
             lead.asked = None
 
-    def run_on(self, links: AgentLinks, lived_ms: Mapping[int, int], grants: Mapping[int, Grant]) -> None:
+    def lived_ms(self, agent_id: int) -> int | None:
+        """The agent time that counts, to which an agent that ran ahead goes back; None before its first window."""
+        lead = self._leads.get(agent_id)
+        return None if lead is None else lead.lived_ms
+
+    def run_on(self, links: AgentLinks, grants: Mapping[int, Grant]) -> None:
         """Lets the agents that have just been granted these windows run ahead of them."""
         for agent_id, grant in grants.items():
             lead = self._leads.setdefault(agent_id, _Lead())
+            lead.lived_ms = grant.until_ms
             lead.at_once = 0 if grant.stimuli else min(_AT_ONCE, 2 * lead.at_once + 1)
             if lead.at_once and lead.asked is None and len(lead.windows) <= MOST_AHEAD - _AT_ONCE:
                 lead.asked = self._next_key()
-                order = RunAhead(lead.asked, lead.at_once, lived_ms[agent_id])
+                order = RunAhead(lead.asked, lead.at_once, grant.until_ms)
                 links.run_ahead(agent_id, lead.asked, order.encode())
 
     def forget(self, links: AgentLinks, agent_id: int) -> None:

@@ -61,8 +61,6 @@ class ProcessHost:
         self._committed: dict[int, Key] = {}
         """The key of each agent's last answered window."""
         self._look_ahead = LookAhead(self._next_key) if looks_ahead else None
-        self._lived_ms: dict[int, int] = {}
-        """The end of each agent's last window that counts, where agents run ahead."""
         self._truths: list[Truth] = []
         self._nurseries_died_at_s: list[float] = []
         self._dropped_before: Counter[str] = Counter()
@@ -160,7 +158,7 @@ class ProcessHost:
         found = {} if ahead is None else ahead.take(self._links, grants)
         key = self._next_key()
         frames = {
-            agent_id: Window(key, grant, self._lived_ms.get(agent_id)).encode()
+            agent_id: Window(key, grant, None if ahead is None else ahead.lived_ms(agent_id)).encode()
             for agent_id, grant in grants.items()
             if agent_id not in found
         }
@@ -179,8 +177,7 @@ class ProcessHost:
             outcomes[agent_id] = reply
         if ahead is not None:
             lived = {it: grants[it] for it, outcome in outcomes.items() if not isinstance(outcome, Death)}
-            self._lived_ms |= {agent_id: grant.until_ms for agent_id, grant in lived.items()}
-            ahead.run_on(self._links, self._lived_ms, lived)
+            ahead.run_on(self._links, lived)
         return outcomes
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:

@@ -120,9 +120,8 @@ def test_agents_that_run_ahead_give_the_same_trace(
     tmp_path_factory: pytest.TempPathFactory, story: Story, steps_ms: list[int]
 ) -> None:
     """A kill is noticed as soon as the killed agent's windows are used up: the death's time says when."""
-    story = [
-        entry for entry in story if entry[0] > 0
-    ]  # a death at 0 ms may be of the first window or of the second
+    # A death at 0 ms may be of the first window or of the second.
+    story = [entry for entry in story if entry[0] > 0]
     ahead = ProcessHost.start(
         tmp_path_factory.mktemp("run"), FLEET, BIRTHS, restart_policy=PATIENT, looks_ahead=True
     )
