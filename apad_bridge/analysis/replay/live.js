@@ -87,11 +87,14 @@ async function order(act, more = {}) {
   }
 }
 
+// Takes the answer where it is given: the dialog's "close" comes a task later, when the next question may stand already.
 function isSure(question) {
   $("sure").firstChild.textContent = question;
-  $("sure").returnValue = "no";
   $("sure").showModal();
-  return new Promise((done) => $("sure").addEventListener("close", () => done($("sure").returnValue === "yes"), { once: true }));
+  return new Promise((done) => {
+    $("sure").lastChild.onsubmit = (event) => done(event.submitter.value === "yes");
+    $("sure").oncancel = () => done(false);
+  });
 }
 
 function connect() {
