@@ -54,7 +54,7 @@ from apad_bridge.runs.flying import open_in_process
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load, resolve
+from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.control import answered_line
@@ -478,15 +478,21 @@ def _jsonable(data: Any) -> Any:
 
 @contextmanager
 def _scenarios(folder: Path) -> Iterator[Door]:
-    """YAML files: one that is refused says so in ScenarioError's lines."""
-    data = resolve(load(SCENARIO))
-    text = json.dumps(data, indent=1)
+    """YAML files: one that is refused says so in ScenarioError's lines.
+
+    Each is a small scenario with one block, of some shipped scenario, in all its keys. The time goes with the text.
+    """
+    shipped = [resolve(load(it)) for it in sorted(SCENARIO.parent.glob("*.yaml"))]
+    small = resolve(load(SCENARIO))
+    _leave_out_defaults(small, small)
+    blocks = [(key, block) for data in shipped for key, block in data.items() if block]
     path = folder / "scenario.yaml"
 
     def once(rng: random.Random, counts: Counter[str]) -> None:
+        data = dict([*small.items(), rng.choice(blocks)])
         match rng.randrange(5):
             case 0:
-                raw = _spoiled(rng, text.encode())
+                raw = _spoiled(rng, json.dumps(data, indent=1).encode())
             case 1:
                 raw = rng.choice((b"[", b"{a: ", b"- ", b"&a [*a, ", b"? ")) * rng.randrange(400)
             case _:
@@ -501,6 +507,18 @@ def _scenarios(folder: Path) -> Iterator[Door]:
                 raise Broken(f"a refusal of {len(error.lines)} lines: {error.lines!r}") from error
 
     yield once
+
+
+def _leave_out_defaults(block: dict[str, Any], whole: dict[str, Any]) -> None:
+    """Leaves out each key of a block without which the whole is still a scenario."""
+    for key, value in list(block.items()):
+        del block[key]
+        try:
+            from_data(whole, "")
+        except ScenarioError:
+            block[key] = value
+            if isinstance(value, dict):
+                _leave_out_defaults(value, whole)
 
 
 @contextmanager
