@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,9 @@ def from_data(data: Any, source: str) -> Scenario:
     """
     if not isinstance(data, dict):
         raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {abbreviated(data)}"])
+    unreachable = list(_unreachable_files(data))
+    if unreachable:
+        raise ScenarioError(f"{source}: {line}" for line in unreachable)
     try:
         # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
         scenario = _SCENARIO.validate_json(
@@ -103,7 +107,7 @@ def write_resolved(path: Path, scenario: Scenario) -> None:
     """
     data = resolve(scenario)
     directory = path.parent.absolute()
-    for block, key in _file_entries(data):
+    for _, block, key in _file_entries(data):
         name = Path(block[key])
         if name.is_relative_to(directory):
             block[key] = str(name.relative_to(directory))
@@ -117,7 +121,7 @@ def write_with_files(path: Path, scenario: Scenario) -> None:
     OSError for a file that is gone.
     """
     data = resolve(scenario)
-    for block, key in _file_entries(data):
+    for _, block, key in _file_entries(data):
         named = Path(block[key])
         if key == "start":
             named = table_of(named)
@@ -169,21 +173,36 @@ def with_overrides(
     return from_data(data, "command line")
 
 
-def _file_entries(data: Any) -> list[tuple[dict[str, Any], str]]:
-    """Returns (mapping, key) of every file name in the data, which may not be valid yet."""
+def _file_entries(data: Any) -> list[tuple[str, dict[str, Any], str]]:
+    """Returns (whole key, mapping, key) of every file name in the data, which may not be valid yet."""
     entries = []
     for *blocks, key in _FILE_KEYS:
         place = data
         for block in blocks:
             place = place.get(block) if isinstance(place, dict) else None
         if isinstance(place, dict) and isinstance(place.get(key), str) and place[key] not in PAPER_CHARTS:
-            entries.append((place, key))
+            entries.append((".".join((*blocks, key)), place, key))
     return entries
 
 
 def _make_absolute(data: Any, directory: Path) -> None:
-    for block, key in _file_entries(data):
+    for _, block, key in _file_entries(data):
         block[key] = os.path.normpath(directory / block[key])
+
+
+def _unreachable_files(data: Any) -> Iterator[str]:
+    """A line for each file name about which every question raises: too long, or in a directory that is not ours.
+
+    A file that is only missing is told later, with what its key means.
+    """
+    for whole_key, block, key in _file_entries(data):
+        try:
+            os.stat(block[key])
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "no name of a file"
+            yield f"{whole_key}: {reason}: {abbreviated(block[key])}"
 
 
 def _of_meant_union_member(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:

@@ -398,6 +398,15 @@ def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) 
     ]
 
 
+def test_names_that_no_file_can_have_are_refused(refusals: Refusals) -> None:
+    long = "x" * 300
+    start, current = refusals(
+        ("start: pool.csv", f"start: {long}"), ("0.005}", '0.005, current_file: "tide\\0.csv"}')
+    )
+    assert start.startswith("fleet.start: File name too long: '/")
+    assert current.startswith("fleet.drift.current_file: no name of a file: '/")
+
+
 def test_a_current_that_cannot_be_read_is_refused_with_its_line(refusals: Refusals, tmp_path: Path) -> None:
     (tmp_path / "tide.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0,fast\n")
     assert refusals(("0.005}", "0.005, current_file: tide.csv}")) == [
