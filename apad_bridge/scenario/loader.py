@@ -219,12 +219,13 @@ def _of_meant_union_member(errors: list[ErrorDetails], data: Any) -> list[ErrorD
 
 
 def _without_profile_keys(errors: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Drops missing keys that a profile would have supplied if its name were right."""
+    """Drops missing keys that a profile would have supplied if it were named, and named right."""
     misnamed = [details["loc"][:-1] for details in errors if details["loc"][-1:] == ("profile",)]
     return [
         details
         for details in errors
         if details["type"] != "missing"
+        or details["loc"][-1] == "profile"
         or not any(details["loc"][: len(block)] == block for block in misnamed)
     ]
 

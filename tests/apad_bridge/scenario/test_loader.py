@@ -185,6 +185,7 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "profile: magic",
             "mission.docking.profile: must be 'virtual', 'camera' or 'visual', not 'magic'",
         ),
+        ("profile: virtual, ", "", "mission.docking.profile: this key is missing"),
         ("[28, 21]", "[28, x]", "area.polygon_m[2][1]: must be a valid number, not 'x'"),
         ("[28, 0], [28, 21]", "[28, 21], [28, 0]", "area: polygon_m crosses or touches itself"),
         ("[28, 0], [28, 21], [0, 21]]", "[28, 0]]", "area: polygon_m needs three corners or more"),
