@@ -1,7 +1,8 @@
 """Collects only the samples of a fleet: python sample_ashore.py RUN_DIR EPOCH UNTIL_S
 
 The fleet in RUN_DIR dives, surfaces and is docked in turns of two minutes. Each line of standard output is a tick: its time
-and the processes. The last line has the number of samples that each aMussel has ever taken.
+and the processes. The next tick comes when a line of standard input has answered it. The last line of output has the number
+of samples that each aMussel has ever taken.
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ def main(run_dir: Path, epoch: int, until_s: int) -> None:
             clock.receive(ack.agent_id, WifiArrived(CODEC.encode(ack)), 1000 * now_s)
         taken |= {truth.agent_id: truth.physical.samples for truth in host.take_truths()}
         print(json.dumps([now_s, host.nursery_pid, host.pids]), flush=True)
+        sys.stdin.readline()
     print(json.dumps(taken), flush=True)
     host.close()
 

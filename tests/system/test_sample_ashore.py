@@ -27,21 +27,26 @@ def test_nothing_is_lost_and_nothing_is_there_twice_whoever_dies(tmp_path: Path)
     while not told:
         epoch += 1
         command = [sys.executable, str(PROGRAM), str(tmp_path), str(epoch), str(UNTIL_S)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
+        pipe = subprocess.PIPE
+        with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+            assert process.stdin is not None and process.stdout is not None
             for line in process.stdout:
                 heard = json.loads(line)
                 if isinstance(heard, dict):
                     told = heard
                     break
                 now_s, nursery_pid, pids = heard
-                if not deaths or now_s < deaths[0][1]:
-                    continue
-                who, _ = deaths.pop(0)
-                pid = {"supervisor": process.pid, "nursery": nursery_pid}.get(who) or chance.choice(
-                    list(pids.values())
-                )
-                os.kill(pid, signal.SIGKILL)
+                if deaths and now_s >= deaths[0][1]:
+                    who, _ = deaths.pop(0)
+                    pid = {"supervisor": process.pid, "nursery": nursery_pid}.get(who) or chance.choice(
+                        list(pids.values())
+                    )
+                    os.kill(pid, signal.SIGKILL)
+                    if pid == process.pid:
+                        break
+                # It waits for this, so a death comes at its tick however late this process is.
+                process.stdin.write("\n")
+                process.stdin.flush()
         assert told or process.returncode == -signal.SIGKILL
     assert deaths == [] and epoch == 4
 
