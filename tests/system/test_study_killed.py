@@ -8,6 +8,8 @@ import select
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,7 @@ from scenario_files import POOL_FILE
 pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 120.0
+PATIENCE_S = 180.0
 STRATEGY = """
 import os, signal
 from apad_bridge.planning.greedy import Greedy
@@ -58,6 +60,13 @@ def test_its_workers_end_with_it_and_it_goes_on(tmp_path: Path) -> None:
         while len(workers) < 2:  # each writes its id when it waits, and goes on no further
             with open(waiting) as lines:
                 workers |= {int(line) for line in lines}
+        # A worker is told its next block before the last one is written. Both wait now, so nothing more is written.
+        until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+        while (out / "trials.jsonl").read_text().count(
+            "\n"
+        ) < 3:  # the study's line, and two missions at least
+            assert time.monotonic() < until_s
+            pause.wait(0.05)
         ends = select.poll()
         for worker in workers:
             ends.register(os.pidfd_open(worker), select.POLLIN)
@@ -71,7 +80,6 @@ def test_its_workers_end_with_it_and_it_goes_on(tmp_path: Path) -> None:
                 os.close(descriptor)
                 ended += 1
     kept = (out / "trials.jsonl").read_text()
-    assert kept.count("\n") >= 3  # the study's line, and two missions at least
     waiting.unlink()
     done = subprocess.run(
         command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=PATIENCE_S
