@@ -15,7 +15,7 @@ import pytest
 from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from killing import gone, kill_9
+from killing import gone, kill_9, standing_still
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
@@ -472,22 +472,13 @@ def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
     ending_s = 0.2
     host = ProcessHost.start(tmp_path, FLEET, BIRTHS, restart_policy=RestartPolicy(ending_s=ending_s))
     pids = dict(host.pids)
-    os.kill(pids[8], signal.SIGSTOP)
-    # A process that has not stopped yet meets the earlier SIGTERM first, and ends by it.
-    wait_until_stopped(pids[8])
-    began_s = time.monotonic()
-    host.close()
-    # Nothing else is waited for; the room is for a machine that is busy. One that is stopped never ends by itself.
-    assert ending_s <= time.monotonic() - began_s < ending_s + PATIENCE_S
+    # A process that has not stopped yet would meet the earlier SIGTERM first, and end by it.
+    with standing_still(pids[8]):
+        began_s = time.monotonic()
+        host.close()
+        # Nothing else is waited for; the room is for a machine that is busy. One that is stopped never ends by itself.
+        assert ending_s <= time.monotonic() - began_s < ending_s + PATIENCE_S
     assert all(gone(pid) for pid in [*pids.values(), host.nursery_pid])
-
-
-def wait_until_stopped(pid: int) -> None:
-    """For a process that is not a child of this one: the kernel tells its stop to nobody else."""
-    deadline_s = time.monotonic() + PATIENCE_S
-    while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "T":
-        assert time.monotonic() < deadline_s
-        os.sched_yield()
 
 
 def test_a_fleet_whose_nursery_dies_again_and_again_is_lost(host: ProcessHost) -> None:

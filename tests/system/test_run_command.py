@@ -13,19 +13,22 @@ from typing import Any
 
 import pytest
 import yaml
-from killing import kill_9, kill_supervisor
+from killing import kill_9, kill_supervisor, pid_of_supervisor, standing_still
 from patient import PATIENCE_S, PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 from stalled import stalled_s
 
 from apad_bridge.records.journal import read_journal
+from apad_bridge.supervisor.control import listens
 
 pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 REAL_APAD = "launch_scripts/scenarios/real-apad.yaml"
+LONG_S = 36_000
+"""Mission seconds that no test waits for: it ends the flight when it has seen what it waited for."""
 
 
 def wait_for(what: Callable[[], Any], why: str, patience_s: float = PATIENCE_S) -> Any:
@@ -51,6 +54,10 @@ def scenario(tmp_path: Path) -> Path:
     path = tmp_path / "short.yaml"
     path.write_text(yaml.safe_dump(data))
     return path
+
+
+def last(scenario: Path, duration_s: int) -> None:
+    scenario.write_text(yaml.safe_dump(yaml.safe_load(scenario.read_text()) | {"duration_s": duration_s}))
 
 
 def musselbed(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -101,9 +108,15 @@ def left_full(run: Path) -> list[int]:
 
 
 def charging(run: Path) -> list[int]:
-    """Agents that the journal's truths have shown charging."""
-    lines = read_journal(run / "journal.jsonl").lines if (run / "journal.jsonl").exists() else []
-    return [line["id"] for line in lines if line["kind"] == "truth" and line["state"] == "CHARGING"]
+    """Agents that the journal says are charging now, in the order in which they began."""
+    began: dict[int, int] = {}
+    for line in read_journal(run / "journal.jsonl").lines if (run / "journal.jsonl").exists() else []:
+        if line["kind"] == "truth":
+            if line["state"] != "CHARGING":
+                began.pop(line["id"], None)
+            else:
+                began.setdefault(line["id"], line["agent_ms"])
+    return sorted(began, key=lambda agent_id: began[agent_id])
 
 
 def children_of(run: Path) -> list[str]:
@@ -135,8 +148,9 @@ def decisions(run: Path) -> list[tuple[str, list[int]]]:
     ],
 )
 def test_a_run_that_is_told_to_end_while_it_starts_leaves_nothing(
-    fly: Callable[..., tuple[subprocess.Popen[str], Path]], word: signal.Signals, begun: str
+    fly: Callable[..., tuple[subprocess.Popen[str], Path]], scenario: Path, word: signal.Signals, begun: str
 ) -> None:
+    last(scenario, LONG_S)
     process, run = fly(5, command=PATIENT_MUSSELBED)
     wait_for((run / begun).exists, f"there is no {begun}")
     process.send_signal(word)
@@ -173,7 +187,8 @@ def test_over_ros_and_in_virtual_time_it_decides_alike(fly: Any, scenario: Path,
         )
 
 
-def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any) -> None:
+def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any, scenario: Path) -> None:
+    last(scenario, LONG_S)
     process, run = fly(20, command=PATIENT_MUSSELBED)
     wait_for(lambda: docked(run), "nothing was docked")
     asked_s, others_s = time.monotonic(), stalled_s()
@@ -191,7 +206,8 @@ def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any) -
     assert children_of(run) == []
 
 
-def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any) -> None:
+def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any, scenario: Path) -> None:
+    last(scenario, LONG_S)
     process, run = fly(2)
     wait_for(lambda: docked(run), "nothing was docked")
     for order, printed in (
@@ -225,7 +241,7 @@ def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any) -> N
 def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were(fly: Any) -> None:
     # In a namespace that the shell of `resume` is told nothing of.
     process, run = fly(20, "__ns:=basin")
-    wait_for(lambda: len(docked(run)) == 2, "no two were docked")
+    wait_for(lambda: len(docked(run)) >= 2, "no two were docked")
     kill_supervisor(run)
     before = docked(run)
     port = json.loads((run / "run.json").read_text())["xmlrpc_port"]
@@ -253,15 +269,22 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     assert children_of(run) == []
 
 
-def test_of_several_that_resume_a_run_at_once_one_flies_it_and_the_others_touch_nothing(fly: Any) -> None:
+def test_of_several_that_resume_a_run_at_once_one_flies_it_and_the_others_touch_nothing(
+    fly: Any, scenario: Path
+) -> None:
+    last(scenario, LONG_S)
     process, run = fly(20)
-    wait_for(lambda: len(docked(run)) == 2, "no two were docked")
+    wait_for(lambda: len(docked(run)) >= 2, "no two were docked")
     kill_supervisor(run)
     command = [*MUSSELBED, "resume", str(run), "--json"]
     callers = [
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
         for _ in range(3)
     ]
+    # Whoever comes after the run's end is told of that, so it flies until the others have come.
+    wait_for(lambda: [it.poll() for it in callers].count(None) <= 1, "two fly it")
+    wait_for(lambda: listens(run), "nobody flies it")
+    assert musselbed("abort", run).returncode == 0
     outputs = [caller.communicate(timeout=PATIENCE_S) for caller in callers]
     process.communicate(timeout=PATIENCE_S)
 
@@ -282,9 +305,7 @@ def test_of_several_that_resume_a_run_at_once_one_flies_it_and_the_others_touch_
 
 def test_kill_9_of_an_agent_while_it_charges_and_it_goes_on_charging(fly: Any) -> None:
     process, run = fly(20)
-    agent_id = wait_for(lambda: charging(run), "nothing charges")[0]
-    pid = wait_for(lambda: pid_of_agent(run, agent_id), "the agent has no process")
-    kill_9(pid)
+    agent_id = wait_for(lambda: kill_one_that_charges(run), "nothing charges")
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, stderr
     assert json.loads(stdout)["services"] == len(left_full(run))
@@ -300,6 +321,19 @@ def test_kill_9_of_an_agent_while_it_charges_and_it_goes_on_charging(fly: Any) -
     assert truths[boot]["primary"] == truths[boot - 1]["primary"]
     assert truths[boot]["docked"] is truths[boot - 1]["docked"] is True
     assert truths[boot + 1]["state"] == "CHARGING"
+
+
+def kill_one_that_charges(run: Path) -> int | None:
+    """Kills the agent that began to charge last; None while there is none."""
+    if not charging(run):
+        return None
+    # A supervisor that goes on may release it before the kill.
+    with standing_still(pid_of_supervisor(run)):
+        agent_id = next(reversed(charging(run)), None)
+        pid = None if agent_id is None else pid_of_agent(run, agent_id)
+        if pid is not None:
+            kill_9(pid)
+    return None if pid is None else agent_id
 
 
 def test_kill_9_of_the_nursery_and_another_goes_on_from_its_file(fly: Any) -> None:
