@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 import yaml
-from browsers import chromium
-from killing import kill_supervisor
+from browsers import chromium, load_page
+from killing import kill_9, pid_of_supervisor, standing_still
 from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
@@ -133,7 +133,7 @@ def seconds(browser: webdriver.Chrome) -> float:
 
 def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Chrome, run_dir: Path) -> None:
     with console_beside(run_dir) as url:
-        browser.get(url)
+        load_page(browser, url)
         assert "token" not in browser.current_url
         begun_s = seconds(browser)
         wait_until(lambda: seconds(browser) > begun_s + 30)
@@ -169,9 +169,12 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
 
         # The page says that a supervisor has died, and follows the next one.
         browser.execute_script(WATCH_WARNINGS)
-        killed_s, others_s = time.time(), stalled_s()
-        kill_supervisor(run_dir)
-        _, could_stop, said_s = wait_until(lambda: warned(browser, "No supervisor takes orders"))[0]
+        supervisor = pid_of_supervisor(run_dir)
+        # The next one is not started before the page has said so: it could be there sooner than a busy browser looks.
+        with standing_still(parent_of(supervisor)):
+            killed_s, others_s = time.time(), stalled_s()
+            kill_9(supervisor)
+            _, could_stop, said_s = wait_until(lambda: warned(browser, "No supervisor takes orders"))[0]
         assert not could_stop
         wait_until(
             lambda: text(browser, "warning") == "" and browser.find_element(By.ID, "stop").is_enabled()
@@ -183,16 +186,22 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         press(browser, "#abort")
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "warning") == "The run has ended: a call: abort by console.")
+        # The journal's last line comes before the summary.
+        wait_until((run_dir / "summary.json").exists)
         summary = json.loads((run_dir / "summary.json").read_text())
         wait_until(lambda: f"{summary['cost_m']:.0f} m" in text(browser, "figures"))
         assert f"{summary['uptime_paper']['mean']:.2f} %" in text(browser, "figures")
     assert [it for it in browser.get_log("browser") if it["level"] == "SEVERE"] == []  # type: ignore[no-untyped-call]
 
 
+def parent_of(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+
+
 def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run: Path) -> None:
     run_dir = shared_run
     with console_beside(run_dir) as url:
-        browser.get(url)
+        load_page(browser, url)
         browser.find_element(By.CSS_SELECTOR, "#agents [data-agent='6']").click()
         # The pool has no water to ping by; the aPad is simulated, so there are faults.
         assert not browser.find_element(By.CSS_SELECTOR, "[data-act=ping]").is_displayed()
@@ -270,7 +279,7 @@ def test_a_page_whose_console_stands_still_says_so_within_3_s(
     )
     try:
         assert console.stdout is not None
-        browser.get(json.loads(console.stdout.readline())["url"])
+        load_page(browser, json.loads(console.stdout.readline())["url"])
         begun_s = seconds(browser)
         wait_until(lambda: seconds(browser) > begun_s)
         browser.execute_script(WATCH_WARNINGS)
