@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
-from killing import kill_supervisor
+from killing import kill_9, pid_of_supervisor, standing_still
 from patient import PATIENCE_S, PATIENT_MUSSELBED
 from rosbags.rosbag1 import Reader
 
@@ -87,9 +87,22 @@ def noted(run: Path) -> dict[int, int]:
     return heard
 
 
-def all_quiet(now_ms: int) -> bool:
-    """Nobody reports, or wakes and says so, for a second of real time to come; and those who reported did so long ago."""
-    return 10_000 <= now_ms % PERIOD_MS < 20_000 and 25_000 <= now_ms % HOUR_MS < HOUR_MS - 25_000
+def all_quiet(run: Path) -> bool:
+    """Nobody reports, or wakes and says so, for a while to come; and those who reported did so long ago."""
+    now_ms = read_journal(run / "journal.jsonl").last_ms
+    is_between = 10_000 <= now_ms % PERIOD_MS < 20_000 and 25_000 <= now_ms % HOUR_MS < HOUR_MS - 25_000
+    return is_between and max(noted(run).values()) < now_ms - 10_000
+
+
+def killed_in_quiet(run: Path) -> bool:
+    """Kills the supervisor if all is quiet, also when it has come to stand still."""
+    if not all_quiet(run):
+        return False
+    supervisor = pid_of_supervisor(run)
+    with standing_still(supervisor):
+        if is_quiet := all_quiet(run):
+            kill_9(supervisor)
+    return is_quiet
 
 
 def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
@@ -120,8 +133,7 @@ def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
     wait_for(lambda: THE_REAL in noted(run), "the real one was not heard")
     bridge.terminate()
     bridge.wait(PATIENCE_S)
-    wait_for(lambda: all_quiet(read_journal(journal).last_ms), "it was never quiet")
-    kill_supervisor(run)
+    wait_for(lambda: killed_in_quiet(run), "it was never quiet")
     first_knew = wait_for(lambda: noted(run), "the checkpoint is gone")
     spoken = begin("/usr/bin/rostopic", "echo", "-n", 1, "/musselbed/beliefs", env=tools)
 
