@@ -1,5 +1,6 @@
 """A fleet without a mission and a mission without a fleet, two processes on somebody's master that follow its /clock."""
 
+import itertools
 import json
 import signal
 import subprocess
@@ -166,10 +167,16 @@ def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str]
 
 def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(scenario: Path, tmp_path: Path) -> None:
     data = yaml.safe_load(scenario.read_text())
-    data["duration_s"] = 240  # the master's time goes on while nobody supervises
+    data["duration_s"] = 36_000  # the master's time goes on while nobody supervises
     scenario.write_text(yaml.safe_dump(data))
     with somebodys_graph(scenario, tmp_path, SPEED) as graph:
         resume_after_a_kill(scenario, graph, tmp_path / "run")
+
+
+def has_served_since(run: Path, kind: str) -> bool:
+    """True if a full aMussel was released after the journal's first line of this kind."""
+    after = itertools.dropwhile(lambda it: it["kind"] != kind, lines_of(run))
+    return any(it["kind"] == "released" and it["full"] for it in after)
 
 
 def resume_after_a_kill(scenario: Path, graph: dict[str, str], out: Path) -> None:
@@ -189,10 +196,15 @@ def resume_after_a_kill(scenario: Path, graph: dict[str, str], out: Path) -> Non
     )
     assert refused.returncode == 2
     assert "--confirm-motion" in refused.stderr
-    resumed = subprocess.run(
-        [*resume, "--confirm-motion"], capture_output=True, text=True, env=graph, cwd=ROOT, timeout=PATIENCE_S
-    )
-    assert resumed.returncode == 0, resumed.stderr
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        [*resume, "--confirm-motion"], stdout=pipe, stderr=pipe, text=True, env=graph, cwd=ROOT
+    ) as resumed:
+        wait_until(lambda: has_served_since(out, "resumed"), resumed, run)
+        abort = [*MUSSELBED, "abort", str(out)]
+        assert subprocess.run(abort, env=graph, cwd=ROOT, timeout=PATIENCE_S).returncode == 0
+        _, mistakes = resumed.communicate(timeout=PATIENCE_S)
+    assert resumed.returncode == 0, mistakes
     said, mistakes = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 0, mistakes
     released = [line for line in read_journal(out / "journal.jsonl").lines if line["kind"] == "released"]

@@ -77,7 +77,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 @contextmanager
 def launched(folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
     data = yaml.safe_load(POOL_FILE.read_text())
-    data |= {"name": "short", "duration_s": 2000, "theta": 600}
+    data |= {"name": "short", "duration_s": 36_000, "theta": 600}
     starts = ["id,north,east,battery", *(f"{n},{13 + n / 2},11,0.6" for n in (1, 2, 3))]
     (folder / "three.csv").write_text("\n".join(starts) + "\n")
     data["fleet"]["start"] = "three.csv"
