@@ -54,9 +54,10 @@ def test_processes_that_are_killed_stopped_or_short_of_memory_come_back(tmp_path
     lines = read_journal(RunDirectory(out).journal).lines
     faults = {(it["fault"], it["id"]): it for it in lines if it["kind"] == "fault"}
     assert all("refused" not in it for it in faults.values())
-    deaths = {it["id"]: it for it in lines if it["kind"] == "died"}
-    assert (deaths[KILLED]["cause"], deaths[STOPPED]["cause"]) == ("BROWN_OUT", "WATCHDOG")
-    assert "SIGKILL" in deaths[KILLED]["reason"] and "no answer within 2 s" in deaths[STOPPED]["reason"]
+    deaths = {(it["id"], it["cause"]): it for it in lines if it["kind"] == "died"}
+    # A process that a busy machine lets stand still for 2 s dies by the watchdog, too.
+    assert "SIGKILL" in deaths[KILLED, "BROWN_OUT"]["reason"]
+    assert "no answer within 2 s" in deaths[STOPPED, "WATCHDOG"]["reason"]
     assert all(it["gave_up"] is None for it in deaths.values())
     assert [it["t"] for it in lines if it["kind"] == "fault_over" and it["fault"] == "memory_limit"] == [
         150_000

@@ -101,7 +101,7 @@ def fly(host: InProcessHost | ProcessHost) -> tuple[list[Heard | Died], list[Tru
 
 def test_what_boards_were_told_outlives_their_processes(tmp_path: Path) -> None:
     host = ProcessHost.start(
-        tmp_path, FLEET, BIRTHS, window_timeout_s=5.0, restart_policy=RestartPolicy(restarts=100)
+        tmp_path, FLEET, BIRTHS, window_timeout_s=60.0, restart_policy=RestartPolicy(restarts=100)
     )
     try:
         came, told = fly(host)
