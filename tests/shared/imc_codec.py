@@ -118,7 +118,7 @@ class Codec:
             cwd=folder,
             check=True,
             capture_output=True,
-            timeout=120,
+            timeout=300,
         )
         before = os.getcwd()
         os.chdir(folder)

@@ -16,7 +16,7 @@ from apad_bridge.ros.system.master import loopback_environment, start_master
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-m", "apad_bridge.commands.main", "apad", "launch_scripts/scenarios/pool-12.yaml"]
-PATIENCE_S = 120
+PATIENCE_S = 300
 
 pytestmark = pytest.mark.system
 

@@ -17,7 +17,7 @@ from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 
 
 def scenario(tmp_path: Path, docks: int, generation: str, fault: str = "none") -> Path:

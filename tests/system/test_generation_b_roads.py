@@ -41,7 +41,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Any:
             cwd=ROOT,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=300,
         )
         assert done.returncode == 0, done.stderr
         return {"start_m": data["apad"]["start_m"], **json.loads(done.stdout.splitlines()[-1])}

@@ -45,7 +45,7 @@ def packets(path: Path, out: Path, *options: str) -> list[dict[str, Any]]:
         str(out),
         "--json",
     ]
-    subprocess.run([*command, *options], check=True, capture_output=True, timeout=120)
+    subprocess.run([*command, *options], check=True, capture_output=True, timeout=300)
     lines = [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
     return [line for line in lines if line["kind"] == "packet"]
 

@@ -37,7 +37,7 @@ def scenario(tmp_path: Path) -> Path:
 @contextmanager
 def apad(tmp_path: Path, scenario: Path, generation: str) -> Iterator[dict[str, str]]:
     """An aPad in real time on somebody's master; yields the shell's variables."""
-    master = start_master(tmp_path / "ros", timeout_s=60, orphan_s=300)
+    master = start_master(tmp_path / "ros", timeout_s=120, orphan_s=300)
     environment = loopback_environment(tmp_path / "ros", master.uri) | {"PYTHONPATH": str(ROOT)}
     vehicle = subprocess.Popen(
         [*COMMAND, "apad", str(scenario), "--generation", generation],

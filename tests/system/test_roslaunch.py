@@ -159,7 +159,7 @@ def test_five_aPads_on_roslaunchs_master(tmp_path: Path, environment: dict[str, 
 
 
 def test_a_second_clock_is_refused(tmp_path: Path) -> None:
-    master = start_master(tmp_path / "ros", timeout_s=60, orphan_s=0)
+    master = start_master(tmp_path / "ros", timeout_s=120, orphan_s=0)
     environment = loopback_environment(tmp_path / "ros", master.uri)
     first = [
         sys.executable,

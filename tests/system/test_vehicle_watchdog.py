@@ -39,7 +39,7 @@ def test_an_apad_whose_mission_falls_silent_is_held_where_it_is_and_a_pilot_is_n
             cwd=ROOT,
             capture_output=True,
             text=True,
-            timeout=180,
+            timeout=300,
         )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])
