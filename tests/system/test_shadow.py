@@ -104,7 +104,8 @@ def test_it_hears_a_mission_and_is_heard_by_nobody(
 
     told = json.loads(said)
     theirs = [it["theirs"]["agent_id"] for it in told["decisions"] if it["theirs"]["kind"] == "collect"]
-    # Of the first batch: later ones depend on what a busy machine lets surface in time.
-    assert theirs[:4] == collected_in(out)[:4]
+    # In this order. On a busy machine a docking may fail, and the mission decides for that aMussel again later.
+    decided = iter(theirs)
+    assert all(agent_id in decided for agent_id in collected_in(out)), (theirs, collected_in(out))
     assert told["agreed"] >= 1
     assert any(it["estimate"] is not None for it in told["decisions"] if it["theirs"]["kind"] == "collect")
