@@ -35,12 +35,11 @@ def main() -> None:
     rospy.init_node("somebody", disable_signals=True)
     events: queue.Queue[tuple[str, dict[str, Any]]] = queue.Queue()
     positions: queue.Queue[tuple[float, float]] = queue.Queue()
-    goals: queue.Queue[tuple[str, tuple[float, float]]] = queue.Queue()
     active: queue.Queue[set[str]] = queue.Queue()
     rospy.Subscriber(
         "/apad1/action_server/goal",
         aPadActionGoal,
-        lambda it: goals.put((it.goal_id.id, (it.goal.pose.position.x, it.goal.pose.position.y))),
+        lambda it: events.put(("goal", {"key": it.goal_id.id, "place": it.goal.pose.position})),
     )
     rospy.Subscriber(
         "/apad1/action_server/status",
@@ -63,14 +62,16 @@ def main() -> None:
     client = SimpleActionClient("/apad1/action_server", aPadAction)
     assert client.wait_for_server(rospy.Duration(PATIENCE_S))
     print("listening", flush=True)
-    kind, begun = events.get(timeout=PATIENCE_S)
-    while (kind, begun.get("name"), begun.get("phase")) != ("primitive", "go to point", "started"):
-        kind, begun = events.get(timeout=PATIENCE_S)
-    # The event may come before the mission's goal does, which would then send this one away. Nor does a goal come to its
-    # server when it comes here: the vehicle must follow it.
-    key, place = goals.get(timeout=PATIENCE_S)
-    while math.dist(place, (begun["north_m"], begun["east_m"])) > 0.01:
-        key, place = goals.get(timeout=PATIENCE_S)
+    # The event may come before the mission's goal does, which would then send this one away; and one of the two may have
+    # been sent before this process was connected. Nor does a goal come to its server when it comes here: the vehicle must
+    # follow it.
+    key, place, begun = "", (math.inf, math.inf), (0.0, 0.0)
+    while math.dist(place, begun) > 0.01:
+        kind, data = events.get(timeout=PATIENCE_S)
+        if kind == "goal":
+            key, place = data["key"], (data["place"].x, data["place"].y)
+        elif (kind, data.get("name"), data.get("phase")) == ("primitive", "go to point", "started"):
+            begun = data["north_m"], data["east_m"]
     while key not in active.get(timeout=PATIENCE_S):
         pass
     goal = aPadGoal(id=0)
