@@ -233,11 +233,11 @@ def test_a_node_that_died_is_named_and_the_flight_ends(
 ) -> None:
     scenario = four(tmp_path, 10_000)
     vehicle = node(scenario, master, stack)
-    flight = start("legacy_flight", str(scenario), "ros", "100", "3.0")
+    flight = start("legacy_flight", str(scenario), "ros", "100", "10.0")
     assert flight.stderr is not None
     assert line_of(flight.stderr) == "flying\n"
     kill_9(vehicle.pid)
-    assert "the node of /apad1 did not say within 3 s" in told(flight)["failed"]
+    assert "the node of /apad1 did not say within 10 s" in told(flight)["failed"]
 
 
 def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_differs(
