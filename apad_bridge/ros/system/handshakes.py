@@ -45,9 +45,12 @@ class _Waiting:
 class Handshakes:
     """Hands each connection to `handler` when its handshake is there, one after another, in a thread of its own."""
 
-    def __init__(self, handler: Handler, handshake_s: float = HANDSHAKE_S) -> None:
+    def __init__(
+        self, handler: Handler, handshake_s: float = HANDSHAKE_S, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._handler = handler
         self._handshake_s = handshake_s
+        self._clock = clock
         self._poll = select.epoll()
         self._lock = threading.Lock()
         self._waiting: dict[int, _Waiting] = {}
@@ -58,7 +61,7 @@ class Handshakes:
         """Takes a new connection; for rospy's accepting thread."""
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, _LENGTH.size)
         with self._lock:
-            self._waiting[sock.fileno()] = _Waiting(sock, address, time.monotonic() + self._handshake_s)
+            self._waiting[sock.fileno()] = _Waiting(sock, address, self._clock() + self._handshake_s)
             self._poll.register(sock, select.EPOLLIN)
 
     def _run(self) -> None:
@@ -67,7 +70,7 @@ class Handshakes:
             ready = self._poll.poll(self._handshake_s / 4)
             for descriptor, _ in ready:
                 self._look(descriptor)
-            now_s = time.monotonic()
+            now_s = self._clock()
             with self._lock:
                 overdue = [number for number, it in self._waiting.items() if it.until_s <= now_s]
             for descriptor in overdue:
