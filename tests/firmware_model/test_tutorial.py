@@ -29,9 +29,11 @@ def steps() -> Iterator[tuple[str, str]]:
 
 @pytest.fixture
 def clone(tmp_path: Path) -> Path:
-    # With the modules that Python has compiled: a file that the page changes is compiled anew, and no other.
+    # With the modules that Python has compiled: a file that the page changes is compiled anew, and no other. What another
+    # test's Python is writing just now has a longer name, and is gone before it can be copied.
+    being_written = shutil.ignore_patterns("*.pyc.*")
     for name in ("firmware_model", "agents", "apad_bridge", "docs", "tests/firmware_model", "tests/shared"):
-        shutil.copytree(ROOT / name, tmp_path / name)
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=being_written)
     (tmp_path / "pytest.ini").write_text(
         "[pytest]\npythonpath = tests/shared\naddopts = --import-mode=importlib -p no:cacheprovider\n"
     )
