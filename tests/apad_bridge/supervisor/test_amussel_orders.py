@@ -31,44 +31,49 @@ class Requests(AskedRequests):
         assert super().answer(request, refusal)
 
 
-def flown(scenario: Scenario, *, real_hull: bool = False, **orders: Any) -> tuple[Flying, AMusselOrders]:
-    presences = Presences(scenario.fleet.ids, scenario.area.depth_m)
-    rosters: list[Roster] = []
+class FlyingWithRoster(Flying):
+    """A flight three seconds after its begin, whose roster has requests of other threads."""
 
-    def with_roster(context: Any) -> Any:
-        faults = parts.fault_injection(flight_config(scenario), context.fleet, real_hull=real_hull)
-        rosters.append(Roster(presences, Requests(), context.fleet.coordinator, faults))
-        return replace(context, roster=rosters[0], faults=faults)
+    def __init__(self, scenario: Scenario, *, real_hull: bool = False) -> None:
+        self.requests = Requests()
+        self.roster: Roster
+        presences = Presences(scenario.fleet.ids, scenario.area.depth_m)
 
-    flying = Flying(scenario, with_roster)
-    flying.seconds(3)
-    return flying, AMusselOrders(scenario.fleet.ids, rosters[0], **orders)
+        def with_roster(context: Any) -> Any:
+            faults = parts.fault_injection(flight_config(scenario), context.fleet, real_hull=real_hull)
+            self.roster = Roster(presences, self.requests, context.fleet.coordinator, faults)
+            return replace(context, roster=self.roster, faults=faults)
+
+        super().__init__(scenario, with_roster)
+        self.seconds(3)
+
+    def answered(self, ask: Callable[[], Any]) -> Any:
+        """The answer of another thread; an error of it is raised. Mission time passes only while it waits for a tick."""
+        with ThreadPoolExecutor(1) as pool:
+            waiting = pool.submit(ask)
+            while not wait([waiting], 0.01).done:
+                if self.calls._calls or self.requests._waiting:
+                    self.seconds(1)
+            return waiting.result()
 
 
 @pytest.fixture
-def flying(pool: Scenario, tmp_path: Path) -> Iterator[Flying]:
-    flying, orders = flown(pool)
+def flying(pool: Scenario, tmp_path: Path) -> Iterator[FlyingWithRoster]:
+    flying = FlyingWithRoster(pool)
+    orders = AMusselOrders(pool.fleet.ids, flying.roster)
     with control_offered(tmp_path, flying.calls, flying.gate, amussels=orders):
         yield flying
 
 
-def answered(flying: Flying, request: Callable[[], Any]) -> Any:
-    """The answer of another thread, which needs ticks; an error of it is raised."""
-    with ThreadPoolExecutor(1) as pool:
-        waiting = pool.submit(request)
-        flying.until(lambda: bool(wait([waiting], 0.05)[0]), limit_s=200)
-        return waiting.result()
-
-
 def asked(
-    flying: Flying, run_dir: Path, act: AMusselAct, agent: int = 3, fault: TimedFault | None = None
+    flying: FlyingWithRoster, run_dir: Path, act: AMusselAct, agent: int = 3, fault: TimedFault | None = None
 ) -> Answer:
-    answer = answered(flying, lambda: ask(run_dir, AMusselRequest(act, "Anna", agent, fault)))
+    answer = flying.answered(lambda: ask(run_dir, AMusselRequest(act, "Anna", agent, fault)))
     assert isinstance(answer, Answer)
     return answer
 
 
-def test_a_permission_reaches_the_amussel_and_is_noted(flying: Flying, tmp_path: Path) -> None:
+def test_a_permission_reaches_the_amussel_and_is_noted(flying: FlyingWithRoster, tmp_path: Path) -> None:
     assert asked(flying, tmp_path, AMusselAct.PERMIT, 9).accepted
     flying.seconds(1)
     (order,) = flying.events("operator")
@@ -76,7 +81,7 @@ def test_a_permission_reaches_the_amussel_and_is_noted(flying: Flying, tmp_path:
     flying.until(lambda: flying.flight.supervisor.beliefs.get(9).state is State.SURFACING, 30)
 
 
-def test_presence_and_faults_go_through_the_roster(flying: Flying, tmp_path: Path) -> None:
+def test_presence_and_faults_go_through_the_roster(flying: FlyingWithRoster, tmp_path: Path) -> None:
     assert asked(flying, tmp_path, AMusselAct.HAND_OVER) == Answer(True, "")
     assert [(it["id"], it["is"], it["by"]) for it in flying.events("presence")] == [(3, "real", "Anna")]
     refused = asked(flying, tmp_path, AMusselAct.FAULT, 3, TimedFault.BROWN_OUT)
@@ -96,15 +101,16 @@ def test_presence_and_faults_go_through_the_roster(flying: Flying, tmp_path: Pat
     ],
 )
 def test_what_cannot_be_is_refused(
-    flying: Flying, tmp_path: Path, request_: AMusselRequest, why: str
+    flying: FlyingWithRoster, tmp_path: Path, request_: AMusselRequest, why: str
 ) -> None:
-    answer = answered(flying, lambda: ask(tmp_path, request_))
+    answer = flying.answered(lambda: ask(tmp_path, request_))
     assert not answer.accepted and why in answer.message
     assert flying.events("operator") == []
 
 
 def test_no_fault_is_caused_where_a_real_hull_flies(pool: Scenario, tmp_path: Path) -> None:
-    flying, orders = flown(pool, real_hull=True)
+    flying = FlyingWithRoster(pool, real_hull=True)
+    orders = AMusselOrders(pool.fleet.ids, flying.roster)
     with control_offered(tmp_path, flying.calls, flying.gate, amussels=orders):
         answer = asked(flying, tmp_path, AMusselAct.FAULT, 3, TimedFault.WATCHDOG)
     assert answer == Answer(False, "a real aPad flies: faults are for runs with the simulated one")
@@ -113,12 +119,13 @@ def test_no_fault_is_caused_where_a_real_hull_flies(pool: Scenario, tmp_path: Pa
 
 def test_a_ping_brings_a_range() -> None:
     scenario = load(SOUND_FILE)
-    flying, orders = flown(scenario, has_water=True)
+    flying = FlyingWithRoster(scenario)
+    orders = AMusselOrders(scenario.fleet.ids, flying.roster, has_water=True)
     # Nothing is pinged by itself here within half a minute.
     flying.seconds(30)
     before = len(flying.events("range"))
     request = AMusselRequest(AMusselAct.PING, "Anna", 5)
-    answered(flying, lambda: orders.carry_out(request, flying.calls))
+    flying.answered(lambda: orders.carry_out(request, flying.calls))
     flying.until(lambda: any(it["id"] == 5 for it in flying.events("range")[before:]), 60)
     (ranged,) = (it for it in flying.events("range")[before:] if it["id"] == 5)
     assert 0 < ranged["range_m"] < 40
