@@ -21,7 +21,8 @@ PROPAGATION_US = 20_000
 class PhysicalModems:
     """Modems with addresses 1, 2, ... that receive each other, each behind a device that pyserial opens.
 
-    Their time runs at `speed` times the wall clock, and so must the time of their hosts.
+    Their time runs at `speed` times the wall clock, and so must the time of their hosts. Faster than real, a tenth of a
+    second without a processor is longer than a modem takes to answer.
     """
 
     def __init__(self, folder: Path, count: int, speed: int) -> None:
@@ -82,7 +83,7 @@ Make = Callable[..., PhysicalModems]
 def physical(tmp_path: Path) -> Iterator[Make]:
     made: list[PhysicalModems] = []
 
-    def make(count: int = 2, speed: int = 8, folder: str = "dev") -> PhysicalModems:
+    def make(count: int = 2, speed: int = 1, folder: str = "dev") -> PhysicalModems:
         made.append(PhysicalModems(tmp_path / folder, count, speed))
         return made[-1]
 

@@ -6,10 +6,10 @@ import os
 import pty
 import threading
 import tty
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from patient import PATIENCE_S
 
 from apad_bridge.acoustics.serial import modem_check
 from apad_bridge.acoustics.serial.modem_check import check_modem
@@ -34,7 +34,7 @@ class Modem:
                 heard += os.read(self._end, 64)
             except OSError:
                 return
-            if heard == b"bye":
+            if heard.endswith(b"bye"):
                 return
             if heard in self._answers:
                 os.write(self._end, self._answers[heard])
@@ -50,11 +50,15 @@ class Modem:
 STATUS = b"#A007V53000R1.2.3B2020-01-01T00:00:00\r\n"
 
 
-@pytest.fixture
-def short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def waits_for_an_answer(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
     for name in ("_ANSWER_S", "_ECHO_S"):
-        monkeypatch.setattr(modem_check, name, 1.0)
-    yield
+        monkeypatch.setattr(modem_check, name, seconds)
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A modem's thread may wait for a processor for longer than a modem takes to answer."""
+    waits_for_an_answer(monkeypatch, PATIENCE_S)
 
 
 def found(answers: dict[bytes, bytes], echo_from: int | None) -> list[tuple[str, str]]:
@@ -72,9 +76,10 @@ def test_the_status_and_the_echo_of_another_are_told() -> None:
     assert how_far == "address 12 answers, 46.9 m away"
 
 
-def test_no_echo_no_answer_and_no_port_are_red(short: None, tmp_path: Path) -> None:
+def test_no_echo_no_answer_and_no_port_are_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lost = found({b"$?": STATUS, b"$P012": b"$P012\r\n#TO\r\n"}, 12)
     assert [it for it, _ in lost] == ["OK", "FAIL"] and "none from address 12" in lost[1][1]
+    waits_for_an_answer(monkeypatch, 0.2)
     ((silent, _),) = found({}, None)
     assert silent == "FAIL"
     (no_port,) = check_modem(tmp_path / "tty", None)

@@ -33,7 +33,7 @@ def test_a_driver_pings_and_talks_through_pyserial(physical: Make) -> None:
 
 
 def test_slow_bytes_are_an_error_however_fast_time_runs(physical: Make) -> None:
-    modems = physical()
+    modems = physical(speed=8)
     with driver(modems.path(1)) as near:
         near.write(b"$P0")
         assert near.read_until(b"\r\n") == b"E\r\n"
