@@ -13,6 +13,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from patient import PATIENCE_S
 
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.display import MakeStatus
@@ -243,7 +244,7 @@ def test_one_that_does_not_end_in_time_is_killed_and_told(
         flown = SupervisorWatch(
             [Run("a", tmp_path, OPTIONS)], Interrupting(), start=lambda run, resume: process
         ).read_until_all_ended()
-        assert process.wait(0.0) == -signal.SIGKILL
+        assert process.wait(PATIENCE_S) == -signal.SIGKILL
     assert flown.failures == {
         "a": f"the supervisor did not end within 0.2 s and was killed; its records end there: {tmp_path}"
     }

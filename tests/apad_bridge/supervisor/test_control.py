@@ -73,17 +73,16 @@ def test_only_this_user_may_connect_and_the_socket_goes_with_its_supervisor(
 
 
 def test_without_a_supervisor_the_command_says_what_can_be_done(
-    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert main.main(["stop", str(tmp_path)]) == 2
     assert "is no run: name the directory" in capsys.readouterr().err
     assert main.main(["stop", str(run_dir)]) == 2
     assert "no supervisor of" in capsys.readouterr().err
     # What a killed supervisor leaves.
-    with socket.socket(socket.AF_UNIX) as left:
-        os.chdir(run_dir)
+    with socket.socket(socket.AF_UNIX) as left, monkeypatch.context() as there:
+        there.chdir(run_dir)
         left.bind(SOCKET_NAME)
-        os.chdir(tmp_path)
     assert main.main(["stop", str(run_dir)]) == 2
     assert f"continue with: musselbed resume {run_dir}" in capsys.readouterr().err
     (run_dir / "summary.json").write_text("{}")
