@@ -169,7 +169,7 @@ def _answer(process: Worker) -> list[Row]:
     assert process.stdout is not None
     try:
         answer: list[Row] | StudyFailed = pickle.load(process.stdout)
-    except EOFError as error:
+    except (EOFError, pickle.UnpicklingError) as error:  # none, or a part of one
         raise StudyFailed(
             f"a worker ended with status {process.wait()}, perhaps for lack of memory; the same command continues"
         ) from error

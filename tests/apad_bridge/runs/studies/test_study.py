@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
+import pickle
 import re
 import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -196,6 +198,18 @@ def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
     assert all(process.poll() is not None for process in started)
     monkeypatch.undo()
     assert fly_study(study, tmp_path / "two", 2) == fly_study(study, tmp_path / "one", 1)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_one_that_is_killed_while_it_answers_is_told(tmp_path: Path, share: float) -> None:
+    whole = pickle.dumps([{"seed": it} for it in range(100)])
+    (tmp_path / "torn").write_bytes(whole[: int(share * len(whole))])
+    dies = ["sh", "-c", f"cat {tmp_path}/torn; kill -9 $$"]
+    with (
+        subprocess.Popen(dies, stdout=subprocess.PIPE) as worker,
+        pytest.raises(StudyFailed, match="a worker ended with status -9"),
+    ):
+        runner._answer(worker)
 
 
 @given(workers=st.integers(1, 4), turns=st.lists(st.integers(0, 3), max_size=40))
