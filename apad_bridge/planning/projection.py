@@ -62,20 +62,22 @@ class Projection:
 
     def _advance_batch(self) -> bool:
         """Flies one release of all, or one collection of a batch; False if nothing more will happen."""
-        model = self._model
-        if self._docked:
-            self._now_s = max(self._now_s, *(self._reaches_s(index, model.full) for index in self._docked))
-            while self._docked and self._now_s < self._horizon_s:
-                self._release_nearest(self._docked)
-            return True
-        swimming = range(len(self._agents))
+        model, docked = self._model, self._docked
+        swimming = [index for index in range(len(self._agents)) if index not in docked]
         wanted = min(model.batch, len(swimming))
+        waits_s = sorted(self._low_s(index) for index in swimming)[wanted - 1] if wanted else inf
+        if docked:
+            full_s = max(self._reaches_s(index, model.full) for index in docked)
+            room_s = max(waits_s, *(self._reaches_s(index, model.makes_room) for index in docked))
+            self._now_s = max(self._now_s, min(full_s, room_s))
+            while docked and self._now_s < self._horizon_s:
+                self._release_nearest(docked)
+            return True
         if not wanted:
             return False
-        low_s = sorted(self._low_s(index) for index in swimming)
-        self._now_s = max(self._now_s, low_s[wanted - 1])
+        self._now_s = max(self._now_s, waits_s)
         for _ in range(wanted):
-            pool = [index for index in swimming if index not in self._docked and self._is_low(index)]
+            pool = [index for index in swimming if index not in docked and self._is_low(index)]
             if not pool or self._now_s >= self._horizon_s:
                 break
             self._collect(self._next(pool))

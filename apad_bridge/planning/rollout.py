@@ -10,7 +10,7 @@ in the unit of the scenario's `mission.costs`, is
 
     energy_per_charge x (batteries spent at work + SALVAGE x batteries left at the end) - distance_per_m x metres
 
-over a horizon of one whole discharge, which is the same at any time of a mission: the strategy does not know when it ends.
+over a horizon of three quarters of a discharge, the same at any time of a mission: the strategy does not know when it ends.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
 
 SALVAGE = 0.75
 """The share of a charge left at the horizon that is spent at work later."""
-HORIZON_DISCHARGES = 1.0
+HORIZON_DISCHARGES = 0.75
 """The horizon, in times that a full battery lasts."""
 BASE_GAIN_M = 60.0
 """The base policy goes so far for an aMussel that lacks a whole battery."""
@@ -116,7 +116,7 @@ class Rollout:
 class FairRollout(Rollout):
     """A rollout that spreads idle time over the fleet: it costs with its square."""
 
-    unfairness = 2.0
+    unfairness = 3.0
 
 
 def _by_gain(situation: Situation, gain_m: float, count: int) -> tuple[int, ...]:

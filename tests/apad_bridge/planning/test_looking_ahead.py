@@ -17,7 +17,7 @@ from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.cautious import Cautious
 from apad_bridge.planning.costs import CostScales
 from apad_bridge.planning.projection import Projection
-from apad_bridge.planning.rollout import MOST_PROJECTED, Rollout
+from apad_bridge.planning.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution
 from apad_bridge.planning.triage import FLOOR_DISCHARGES, Triage, is_overloaded
 from apad_bridge.scenario.loader import load
@@ -107,6 +107,17 @@ def test_a_projection_of_nobody_low_lets_the_fleet_drain() -> None:
     assert outcome.charges == pytest.approx((1 - 100 * MODEL.drain_per_s, 0.9 - 100 * MODEL.drain_per_s))
 
 
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_charged_batch_makes_room_in_a_projection_if_another_one_waits(waits: bool) -> None:
+    """One that has 0.7 in the dock at its own home is released at once, or not before it is full."""
+    model = replace(MODEL, docks=1, batch=1, makes_room=0.6, pool_threshold=0.5)
+    held = replace(swimming(1, 0, 0, 0.7), dock_index=0)
+    other = swimming(2, 0, 0, 0.4 if waits else 1.0)
+    docked_s, released_s = MODEL.charging_s(0.7, MODEL.full), 2.5 + MODEL.undock_s
+    outcome = Projection(Situation(0, 0, (), (), (held, other), model), model, docked_s, 60.0).of(())
+    assert outcome.active_s[0] == pytest.approx(docked_s - released_s if waits else 0.0)
+
+
 def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> None:
     """By trying every order of every choice, with the same worth."""
     agents = tuple(
@@ -115,7 +126,7 @@ def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> Non
     )
     situation = Situation(14, 10, agents, (0, 1), (), replace(MODEL, docks=2, batch=2))
     rollout = Rollout(CostScales(1.0, 100.0))
-    horizon_s = 1 / MODEL.drain_per_s
+    horizon_s = HORIZON_DISCHARGES / MODEL.drain_per_s
     projection = Projection(situation, situation.model or MODEL, horizon_s, 60.0)
     costs = {
         plan: sum(rollout.parts_of(projection.of(plan), MODEL, horizon_s).values())
