@@ -18,6 +18,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.home_stays import HomeStays
+from apad_bridge.mission.horizon import KnownEnd
 from apad_bridge.mission.manual import CommandSource, ManualMission
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.sources import BeliefSource
@@ -26,7 +27,7 @@ from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Horizon, Scenario
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.core import LearnedState, Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
@@ -183,6 +184,7 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
         energy_model(scenario),
         home_stays(scenario),
         _end_by(scenario),
+        _known_end(scenario),
     )
 
 
@@ -194,7 +196,17 @@ def change_planning(mission: EnergyExchange, scenario: Scenario) -> None:
         registry.collection(rules.collection, rules.costs),
         registry.redeployment(rules.redeployment),
         energy_model(scenario),
+        _known_end(scenario),
     )
+
+
+def _known_end(scenario: Scenario) -> KnownEnd | None:
+    """The mission's end for its rules. The way home of `mission.end_by` is no part of the time at work."""
+    if scenario.mission.horizon is Horizon.OPEN:
+        return None
+    end_by = _end_by(scenario)
+    end_s = scenario.duration_s if end_by is None else min(scenario.duration_s, end_by.deadline_s)
+    return KnownEnd(end_s, energy_model(scenario).drain_per_s)
 
 
 def _end_by(scenario: Scenario) -> EndBy | None:

@@ -25,6 +25,7 @@ from apad_bridge.mission.docking_routine import (
 from apad_bridge.mission.end_by import EndBy
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
+from apad_bridge.mission.horizon import KnownEnd
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.plans import plan_note, plan_or_reason
@@ -80,8 +81,12 @@ class EnergyExchange(OrderBook):
         model: EnergyModel | None = None,
         home: HomeStays = NO_HOME,
         end_by: EndBy | None = None,
+        known_end: KnownEnd | None = None,
     ) -> None:
-        """`model` is for strategies that look ahead; `home` says when the aPad goes home, `end_by` when for good."""
+        """`model` is for strategies that look ahead; `home` says when the aPad goes home, `end_by` when for good.
+
+        A mission with a `known_end` charges nobody for longer.
+        """
         super().__init__(state or MissionState())
         self._model = model
         self._home = home
@@ -90,6 +95,9 @@ class EnergyExchange(OrderBook):
         self._end_by = end_by
         self._returns = False
         """The time to be home is near: what is docked is brought back as it is, and the aPad goes home."""
+        self._rules = config
+        """The scenario's rules, of which a known end lowers the thresholds."""
+        self._known_end = known_end
         self._config = config
         self._beliefs = beliefs
         self._collection = collection
@@ -159,6 +167,8 @@ class EnergyExchange(OrderBook):
         if self._awaits_person:
             self._remind_to_sink(now_ms)
             return self.take_orders()
+        if self._known_end is not None:
+            self._follow(self._known_end.rules(self._rules, now_ms))
         if self._must_begin:
             if not self._can_begin(now_ms):
                 return self.take_orders()
@@ -176,11 +186,12 @@ class EnergyExchange(OrderBook):
         collection: CollectionStrategy,
         redeployment: RedeploymentStrategy,
         model: EnergyModel | None,
+        known_end: KnownEnd | None = None,
     ) -> None:
         """Plans, collects and releases by other rules from now on. The plan under way is flown to its end."""
-        self._config = self._charging.config = self._pool.config = self.docking_routine.config = config
+        self._rules, self._known_end = config, known_end
+        self._follow(config)
         self._collection, self._redeployment, self._model = collection, redeployment, model
-        self._dispatch = self._dispatch_of(config)
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
@@ -276,7 +287,9 @@ class EnergyExchange(OrderBook):
         return self._dispatch.to_collect(self._candidates(now_ms), {}, self.state.dock_count)
 
     def _candidates(self, now_ms: int) -> list[Belief]:
-        """The pool without docked aMussels: one that was docked just now was last heard afloat."""
+        """The pool without docked aMussels: one that was docked just now was last heard afloat. Empty near a known end."""
+        if self._known_end is not None and not self._known_end.is_worth_a_service(now_ms):
+            return []
         pool = self._pool.candidates(now_ms, self._left_alone)
         return [it for it in pool if not self._is_held(it.agent_id)]
 
@@ -495,6 +508,10 @@ class EnergyExchange(OrderBook):
             self._go_deploy(now_ms)
 
     # Helpers.
+
+    def _follow(self, config: Mission) -> None:
+        self._config = self._charging.config = self._pool.config = self.docking_routine.config = config
+        self._dispatch = self._dispatch_of(config)
 
     def _dispatch_of(self, config: Mission) -> DispatchRule:
         return dispatch_of(config, self._charging, lambda pool: self._pool.batch_of(pool, self._left_alone))

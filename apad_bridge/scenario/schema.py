@@ -281,6 +281,14 @@ class Dispatch(StrEnum):
     ASYNCHRONOUS = "asynchronous"
 
 
+class Horizon(StrEnum):
+    """The time for which aMussels are charged. `open`: as long as they live. `end`: until the mission's end, so nobody is
+    collected who lasts until then, and nobody is charged for longer."""
+
+    OPEN = "open"
+    END = "end"
+
+
 @frozen
 class Mission:
     collection: str
@@ -294,6 +302,7 @@ class Mission:
     charge_to: Fraction | None = None
     """A docked aMussel above this makes room when others wait for its dock. None: only full aMussels leave."""
     full_when: FullWhen = FullWhen.PRIMARY
+    horizon: Horizon = Horizon.OPEN
     speed_m_s: Positive
     victory_radius_m: Positive
     docking: Docking

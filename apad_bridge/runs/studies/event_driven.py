@@ -39,7 +39,15 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.firmware_config import charge_models
-from apad_bridge.scenario.schema import Dispatch, DriftMode, FullWhen, HearingMode, Positioning, Scenario
+from apad_bridge.scenario.schema import (
+    Dispatch,
+    DriftMode,
+    FullWhen,
+    HearingMode,
+    Horizon,
+    Positioning,
+    Scenario,
+)
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
@@ -289,6 +297,7 @@ class Ticks:
         self._least_battery = max(self._ends_at, goes_home_at)
         """The part of the aPad's battery at which the mission acts."""
         self._is_asynchronous = scenario.mission.dispatch is Dispatch.ASYNCHRONOUS
+        self._has_fixed_thresholds = scenario.mission.horizon is Horizon.OPEN
         self._releases_at = [_highest_charge_at_most(scenario.mission.full_threshold) + 1]
         """The charges in grains at which a docked aMussel may leave, the highest last."""
         if scenario.mission.charge_to is not None:
@@ -321,6 +330,8 @@ class Ticks:
         port_due_ms = _NEVER_MS if port.next_due_ms is None else port.next_due_ms
         due_ms = _NEVER_MS if agents_due_ms is None else agents_due_ms
         due_ms = min(due_ms, self._next_in_pool_again_ms(now_ms))
+        if not self._has_fixed_thresholds and state.phase in (Phase.IDLE, Phase.CHARGE):
+            return now_ms
         match state.phase:
             case Phase.IDLE:
                 if not self._collects:

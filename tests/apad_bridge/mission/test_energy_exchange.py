@@ -11,6 +11,7 @@ from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
+from apad_bridge.mission.horizon import KnownEnd
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
@@ -58,6 +59,7 @@ class Bench:
         place: tuple[float, float] = (0.0, 0.0),
         config: MissionConfig = MISSION,
         home: HomeStays = NO_HOME,
+        known_end: KnownEnd | None = None,
     ) -> None:
         self.told = Told()
         self.now_ms = 0
@@ -69,6 +71,7 @@ class Bench:
             registry.redeployment("greedy-redeploy"),
             state,
             home=home,
+            known_end=known_end,
         )
         self.mission.moved(*place)
         for agent_id in range(1, agents + 1):
@@ -699,9 +702,11 @@ def test_nothing_is_ordered_before_the_aPad_s_place_is_known() -> None:
 ASYNCHRONOUS = replace(MISSION, dispatch=Dispatch.ASYNCHRONOUS)
 
 
-def one_by_one(agents: int = 2, config: MissionConfig = ASYNCHRONOUS) -> Bench:
+def one_by_one(
+    agents: int = 2, config: MissionConfig = ASYNCHRONOUS, known_end: KnownEnd | None = None
+) -> Bench:
     """An aPad that has collected aMussel 1 alone and waits beside it; the others are above the pool's threshold."""
-    bench = Bench(agents=agents, config=config)
+    bench = Bench(agents=agents, config=config, known_end=known_end)
     for agent_id in range(2, agents + 1):
         bench.told.say(agent_id, 0, State.ACTIVE, 0.9)
     bench.tick()
@@ -843,3 +848,64 @@ def test_a_resumed_mission_goes_on_with_its_way_home() -> None:
     bench.mission.battery_heard(0.5)
     bench.tick()
     come_home(bench)
+
+
+END = KnownEnd(end_s=1000.0, drain_per_s=0.001)
+"""A whole battery lasts for 1000 s, so the charge that lasts until the end falls from 1 at the start by 0.001 a second."""
+
+
+def test_who_lasts_until_a_known_end_is_not_collected() -> None:
+    for charge, is_collected in ((0.39, True), (0.41, False)):
+        bench = Bench(config=replace(MISSION, batch=1), known_end=END)
+        for agent_id in bench.told:
+            bench.told.say(agent_id, 0, State.ACTIVE, 0.9)
+        bench.told.say(2, 0, State.ACTIVE, charge)
+        bench.tick(600)
+        assert [step.agent_id for step in bench.mission.state.plan.steps] == ([2] if is_collected else [])
+
+
+def test_who_was_charged_for_the_time_that_is_left_is_released_and_its_service_counts() -> None:
+    bench = one_by_one(config=replace(MISSION, batch=1), known_end=END)
+    bench.told.say(1, bench.now_ms, State.CHARGING, 0.79)
+    bench.tick(200 - bench.now_ms // 1000)
+    assert bench.mission.state.phase is Phase.CHARGE
+    bench.told.say(1, bench.now_ms, State.CHARGING, 0.81)
+    bench.tick()
+    assert [(step.kind, step.agent_id) for step in bench.mission.state.plan.steps] == [(StepKind.DEPLOY, 1)]
+    bench.succeed()
+    assert isinstance(bench.succeed(), UndockMussel)
+    assert bench.mission.state.services == 1 and bench.mission.state.failed_tries == ()
+
+
+def test_nobody_is_collected_for_less_charge_than_a_service_is_worth() -> None:
+    for left_s, is_collected in ((201, True), (199, False)):
+        bench = Bench(config=replace(MISSION, batch=1), known_end=END)
+        for agent_id in bench.told:
+            bench.told.say(agent_id, 0, State.ACTIVE, 0.1)
+        bench.tick(1000 - left_s)
+        assert bool(bench.mission.state.plan.steps) is is_collected
+
+
+def test_a_known_end_raises_no_threshold() -> None:
+    """While all of a battery's charge may be needed, the scenario's thresholds hold."""
+    rules = replace(MISSION, pool_threshold=0.5, charge_to=0.7, full_threshold=0.9)
+    assert END.rules(rules, 50_000) == rules
+    later = END.rules(rules, 400_000)
+    assert (later.pool_threshold, later.charge_to, later.full_threshold) == (0.5, 0.6, 0.6)
+    assert END.rules(rules, 1_200_000).full_threshold == 0.0
+
+
+def test_rules_that_change_in_flight_may_forget_the_end() -> None:
+    bench = Bench(config=replace(MISSION, batch=1), known_end=END)
+    for agent_id in bench.told:
+        bench.told.say(agent_id, 0, State.ACTIVE, 0.45)
+    bench.tick(600)
+    assert bench.mission.state.plan.steps == ()
+    bench.mission.change_planning(
+        replace(MISSION, batch=1),
+        registry.collection("cautious"),
+        registry.redeployment("greedy-redeploy"),
+        None,
+    )
+    bench.tick()
+    assert len(bench.mission.state.plan.steps) == 1

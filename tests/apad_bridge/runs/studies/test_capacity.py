@@ -141,12 +141,13 @@ def test_the_closed_form_is_the_linear_programme(fleet: list[Rates], minutes: fl
     batch=st.integers(1, 4),
     theta=st.sampled_from([30, 120]),
     surfacing=st.sampled_from([0.0, 0.02, 0.09]),
+    horizon=st.sampled_from(["open", "end"]),
 )
 def test_no_flight_exceeds_the_bounds(
-    seed: int, strategy: str, count: int, batch: int, theta: int, surfacing: float
+    seed: int, strategy: str, count: int, batch: int, theta: int, surfacing: float, horizon: str
 ) -> None:
     board = {**resolve(pool())["board"], "motor_run_charge": surfacing / 2}
-    scenario = pool(seed, count, collection=strategy, batch=batch, theta=theta, board=board)
+    scenario = pool(seed, count, collection=strategy, batch=batch, theta=theta, board=board, horizon=horizon)
     bounds, flown = bounds_of([scenario]), fly(scenario, Model.EVENT_DRIVEN)
     tick = 1 / scenario.duration_s
     assert flown.uptime_paper_mean <= bounds.uptime_percent + 100 * tick

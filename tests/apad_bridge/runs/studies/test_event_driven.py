@@ -73,6 +73,12 @@ CASES: dict[str, dict[str, Any]] = {
         "fleet__start": {"charge": [0.3, 0.9]},
     },
     "batches with a partial charge": {"seed": 8, "mission__charge_to": 0.85, "duration_s": 1500.0},
+    "charged until the mission's end": {
+        "seed": 12,
+        "mission__horizon": "end",
+        "mission__charge_to": 0.85,
+        "duration_s": 1500.0,
+    },
     "it looks ahead": {
         "seed": 9,
         "mission__dispatch": "asynchronous",
