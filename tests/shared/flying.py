@@ -56,6 +56,7 @@ class Flying:
         self.answered(lambda: self.calls.call_mission(act, 30))
 
     def answered(self, ask: Callable[[], Any]) -> Any:
+        """The answer of another thread's call. Mission time passes only while a call waits for a tick."""
         answer: list[Any] = []
 
         def caller() -> None:
@@ -66,9 +67,10 @@ class Flying:
 
         thread = threading.Thread(target=caller)
         thread.start()
-        while not self.calls._calls:
-            assert thread.is_alive()
-        self.until(lambda: bool(answer) or thread.join(0.05) is not None, limit_s=200)
+        while thread.is_alive():
+            if self.calls._calls:
+                self.seconds(1)
+            thread.join(0.01)
         if isinstance(answer[0], Refused):
             raise answer[0]
         return answer[0]
