@@ -1,14 +1,13 @@
 """A flight that a test moves tick by tick, with calls of other threads."""
 
-import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.state import Phase
 from apad_bridge.mission.takeover import Takeover
-from apad_bridge.mission.values import Refused
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
@@ -56,24 +55,18 @@ class Flying:
         self.answered(lambda: self.calls.call_mission(act, 30))
 
     def answered(self, ask: Callable[[], Any]) -> Any:
-        """The answer of another thread's call. Mission time passes only while a call waits for a tick."""
-        answer: list[Any] = []
+        """The answer of another thread; an error of it is raised. Mission time passes only while it waits for a tick."""
+        with ThreadPoolExecutor(1) as pool:
+            waiting = pool.submit(ask)
+            while not wait([waiting], 0.01).done:
+                if self.is_asked:
+                    self.seconds(1)
+            return waiting.result()
 
-        def caller() -> None:
-            try:
-                answer.append(ask())
-            except Refused as refused:
-                answer.append(refused)
-
-        thread = threading.Thread(target=caller)
-        thread.start()
-        while thread.is_alive():
-            if self.calls._calls:
-                self.seconds(1)
-            thread.join(0.01)
-        if isinstance(answer[0], Refused):
-            raise answer[0]
-        return answer[0]
+    @property
+    def is_asked(self) -> bool:
+        """Another thread waits for a tick."""
+        return bool(self.calls._calls)
 
     @property
     def gate(self) -> Gate:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,14 +46,9 @@ class FlyingWithRoster(Flying):
         super().__init__(scenario, with_roster)
         self.seconds(3)
 
-    def answered(self, ask: Callable[[], Any]) -> Any:
-        """The answer of another thread; an error of it is raised. Mission time passes only while it waits for a tick."""
-        with ThreadPoolExecutor(1) as pool:
-            waiting = pool.submit(ask)
-            while not wait([waiting], 0.01).done:
-                if self.calls._calls or self.requests._waiting:
-                    self.seconds(1)
-            return waiting.result()
+    @property
+    def is_asked(self) -> bool:
+        return super().is_asked or bool(self.requests._waiting)
 
 
 @pytest.fixture
