@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from apad_bridge.scenario.schema import Mission
 
 LEAST_SERVICE = 0.2
-"""A service for less charge than this is not worth its way: in the bay such services took a fifth of the way and gave
-nothing."""
+"""A service for less charge than this is taken as not worth its way."""
 
 
 @dataclass(frozen=True, slots=True)
