@@ -16,7 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from struct import Struct
+from typing import Any, BinaryIO
 
 import lz4.frame
 from rosbags.interfaces import Connection
@@ -49,11 +50,59 @@ _TOPICS = {
 """The topics of every run's bag. They depend neither on the namespace on the graph nor on the aPad: a bag is of one run."""
 
 
-class _ChunkedWriter(Writer):
-    """A bag writer with bounded memory and ROS's header size.
+class _Chunks(list[WriteChunk]):
+    """The chunks of a bag: iterating gives all of them, and the list's one element is the chunk that is being filled.
 
-    After writing a chunk it keeps only the number of messages of each connection. The library keeps every message's place
-    in its chunk for the whole bag, and that grows without bound.
+    The library lists every chunk until the bag is closed, with the place of each message in it. This list keeps what the
+    index at the end of the bag needs of a written chunk: packed, some 50 bytes.
+    """
+
+    _SPAN = Struct("<QQQI")
+    """Place in the file, first and last time, and the number of the connections with messages in the chunk."""
+    _COUNT = Struct("<II")
+    """A connection, and its number of messages in the chunk."""
+
+    def __init__(self) -> None:
+        super().__init__([_empty_chunk()])
+        self._written = bytearray()
+
+    def __iter__(self) -> Iterator[WriteChunk]:
+        for _, chunk in self._unpacked():
+            yield chunk
+        yield self[-1]
+
+    def append(self, chunk: WriteChunk) -> None:
+        """Packs the last chunk, which has been written; `chunk` is filled from now on."""
+        done = self[-1]
+        self._written += self._SPAN.pack(done.pos, done.start, done.end, len(done.connections))
+        for connection_id, entries in done.connections.items():
+            self._written += self._COUNT.pack(connection_id, len(entries))
+        self[-1] = chunk
+
+    def cut(self, end: int) -> None:
+        """Forgets the chunks from byte `end` of the file on, and the messages in the chunk that is being filled."""
+        kept = next((at for at, chunk in self._unpacked() if chunk.pos >= end), len(self._written))
+        del self._written[kept:]
+        self[-1] = _empty_chunk()
+
+    def _unpacked(self) -> Iterator[tuple[int, WriteChunk]]:
+        """Each written chunk and where it is packed. Of its messages' places only the number is right."""
+        at = 0
+        while at < len(self._written):
+            pos, first_ns, last_ns, connections = self._SPAN.unpack_from(self._written, at)
+            end = at + self._SPAN.size + self._COUNT.size * connections
+            counts = self._COUNT.iter_unpack(self._written[at + self._SPAN.size : end])
+            places: dict[int, Any] = {connection_id: range(messages) for connection_id, messages in counts}
+            yield at, WriteChunk(BytesIO(), pos, first_ns, last_ns, places)
+            at = end
+
+
+def _empty_chunk() -> WriteChunk:
+    return WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list))
+
+
+class _ChunkedWriter(Writer):
+    """A bag writer with little memory for a written chunk, and ROS's header size.
 
     When the disk takes no more, the file is cut to its last whole chunk, and `close` drops chunks until the index has room.
 
@@ -61,8 +110,11 @@ class _ChunkedWriter(Writer):
     of ROS's size, and would overwrite the beginning of the first chunk.
     """
 
+    chunks: _Chunks
+
     def open(self) -> None:
         super().open()
+        self.chunks = _Chunks()
         assert self.bio is not None
         _pad(self.bio)
         self.bio.flush()
@@ -80,10 +132,10 @@ class _ChunkedWriter(Writer):
                 super().close()
             except OSError as error:
                 failure = error
-                written = [chunk for chunk in self.chunks if chunk.pos >= 0]
+                written = [chunk.pos for chunk in self.chunks if chunk.pos >= 0]
                 if not written:
                     raise
-                self._cut(written[-1].pos)
+                self._cut(written[-1])
         with self.path.open("r+b") as file:
             _pad(file)
         if failure is not None:
@@ -98,8 +150,6 @@ class _ChunkedWriter(Writer):
             self._cut(self._end)
             raise
         self._end = self.bio.tell()
-        for connection_id, entries in chunk.connections.items():
-            chunk.connections[connection_id] = range(len(entries))  # type: ignore[assignment]
 
     def _cut(self, end: int) -> None:
         """Cuts the file to its first `end` bytes, and forgets the chunks after them and what is still in memory."""
@@ -110,8 +160,7 @@ class _ChunkedWriter(Writer):
         self.bio = self.path.open("r+b")
         self.bio.seek(end)
         self._end = end
-        whole = [chunk for chunk in self.chunks if 0 <= chunk.pos < end]
-        self.chunks = [*whole, WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list))]
+        self.chunks.cut(end)
 
     def end_chunk(self) -> None:
         self.write_chunk(self.chunks[-1])
