@@ -6,8 +6,15 @@ from collections.abc import Iterable
 
 
 class ScenarioError(ValueError):
-    """All mistakes in a file, one `FILE: path.to.key: message` a line (`FILE:LINE: message` for a CSV)."""
+    """All mistakes in a file, one `FILE: path.to.key: message` a line (`FILE:LINE: message` for a CSV).
+
+    A character that does not print is escaped, because a name or a key of YAML may hold a line break or a terminal's codes.
+    """
 
     def __init__(self, lines: Iterable[str]) -> None:
-        self.lines = tuple(lines)
+        self.lines = tuple("".join(map(_escaped, line)) for line in lines)
         super().__init__("\n".join(self.lines))
+
+
+def _escaped(character: str) -> str:
+    return character if character.isprintable() else character.encode("unicode_escape").decode()

@@ -341,6 +341,11 @@ def test_a_key_like_no_other_is_told_those_there_are(refusals: Refusals) -> None
     ]
 
 
+def test_a_key_with_a_line_break_or_a_terminal_s_code_is_told_in_one_line(refusals: Refusals) -> None:
+    found = refusals((DEPTH, DEPTH + '\n  "dep\\nth\\e[31m": 1'))
+    assert [it.partition(": unknown key")[0] for it in found] == ["area.dep\\nth\\x1b[31m"]
+
+
 def test_a_key_in_an_item_of_a_list_is_told_those_of_the_item(refusals: Refusals) -> None:
     another = "theta: 30\napads: [{name: apad2, start_m: [5, 5], zz: 1}]"
     assert refusals(("theta: 30", another)) == [
