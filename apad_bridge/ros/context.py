@@ -167,16 +167,17 @@ def _bodies_watcher(
 ) -> Watcher:
     """Tells the gate where other aPads are, and which real aMussels are at the surface, as far as they are heard.
 
-    No hull touches a simulated aMussel.
+    No hull touches a simulated aMussel. One that was docked was last heard afloat, until it reports again.
     """
 
     def watch(now_ms: int) -> None:
         simulated = frozenset() if options.part is Part.MISSION else presences.simulated
+        no_body = simulated.union(it for it in supervisor.mission.docks if it is not None)
         gate.bodies = (
             tuple(
-                Body(f"aMussel {it.agent_id}", (it.north_m, it.east_m), is_amussel=True)
+                Body(f"aMussel {it.agent_id}", (it.north_m, it.east_m), it.agent_id)
                 for it in supervisor.beliefs.all()
-                if it.agent_id not in simulated and it.state in UP_AND_UNDOCKED
+                if it.agent_id not in no_body and it.state in UP_AND_UNDOCKED
             )
             + others.bodies()
         )

@@ -37,7 +37,7 @@ class OtherAPads:
 
     def bodies(self) -> tuple[Body, ...]:
         with self._lock:
-            return tuple(Body(name, it, is_amussel=False) for name, it in self._places_m.items())
+            return tuple(Body(name, it, agent_id=None) for name, it in self._places_m.items())
 
     def close(self) -> None:
         for subscriber in self._subscribers:

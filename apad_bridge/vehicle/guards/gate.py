@@ -18,6 +18,7 @@ from apad_bridge.vehicle.commands import (
     CommandAccepted,
     CommandedByOthers,
     CommandFailed,
+    DockClosed,
     GoTo,
     Hold,
     MoveArm,
@@ -85,12 +86,15 @@ class Gate:
         return cls([], PositionWatch(PositionLimits()))
 
     def observe(self, facts: Iterable[LinkFact]) -> None:
-        """Takes the vehicle's newest position and charge; facts that were taken before change nothing."""
+        """Takes the vehicle's newest position and charge, and who is in a dock; repeated facts change nothing."""
         for fact in facts:
             if isinstance(fact, PoseReported):
                 self.watch.take(fact)
             elif isinstance(fact, BatteryReported):
                 self._battery_fraction = fact.fraction
+            elif isinstance(fact, DockClosed):
+                # The next order may come before whoever knows the bodies sets them again.
+                self.bodies = tuple(it for it in self.bodies if it.agent_id != fact.agent_id)
 
     def situation(self, now_ms: int) -> Situation:
         return Situation(

@@ -198,7 +198,7 @@ class ClearOfBodies:
 
 def _body_at(goal_m: Point, bodies: tuple[Body, ...]) -> Body | None:
     """The aMussel to which a way to this goal leads."""
-    there = [it for it in bodies if it.is_amussel and math.dist(it.place_m, goal_m) <= AT_GOAL_M]
+    there = [it for it in bodies if it.agent_id is not None and math.dist(it.place_m, goal_m) <= AT_GOAL_M]
     return min(there, key=lambda it: math.dist(it.place_m, goal_m), default=None)
 
 

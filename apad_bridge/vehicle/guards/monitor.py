@@ -121,7 +121,9 @@ class KeepsClearOfAPads:
         there_m = _place_at_rest(situation.place_m, situation, self.deceleration_m_s2)
         for body in situation.bodies:
             near_m = math.dist(there_m, body.place_m)
-            if not body.is_amussel and near_m < min(self.least_m, math.dist(situation.place_m, body.place_m)):
+            if body.agent_id is None and near_m < min(
+                self.least_m, math.dist(situation.place_m, body.place_m)
+            ):
                 reason = (
                     f"the aPad comes to rest {near_m:.1f} m from {body.name}, the least is {self.least_m:g} m"
                 )

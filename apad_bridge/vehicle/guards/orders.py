@@ -30,7 +30,8 @@ class Body:
 
     name: str
     place_m: Point
-    is_amussel: bool
+    agent_id: int | None
+    """None for an aPad."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import pytest
 import rospy
 from scenario_files import POOL_FILE
 
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.doctor.finding import Finding, ok, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros import context
@@ -20,7 +21,8 @@ from apad_bridge.supervisor.fault_injection import NoFaults
 from apad_bridge.supervisor.fleet import NoFleet
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
-from apad_bridge.vehicle.guards.gate import GuardedVehicle
+from apad_bridge.vehicle.guards.gate import Gate, GuardedVehicle
+from firmware_model.states import State
 
 OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1")
 
@@ -107,6 +109,19 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
     with pytest.raises(PeerFailed, match="far enough"), opened:
         pass
     assert asked == [waits]
+
+
+def test_an_aMussel_in_a_dock_is_no_body_in_the_water_though_it_was_last_heard_afloat() -> None:
+    gate, supervisor, others = Gate.without_guards(), MagicMock(), MagicMock()
+    supervisor.beliefs.all.return_value = [
+        Belief(agent_id, 0, state, 0.5, 1.0, 1.0, 2.0)
+        for agent_id, state in ((3, State.FLOATING), (4, State.FLOATING), (5, State.SLEEPING))
+    ]
+    supervisor.mission.docks = (None, 4)
+    others.bodies.return_value = ()
+    options = replace(OPTIONS, part=Part.MISSION)
+    context._bodies_watcher(gate, supervisor, options, MagicMock(), others)(1000)
+    assert [it.agent_id for it in gate.bodies] == [3]
 
 
 @pytest.mark.parametrize(("part", "is_stopped"), [(Part.FLEET, False), (Part.WHOLE, True)])

@@ -25,8 +25,8 @@ def test_the_newest_place_that_can_be_is_kept(bad: float) -> None:
     others._take(message(bad, 4.0), "apad2")
     others._take(message(7.0, 8.0), "apad3")
     assert set(others.bodies()) == {
-        Body("apad2", (3.0, 4.0), is_amussel=False),
-        Body("apad3", (7.0, 8.0), is_amussel=False),
+        Body("apad2", (3.0, 4.0), agent_id=None),
+        Body("apad3", (7.0, 8.0), agent_id=None),
     }
     assert others.dropped == {"apad2: a position out of range": 1}
     others.close()

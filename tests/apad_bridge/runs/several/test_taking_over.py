@@ -172,7 +172,7 @@ def test_the_guards_of_each_apad_know_where_the_other_is(tmp_path: Path) -> None
     for flight, other, name in ((first, second, "apad2"), (second, first, "apad1")):
         (body,) = flight._vehicle.gate.bodies
         pose = other.supervisor.pose
-        assert pose is not None and not body.is_amussel and body.name == name
+        assert pose is not None and body.agent_id is None and body.name == name
         # One of the two is told at its next tick.
         assert body.place_m == pytest.approx((pose.north_m, pose.east_m), abs=1.0)
 

@@ -13,6 +13,7 @@ from apad_bridge.scenario.fence import Fence
 from apad_bridge.vehicle.commands import (
     BatteryReported,
     CloseDock,
+    DockClosed,
     GoTo,
     Hold,
     MoveArm,
@@ -162,16 +163,32 @@ def test_the_battery_suffices_for_the_leg_and_the_way_home() -> None:
 def test_a_way_keeps_clear_of_bodies_except_of_the_aMussel_it_goes_to() -> None:
     guard = ClearOfBodies(3.0)
     wanted, other, apad = (
-        Body("a", (0.0, 20.0), True),
-        Body("b", (2.0, 10.0), True),
-        Body("c", (0.0, 21.0), False),
+        Body("a", (0.0, 20.0), 1),
+        Body("b", (2.0, 10.0), 2),
+        Body("c", (0.0, 21.0), None),
     )
     at = Situation((0.0, 0.0))
     assert guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted,))) == ""
     assert "passes b at 2.0 m" in guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted, other)))
     assert "passes c at 1.0 m" in guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted, apad)))
-    beside = Body("d", (1.0, 0.0), True)
+    beside = Body("d", (1.0, 0.0), 4)
     assert guard.refusal(going(-10.0, 0.0), replace(at, bodies=(beside,))) == ""  # away from it
+
+
+def test_the_next_way_may_begin_at_the_aMussel_that_a_dock_has_just_taken() -> None:
+    gate = Gate([ClearOfBodies(3.0)], PositionWatch(PositionLimits()))
+    gate.observe([PoseReported(0, 0.03, 0.0, 0.0)])
+    gate.bodies = (Body("aMussel 7", (0.0, 0.0), 7), Body("aMussel 8", (-4.0, 0.0), 8))
+    away = going(-8.0, 0.0)
+    assert "passes aMussel 7 at 0.0 m" in _reason(gate, away)
+    gate.observe([DockClosed(0, 2, 7)])
+    assert "passes aMussel 8 at 0.0 m" in _reason(gate, away)
+    assert _reason(gate, going(8.0, 0.0)) == ""
+
+
+def _reason(gate: Gate, order: GoTo) -> str:
+    refusal = gate.refusal(order, 0)
+    return "" if refusal is None else refusal.reason
 
 
 def test_nothing_moves_on_a_bad_position_or_without_the_word_of_a_person() -> None:
@@ -202,7 +219,7 @@ ALL: list[Guard] = [
 def test_no_guard_refuses_a_stop(place_m: Point, awaits: str, battery: float | None) -> None:
     gate = Gate(ALL, PositionWatch(PositionLimits()))
     gate.awaits_person = awaits
-    gate.bodies = (Body("beside", place_m, False),)
+    gate.bodies = (Body("beside", place_m, None),)
     gate.observe(_pose_and_battery(place_m, battery))
     stops: list[VehicleCommand] = [Hold(1, *place_m), MoveArm(1, 2, False), Stop(1)]
     assert [gate.refusal(it, 0) for it in stops] == [None, None, None]
@@ -237,8 +254,8 @@ def test_a_vehicle_comes_to_rest_before_it_is_too_near_to_another_apad(
 ) -> None:
     """At 1 m/s it makes a metre before an order acts, and another while it brakes with 0.5 m/s^2."""
     check = KeepsClearOfAPads(3.0, 0.5)
-    other = Body("apad2", (5.0, 0.0), is_amussel=False)
+    other = Body("apad2", (5.0, 0.0), agent_id=None)
     situation = Situation(place, velocity, bodies=(other,))
     assert (check.look(situation, None, 0) is not None) is is_held
-    amussel = replace(other, is_amussel=True)
+    amussel = replace(other, agent_id=7)
     assert check.look(replace(situation, bodies=(amussel,)), None, 0) is None
