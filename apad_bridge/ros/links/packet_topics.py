@@ -7,8 +7,10 @@ generation B publishes which aMussels it holds. Peers without packets use an aMu
 
 from __future__ import annotations
 
+import queue
+import threading
 from collections import Counter
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Set
 from typing import Any, NamedTuple
 
 import rospy
@@ -47,6 +49,7 @@ _MEDIA: dict[str, Medium | None] = {**{medium.value: medium for medium in Medium
 _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
 _CHARGING_QUEUE = 10
+_END_S = 5.0
 _SERVICES = (("surface", Kind.PERMISSION, Medium.SOUND), ("sink", Kind.RELEASE, Medium.WIFI))
 
 
@@ -208,9 +211,10 @@ class PublishedCharge(NamedTuple):
 class AMusselTopics:
     """`/amusselN/position` and `battery_level` of aMussels that have no packets, as status packets.
 
-    The topics of an aMussel in `senders`, which sends packets, are ignored. Topics carry no state: an aMussel known by
-    them alone is taken to float, as in the paper's experiments, and to charge while a dock holds it (`is_held`): then
-    `/amusselN/charging` is published at each tick, the percent points that the scenario's board gains since the last one.
+    The topics of an aMussel in `senders`, which sends packets, are left for good: ten positions a second of a thousand
+    aMussels would cost a mission most of its time. Topics carry no state: an aMussel known by them alone is taken to float,
+    as in the paper's experiments, and to charge while a dock holds it (`is_held`): then `/amusselN/charging` is published
+    at each tick, the percent points that the scenario's board gains since the last one.
     """
 
     def __init__(
@@ -219,7 +223,7 @@ class AMusselTopics:
         codec: Codec,
         theta: int,
         is_held: Callable[[int], bool],
-        senders: Container[int],
+        senders: Set[int],
         charge: ChargeModel,
     ) -> None:
         self._codec = codec
@@ -238,14 +242,17 @@ class AMusselTopics:
             agent_id: rospy.Publisher(of_amussel(agent_id, "charging"), Float64, queue_size=_CHARGING_QUEUE)
             for agent_id in ids
         }
-        self._subscribers = [
-            subscriber
-            for agent_id in ids
-            for subscriber in (
+        self._subscribers = {
+            agent_id: (
                 rospy.Subscriber(of_amussel(agent_id, "position"), NavSts, self._take_place, agent_id),
                 rospy.Subscriber(of_amussel(agent_id, "battery_level"), Float64, self._take_charge, agent_id),
             )
-        ]
+            for agent_id in ids
+        }
+        self._left: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        """Publishers and subscribers to unregister, each by a call to the master; None at the end."""
+        self._leaver = threading.Thread(target=self._unregister_left, name="topics left", daemon=True)
+        self._leaver.start()
 
     @property
     def dropped(self) -> Counter[str]:
@@ -263,15 +270,26 @@ class AMusselTopics:
                     self._places[agent_id] = values
                 case PublishedCharge(percent):
                     self._charges[agent_id] = min(1.0, max(0.0, percent / 100))
+        for agent_id in self._subscribers.keys() & self._senders:
+            for each in (*self._subscribers.pop(agent_id), self._charging.pop(agent_id)):
+                self._left.put(each)
         self._publish_charging(now_ms)
         known = published & self._places.keys() & self._charges.keys()
         return [self._status(agent_id, now_ms) for agent_id in sorted(known) if agent_id not in self._senders]
 
     def close(self) -> None:
-        for subscriber in self._subscribers:
-            subscriber.unregister()
+        self._left.put(None)
+        self._leaver.join(_END_S)
+        for subscribers in self._subscribers.values():
+            for subscriber in subscribers:
+                subscriber.unregister()
         for publisher in self._charging.values():
             publisher.unregister()
+
+    def _unregister_left(self) -> None:
+        """A master out of reach holds up this thread, and not the flight's."""
+        while (left := self._left.get()) is not None:
+            left.unregister()
 
     def _publish_charging(self, now_ms: int) -> None:
         for agent_id, charge in self._charges.items():

@@ -99,7 +99,10 @@ class MasterWatch:
             for _, peer, direction, _, topic, *_ in get_topic_manager().get_pub_sub_info()
             if direction == "i"
         }
-        ended, self._connected = self._connected - connected, connected
+        # A topic that we have left ends its connections, too.
+        subscribed = {topic for topic, _ in get_topic_manager().get_subscriptions()}
+        ended = {it for it in self._connected - connected if it[0] in subscribed}
+        self._connected = connected
         if ended - self._lost:
             self._retry_s, self._retry_at_s = self._period_s, 0.0
         self._lost = (self._lost | ended) - connected

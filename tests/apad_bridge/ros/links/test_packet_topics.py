@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import queue
+import threading
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,14 +27,23 @@ class Graph:
 
     def __init__(self) -> None:
         self.published: list[tuple[str, Any]] = []
+        self.unregistered: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self.before_unregistering: Callable[[], object] = lambda: None
         self._takers: dict[str, tuple[Any, tuple[Any, ...]]] = {}
 
     def Publisher(self, topic: str, kind: Any, queue_size: int) -> Any:
-        return SimpleNamespace(publish=lambda message: self.published.append((topic, message)))
+        return SimpleNamespace(
+            publish=lambda message: self.published.append((topic, message)),
+            unregister=lambda: self._unregister(topic),
+        )
 
     def Subscriber(self, topic: str, kind: Any, take: Any, *args: Any, **_: Any) -> Any:
         self._takers[topic] = take, args
-        return SimpleNamespace(unregister=lambda: None)
+        return SimpleNamespace(unregister=lambda: self._unregister(topic))
+
+    def _unregister(self, topic: str) -> None:
+        self.before_unregistering()
+        self.unregistered.put(topic)
 
     @property
     def subscribed(self) -> set[str]:
@@ -96,6 +108,47 @@ def test_legacy_topics_become_a_status_until_the_amussel_sends_packets(graph: Gr
     graph.deliver("musselbed/heard", agent=4, medium="wifi", data=b"status")
     topics.take(3_000)
     assert [it.agent_id for it in published()] == [3]
+
+
+def test_a_mission_leaves_the_topics_of_an_amussel_that_sends_packets_and_the_others_at_its_end(
+    graph: Graph,
+) -> None:
+    topics = PacketTopics([3, 4], MISSION_ALONE.peers)
+    legacy = AMusselTopics([3, 4], load_codec("musselbed-1"), 30, lambda _: False, topics.senders, CURVE)
+    graph.deliver("musselbed/heard", agent=4, medium="wifi", data=b"status")
+    for now_ms in (1_000, 2_000):
+        topics.take(now_ms)
+        legacy.take(now_ms)
+    assert {graph.unregistered.get(timeout=20) for _ in range(3)} == {
+        "amussel4/position",
+        "amussel4/battery_level",
+        "amussel4/charging",
+    }
+    legacy.close()
+    assert {graph.unregistered.get(timeout=20) for _ in range(3)} == {
+        "amussel3/position",
+        "amussel3/battery_level",
+        "amussel3/charging",
+    }
+    assert graph.unregistered.empty()
+
+
+def test_a_master_out_of_reach_does_not_hold_up_the_flight(graph: Graph) -> None:
+    topics = PacketTopics([3], MISSION_ALONE.peers)
+    legacy = AMusselTopics([3], load_codec("musselbed-1"), 30, lambda _: False, topics.senders, CURVE)
+    answered = threading.Event()
+    graph.before_unregistering = lambda: answered.wait(20)
+    graph.deliver("musselbed/heard", agent=3, medium="wifi", data=b"status")
+    for now_ms in (1_000, 2_000):
+        topics.take(now_ms)
+        legacy.take(now_ms)
+    assert graph.unregistered.empty()
+    answered.set()
+    assert {graph.unregistered.get(timeout=20) for _ in range(3)} == {
+        "amussel3/position",
+        "amussel3/battery_level",
+        "amussel3/charging",
+    }
 
 
 def test_an_amussel_known_by_topics_is_charged_while_a_dock_of_ours_holds_it(graph: Graph) -> None:

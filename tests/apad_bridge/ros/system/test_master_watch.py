@@ -11,6 +11,7 @@ from apad_bridge.ros.system import master_watch
 from apad_bridge.ros.system.master_watch import MasterWatch
 
 HEARD = (1, "http://far:1/", "i", "TCPROS", "/musselbed/heard", True, "")
+POSITION = (3, "http://far:1/", "i", "TCPROS", "/amussel3/position", True, "")
 SAID = (2, "/musselbed_fleet_5", "o", "TCPROS", "/musselbed/said", True, "")
 
 
@@ -19,8 +20,12 @@ class Graph:
 
     def __init__(self) -> None:
         self.connections = [HEARD, SAID]
+        self.subscriptions = [("/musselbed/heard", "musselbed_msgs/Packet")]
         self.now_s = 0.0
         self.registered_s: list[float] = []
+
+    def get_subscriptions(self) -> list[list[str]]:
+        return [list(it) for it in self.subscriptions]
 
     def get_pub_sub_info(self) -> list[tuple[object, ...]]:
         return list(self.connections)
@@ -47,10 +52,15 @@ def look_for(graph: Graph, watch: MasterWatch, seconds: int) -> None:
         watch._look()
 
 
-def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph: Graph) -> None:
+def watch_by_hand() -> MasterWatch:
     watch = MasterWatch("http://h:1", period_s=1.0)
     watch._ended.set()  # its own thread would look too
     watch._thread.join()
+    return watch
+
+
+def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph: Graph) -> None:
+    watch = watch_by_hand()
     look_for(graph, watch, 5)
     graph.connections = []  # nobody who listens to us is missed: it connects by itself
     look_for(graph, watch, 100)
@@ -65,3 +75,14 @@ def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph:
     graph.connections = [SAID]
     look_for(graph, watch, 1)
     assert graph.registered_s[-1] == 206 and watch.take() == []
+
+
+def test_a_connection_of_a_topic_that_was_left_is_not_asked_for(graph: Graph) -> None:
+    watch = watch_by_hand()
+    graph.connections = [HEARD, POSITION]
+    graph.subscriptions += [("/amussel3/position", "auv_msgs/NavSts")]
+    look_for(graph, watch, 1)
+    graph.connections = [HEARD]
+    graph.subscriptions.pop()
+    look_for(graph, watch, 100)
+    assert graph.registered_s == []
