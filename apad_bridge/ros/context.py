@@ -52,6 +52,7 @@ from apad_bridge.supervisor.fault_injection import FaultInjection
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
+    FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
     Division,
     Outcome,
@@ -287,12 +288,12 @@ def _open_relay(
     laboratory: Laboratory,
 ) -> _RelayParts:
     ids, codec = scenario.fleet.ids, load_codec(scenario.hearing.codec)
-    division = _division(options, presences, allocation)
+    division = _division(options, vehicle, presences, allocation)
     topics = PacketTopics(scenario.fleet.all_ids if options.is_one_of_several else ids, division.peers)
     channels: tuple[_Channel, ...] = (topics,)
-    if division is FLEET_ALONE:
+    if options.part is Part.FLEET:
         channels = (AMusselServices(ids, codec), topics)
-    elif division is MISSION_ALONE and not isinstance(vehicle, ContactsLink):
+    elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
         legacy = AMusselTopics(
             ids, codec, scenario.theta, vehicle.holds, topics.senders, charge_model(scenario.board)
         )
@@ -304,11 +305,13 @@ def _open_relay(
     return _RelayParts(relay, channels)
 
 
-def _division(options: RunOptions, presences: Presences, allocation: Allocation) -> Division:
+def _division(
+    options: RunOptions, vehicle: APadLink | ContactsLink, presences: Presences, allocation: Allocation
+) -> Division:
     if options.is_one_of_several:
         return one_of_several(allocation, lambda: presences.simulated)
     if options.part is Part.FLEET:
-        return FLEET_ALONE
+        return FLEET_ALONE if isinstance(vehicle, ContactsLink) else FLEET_TOLD_OF_DOCKS
     return MISSION_ALONE if options.part is Part.MISSION else whole_flight(lambda: presences.simulated)
 
 

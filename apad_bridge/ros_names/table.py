@@ -119,7 +119,7 @@ OURS = Section(
         _topic(
             "musselbed/felt",
             "musselbed_msgs/Packet",
-            "one of several supervisors",
+            "one of several supervisors, or a mission alone",
             "a dock closed around another's aMussel, carried it, or opened",
             is_common=True,
         ),

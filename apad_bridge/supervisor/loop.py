@@ -366,9 +366,8 @@ class Flight:
                 stimulus = self._contacts.take(fact)
                 if stimulus is None:
                     continue
-                if fact.agent_id in self.supervisor.allocation.served_for_others:
-                    self._relay.send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)
-                else:
+                self._relay.send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)
+                if fact.agent_id not in self.supervisor.allocation.served_for_others:
                     self._stimulate(fact.agent_id, stimulus, now_ms)
             else:
                 self.supervisor.receive(fact)

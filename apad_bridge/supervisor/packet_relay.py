@@ -127,7 +127,10 @@ def whole_flight(simulated: Callable[[], frozenset[int]]) -> Division:
 
 
 FLEET_ALONE = Division(lambda _: Standing.LENT, (Source.REMOTE_SUPERVISOR,))
-MISSION_ALONE = Division(lambda _: Standing.BORROWED, (Source.REMOTE_AMUSSEL,))
+"""A fleet whose aPad reports by itself what its docks hold."""
+FLEET_TOLD_OF_DOCKS = Division(lambda _: Standing.LENT, (Source.REMOTE_SUPERVISOR, Source.REMOTE_DOCK))
+MISSION_ALONE = Division(lambda _: Standing.BORROWED, (Source.REMOTE_AMUSSEL, Source.REMOTE_DOCK))
+"""A mission hears of nobody's docks, and tells a fleet of its own."""
 
 
 def one_of_several(allocation: Allocation, simulated: Callable[[], frozenset[int]]) -> Division:
@@ -204,6 +207,8 @@ class PacketRelay:
 
     def send_contact(self, felt: RemoteContact, now_ms: int) -> None:
         """Routes a contact of this process's docks with an aMussel."""
+        if not self._outlets:
+            return
         data = json.dumps(to_wire(felt.stimulus)).encode()
         self._route(RelayedPacket(Source.LOCAL_DOCK, felt.agent_id, None, data, now_ms))
 

@@ -1,8 +1,8 @@
 """Carries packets over ROS between aMussels and supervisors that live in different processes, for a `PacketRelay`.
 
 `/musselbed/heard` carries the packets that aMussels transmit, `/musselbed/said` those that a supervisor sends to them, both
-as bytes of the fleet's codec, and `/musselbed/felt` the contacts of one aPad's docks with another's aMussels. No aPad of
-generation B publishes which aMussels it holds. Peers without packets use an aMussel's services and legacy topics.
+as bytes of the fleet's codec, and `/musselbed/felt` the contacts of an aPad's docks with aMussels of another process. No
+aPad of generation B publishes which aMussels it holds. Peers without packets use an aMussel's services and legacy topics.
 """
 
 from __future__ import annotations

@@ -14,11 +14,14 @@ from apad_bridge.doctor.finding import Finding, ok, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros import context
 from apad_bridge.ros.links import generation_b
+from apad_bridge.ros.links.contacts_link import ContactsLink
+from apad_bridge.ros.links.generation_b import GenerationBLink
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.fault_injection import NoFaults
 from apad_bridge.supervisor.fleet import NoFleet
+from apad_bridge.supervisor.packet_relay import Source
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate, GuardedVehicle
@@ -109,6 +112,15 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
     with pytest.raises(PeerFailed, match="far enough"), opened:
         pass
     assert asked == [waits]
+
+
+def test_a_fleet_is_told_of_docks_by_a_mission_where_its_aPad_does_not_report_them() -> None:
+    fleet = replace(OPTIONS, part=Part.FLEET)
+    heard = [
+        context._division(fleet, link, MagicMock(), MagicMock()).peers
+        for link in (MagicMock(spec=ContactsLink), MagicMock(spec=GenerationBLink))
+    ]
+    assert [Source.REMOTE_DOCK in it for it in heard] == [False, True]
 
 
 def test_an_aMussel_in_a_dock_is_no_body_in_the_water_though_it_was_last_heard_afloat() -> None:

@@ -31,6 +31,7 @@ from apad_bridge.supervisor.fleet import Fleet, NoFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
+    FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
     Division,
     Outcome,
@@ -177,14 +178,19 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
     assert by_agent(host.take_truths()) == by_agent(recorded.kept)
 
 
-def joined(
-    division: Division, peer: Source, out: list[RelayedPacket], into: list[RelayedPacket]
-) -> PacketRelay:
-    """One of two relays that lists join."""
+ELSEWHERE = {
+    Source.LOCAL_AMUSSEL: Source.REMOTE_AMUSSEL,
+    Source.LOCAL_SUPERVISOR: Source.REMOTE_SUPERVISOR,
+    Source.LOCAL_DOCK: Source.REMOTE_DOCK,
+}
+
+
+def joined(division: Division, out: list[RelayedPacket], into: list[RelayedPacket]) -> PacketRelay:
+    """One of two relays that lists join. It hears its peers alone, as by their topics."""
 
     def take(now_ms: int) -> list[RelayedPacket]:
-        packets, into[:] = [replace(packet, source=peer) for packet in into], []
-        return packets
+        packets, into[:] = [replace(packet, source=ELSEWHERE[packet.source]) for packet in into], []
+        return [it for it in packets if it.source in division.peers]
 
     return PacketRelay(division, [take], {Outcome.PUBLISH: out.append})
 
@@ -214,7 +220,9 @@ class Shared(InProcessVehicle):
         return facts
 
 
-def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() -> None:
+@pytest.mark.parametrize("division", [FLEET_ALONE, FLEET_TOLD_OF_DOCKS])
+def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(division: Division) -> None:
+    """The fleet learns of docks from its own link to the aPad, or from the mission alone."""
     scenario = short_scenario()
     to_fleet: list[RelayedPacket] = []
     to_mission: list[RelayedPacket] = []
@@ -223,10 +231,10 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() ->
     fleet_side = Flight(
         parts.supervisor(flight_config(alone)),
         FlightContext(
-            vehicle=vehicle.observer,  # type: ignore[arg-type]
+            vehicle=vehicle.observer if division is FLEET_ALONE else Observed(vehicle),  # type: ignore[arg-type]
             pace=AsFastAsPossible(),
             fleet=fleet_in(new_host(alone), alone),
-            relay=joined(FLEET_ALONE, Source.REMOTE_SUPERVISOR, to_mission, to_fleet),
+            relay=joined(division, to_mission, to_fleet),
         ),
         Witness(alone),
     )
@@ -236,7 +244,7 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() ->
             vehicle=vehicle,
             pace=AsFastAsPossible(),
             fleet=NoFleet(),
-            relay=joined(MISSION_ALONE, Source.REMOTE_AMUSSEL, to_fleet, to_mission),
+            relay=joined(MISSION_ALONE, to_fleet, to_mission),
         ),
         Witness(scenario),
     )

@@ -15,6 +15,7 @@ from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
+    FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
     Division,
     Outcome,
@@ -93,19 +94,22 @@ def test_a_whole_flight_hears_real_amussels_and_refuses_a_second_voice_of_a_simu
 
 
 def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:
-    fleet, mission = Process(FLEET_ALONE), Process(MISSION_ALONE)
+    fleet, mission = Process(FLEET_TOLD_OF_DOCKS), Process(MISSION_ALONE)
     fleet.relay.transmit(Medium.WIFI, 7, b"status", 1_000)
     mission.relay.forward(Send(Medium.SOUND, 7, b"permission"), 1_000)
     mission.relay.forward(Send(Medium.SOUND, EVERYONE, b"beacon"), 1_000)
-    (status,), commands = fleet.published, mission.published
+    (status,), commands = fleet.published, list(mission.published)
+    mission.relay.send_contact(RemoteContact(7, ContactClosed(1, 2)), 1_000)
+    contact = mission.published[-1]
     mission.arrived = [RelayedPacket(Source.REMOTE_AMUSSEL, 7, status.medium, status.data, 2_000)]
     fleet.arrived = [
         RelayedPacket(Source.REMOTE_SUPERVISOR, it.agent_id, it.medium, it.data, 2_000) for it in commands
-    ]
+    ] + [RelayedPacket(Source.REMOTE_DOCK, 7, contact.medium, contact.data, 2_000)]
     assert mission.relay.advance(2_000) == [WifiHeard(2_000, b"status")]
     assert fleet.relay.advance(2_000) == [
         Send(Medium.SOUND, 7, b"permission"),
         Send(Medium.SOUND, EVERYONE, b"beacon"),
+        RemoteContact(7, ContactClosed(1, 2)),
     ]
 
 

@@ -13,7 +13,13 @@ import pytest
 from agents.packet_medium import Medium
 from apad_bridge.ros.links import packet_topics
 from apad_bridge.ros.links.packet_topics import AMusselTopics, LegacyOrders, PacketTopics
-from apad_bridge.supervisor.packet_relay import FLEET_ALONE, MISSION_ALONE, RelayedPacket, Source
+from apad_bridge.supervisor.packet_relay import (
+    FLEET_ALONE,
+    FLEET_TOLD_OF_DOCKS,
+    MISSION_ALONE,
+    RelayedPacket,
+    Source,
+)
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, StatusPacket, decode
 from firmware_model.packets.codec import load_codec
 from firmware_model.power.charge import ChargeModel
@@ -67,12 +73,22 @@ def test_a_beacon_of_a_mission_alone_reaches_a_fleet_alone(graph: Graph) -> None
     mission.publish(RelayedPacket(Source.LOCAL_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 1_000))
     ((topic, message),) = graph.published
     fleet = PacketTopics([3, 4], FLEET_ALONE.peers)
-    assert graph.subscribed == {"musselbed/heard", "musselbed/said"} and topic == "musselbed/said"
+    assert topic == "musselbed/said"
+    assert graph.subscribed == {"musselbed/heard", "musselbed/felt", "musselbed/said"}
     graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
     assert fleet.take(2_000) == [
         RelayedPacket(Source.REMOTE_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 2_000)
     ]
     assert not fleet.dropped
+
+
+def test_a_contact_of_a_missions_dock_reaches_a_fleet_that_no_aPad_tells(graph: Graph) -> None:
+    mission = PacketTopics([3, 4], MISSION_ALONE.peers)
+    mission.publish(RelayedPacket(Source.LOCAL_DOCK, 3, None, b"[5,1,2]", 1_000))
+    ((topic, message),) = graph.published
+    fleet = PacketTopics([3, 4], FLEET_TOLD_OF_DOCKS.peers)
+    graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
+    assert fleet.take(2_000) == [RelayedPacket(Source.REMOTE_DOCK, 3, None, b"[5,1,2]", 2_000)]
 
 
 @pytest.mark.parametrize(
