@@ -100,8 +100,8 @@ class MasterWatch:
             if direction == "i"
         }
         # A topic that we have left ends its connections, too.
-        subscribed = {topic for topic, _ in get_topic_manager().get_subscriptions()}
-        ended = {it for it in self._connected - connected if it[0] in subscribed}
+        subscribes = get_topic_manager().has_subscription
+        ended = {it for it in self._connected - connected if subscribes(it[0])}
         self._connected = connected
         if ended - self._lost:
             self._retry_s, self._retry_at_s = self._period_s, 0.0
@@ -114,12 +114,11 @@ class MasterWatch:
         if not managers:
             return 0
         name, ours = rospy.get_name(), managers[0].uri
+        with topics.lock:  # another thread may leave topics meanwhile
+            publications, subscriptions = topics.get_publications(), topics.get_subscriptions()
         calls: list[tuple[str, tuple[Any, ...]]] = [
-            *(("registerPublisher", (name, topic, kind, ours)) for topic, kind in topics.get_publications()),
-            *(
-                ("registerSubscriber", (name, topic, kind, ours))
-                for topic, kind in topics.get_subscriptions()
-            ),
+            *(("registerPublisher", (name, topic, kind, ours)) for topic, kind in publications),
+            *(("registerSubscriber", (name, topic, kind, ours)) for topic, kind in subscriptions),
             *(("registerService", (name, service, uri, ours)) for service, uri in services.get_services()),
         ]
         named: set[tuple[str, str]] = set()

@@ -20,12 +20,12 @@ class Graph:
 
     def __init__(self) -> None:
         self.connections = [HEARD, SAID]
-        self.subscriptions = [("/musselbed/heard", "musselbed_msgs/Packet")]
+        self.subscriptions = ["/musselbed/heard"]
         self.now_s = 0.0
         self.registered_s: list[float] = []
 
-    def get_subscriptions(self) -> list[list[str]]:
-        return [list(it) for it in self.subscriptions]
+    def has_subscription(self, topic: str) -> bool:
+        return topic in self.subscriptions
 
     def get_pub_sub_info(self) -> list[tuple[object, ...]]:
         return list(self.connections)
@@ -80,7 +80,7 @@ def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph:
 def test_a_connection_of_a_topic_that_was_left_is_not_asked_for(graph: Graph) -> None:
     watch = watch_by_hand()
     graph.connections = [HEARD, POSITION]
-    graph.subscriptions += [("/amussel3/position", "auv_msgs/NavSts")]
+    graph.subscriptions.append("/amussel3/position")
     look_for(graph, watch, 1)
     graph.connections = [HEARD]
     graph.subscriptions.pop()
