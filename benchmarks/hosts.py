@@ -1,27 +1,42 @@
-"""A thousand aMussels on two machines, served by one mission: time to be heard, and a cut of the link between them.
+"""A thousand aMussels on two machines, served by one mission before and after a cut of the link between them.
 
 The machines are network namespaces. The first has the master, an aPad of generation B, the mission and half of the
-aMussels; the second has the other half. So three supervisors are on one master, with disjoint ids, all in real time. Once
-the mission has heard every aMussel, and a minute later, the link is cut and heals. `silent` counts the aMussels of each
-machine whose packets the mission has not heard for three report periods at the end of the cut; `again_s` is the wall time
-from the healing until the mission has heard every one of the second machine again. `rate` is the mission's time over the
-wall's before the cut.
+aMussels; the second has the other half. So three supervisors are on one master, with disjoint ids, all in real time. The
+link is cut once the mission has heard every aMussel, has brought one of each machine back full, and holds none in a dock:
+the second machine would never learn of a dock that opens during a cut. `silent` counts the aMussels of each machine whose
+packets the mission has not heard for three report periods at the end of the cut; `again_s` is the wall time from the
+healing until the mission has heard every one of the second machine again. The flight ends when it has brought back one
+more of each machine.
+
+`services` counts those that left a dock full, by machine. `rate` is the mission's time over the wall's before the cut, and
+`processors` the number of processors that each part kept busy then, with all its processes.
 """
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
-from two_machines import Link, Machine, Programs, linked_machines, master_uri, why_no_two_machines
+from two_machines import (
+    Link,
+    Machine,
+    Programs,
+    interrupt,
+    linked_machines,
+    master_uri,
+    why_no_two_machines,
+)
 
+from apad_bridge.records.bag_messages import BELIEFS
+from apad_bridge.records.bag_samples import definitions_in, open_bag
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
@@ -31,14 +46,21 @@ from benchmarks.soak import children_of_all
 ON_EACH = 500
 THETA = 30
 PERIOD_S = 10.0
-"""Mission time between two reports of an aMussel."""
-CUT_S = 60.0
-"""Mission time of the cut, which a busy machine stretches."""
+"""Mission time between two reports of an aMussel: a hundred packets a second of all."""
+SILENT_S = 3 * PERIOD_S
+CUT_S = 6 * PERIOD_S
+"""Mission time of the cut. After a minute of silence, the journal has a line for the next packet at once."""
+BOARD = {"discharge_per_min": 0.0005}
+"""Half of the paper's worst case: one aPad cannot serve a thousand, and none shall be empty before the end."""
+CHARGES = [0.55, 0.9]
+MISSION = {"pool_threshold": 0.6, "full_threshold": 0.62}
+"""One aMussel in seven is a candidate, and a minute in a dock makes it full."""
+DOCKING = {"dock_s": 5.0, "undock_s": 2.0}
 FLEETS = ("fleet-one", "fleet-two")
 
 
 def measure(minutes: float = 10.0) -> dict[str, Any]:
-    """`minutes` is the patience with each step."""
+    """`minutes` is the patience with each step, of which the longest are batches of four services."""
     if why := why_no_two_machines():
         raise SystemExit(f"this machine cannot play two: {why}")
     with tempfile.TemporaryDirectory(prefix="musselbed-hosts-") as folder:
@@ -49,20 +71,25 @@ def written(home: Path, name: str, first_id: int, count: int) -> Path:
     """A scenario for these aMussels, in one square for all of them."""
     data = resolve(load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"))
     data |= {"theta": THETA, "duration_s": 86_400.0}
-    data["fleet"] |= {"count": count, "first_id": first_id, "start": {"charge": [0.5, 0.9]}}
+    data["fleet"] |= {"count": count, "first_id": first_id, "start": {"charge": CHARGES}}
     data["apad"] |= {"generation": "b"}
     data["hearing"]["report_period_s"] = PERIOD_S
+    data["board"] |= BOARD
+    data["mission"] |= MISSION
+    data["mission"]["docking"] |= DOCKING
     write_resolved(home / f"{name}.yaml", from_data(data, name))
     return home / f"{name}.yaml"
 
 
 class Heard:
-    """The mission time of each aMussel's newest packet, by the mission's journal."""
+    """The mission time of each aMussel's newest packet, and who was served, by the mission's journal."""
 
     def __init__(self, run: Path) -> None:
         self.newest_ms: dict[int, int] = {}
         self.now_ms = 0
-        self.services = 0
+        self.served: list[int] = []
+        """Those that left a dock full, in order."""
+        self.held: set[int] = set()
         self._path = run / "journal.jsonl"
         self._tail: JournalTail | None = None
 
@@ -73,7 +100,10 @@ class Heard:
             self.now_ms = max(self.now_ms, line["t"])
             if line["kind"] == EventKind.BELIEF:
                 self.newest_ms[line["id"]] = max(self.newest_ms.get(line["id"], 0), line["heard"])
-            self.services += line["kind"] == EventKind.RELEASED and bool(line["full"])
+            if line["kind"] == EventKind.RELEASED and line["full"]:
+                self.served.append(line["agent"])
+            if line["kind"] == EventKind.DOCK:
+                (self.held.add if line["closed"] else self.held.discard)(line["agent"])
 
 
 def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
@@ -104,74 +134,123 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
             start(machine, name, *MUSSELBED, "fleet", str(scenario), "--out", f"{name}-run")
         despite = [word for it in (*DESPITE, "watchdog") for word in ("--despite", it)]
         start(one, "mission", *MUSSELBED, "mission", str(whole), "--out", "run", *despite)
-        heard = Heard(programs.folder(one) / "run")
+        run = programs.folder(one) / "run"
+        heard = Heard(run)
 
         def all_heard(name: str, since_ms: int) -> bool:
             heard.look()
             return all(heard.newest_ms.get(it, -1) >= since_ms for it in ids[name])
 
-        heard_s = wait_until(lambda: all(all_heard(name, 0) for name in FLEETS), "not all are heard")
-        before_ms, before_s = heard.now_ms, time.monotonic()
-        wait_until(lambda: heard.look() or heard.now_ms >= before_ms + 60_000, "no minute passed")
-        rate = (heard.now_ms - before_ms) / 1000 / (time.monotonic() - before_s)
+        def services(since: int) -> dict[str, int]:
+            heard.look()
+            return {name: sum(it in ids[name] for it in heard.served[since:]) for name in FLEETS}
 
-        memory_mb = {name: pss_mb(started[name].pid) for name in (*FLEETS, "mission")}
+        heard_s = wait_until(lambda: all(all_heard(name, 0) for name in FLEETS), "not all are heard")
+        parts = (*FLEETS, "mission")
+        before_ms, used_before_s = heard.now_ms, {name: used_s(started[name].pid) for name in parts}
+        took_s = wait_until(
+            lambda: all(services(0).values()) and not heard.held, "a machine was not served before the cut"
+        )
+        rate = (heard.now_ms - before_ms) / 1000 / took_s
+        processors = {name: (used_s(started[name].pid) - used_before_s[name]) / took_s for name in parts}
+        memory_mb = {name: pss_mb(started[name].pid) for name in parts}
         lose(1.0)
         cut_ms = heard.now_ms
         wait_until(
             lambda: heard.look() or heard.now_ms >= cut_ms + 1000 * CUT_S, "the mission's time stood still"
         )
-        silent = {
-            name: sum(heard.newest_ms[it] < heard.now_ms - 3000 * PERIOD_S for it in ids[name])
-            for name in FLEETS
-        }
         lose(0.0)
-        healed_ms = heard.now_ms
+        healed_ms, before = heard.now_ms, len(heard.served)
         again_s = wait_until(lambda: all_heard(FLEETS[1], healed_ms), "the second fleet is not heard again")
+        wait_until(lambda: all(services(before).values()), "a machine was not served after the cut")
+        after = services(before)
+        ended_early = ended(started)
+        interrupt(started["mission"])
+        started["mission"].wait(patience_s)
+        silent_ids = [it for it, age_s in ages_s(run / "run.bag", healed_ms).items() if age_s > SILENT_S]
+        silent = {name: sum(it in ids[name] for it in silent_ids) for name in FLEETS}
         return {
             "on_each": on_each,
             "theta": THETA,
             "heard_s": heard_s,
             "rate": rate,
+            "processors": processors,
             "memory_mb": memory_mb,
             "cut_s": CUT_S,
             "silent": silent,
             "again_s": again_s,
-            "services": heard.services,
-            "ended": ended(started),
+            "services": {
+                name: {"before": count - after[name], "after": after[name]}
+                for name, count in services(0).items()
+            },
+            "ended": ended_early,
         }
+
+
+def ages_s(bag: Path, at_ms: int) -> dict[int, float]:
+    """The age of each aMussel's newest packet at the first tick from `at_ms` on, by the mission's bag.
+
+    Its journal has a line for a packet only where the belief has changed, or after a minute without one.
+    """
+    with open_bag(bag) as reader:
+        wanted = [it for it in reader.connections if it.msgtype == BELIEFS]
+        types = definitions_in(bag, wanted)
+        for _, _, data in reader.messages(wanted):
+            message: Any = types.deserialize_ros1(data, BELIEFS)
+            if message.mission_time_ms >= at_ms:
+                return {it.id: it.age_s for it in message.agents}
+    raise ValueError(f"{bag} ends before {at_ms / 1000} s")
 
 
 def ended(started: Mapping[str, subprocess.Popen[bytes]]) -> list[str]:
     return sorted(name for name, it in started.items() if it.poll() is not None)
 
 
-def pss_mb(root: int) -> float:
-    """The proportional set size of a process and all that it started, in MB."""
+def read_of_all(root: int, name: str) -> list[str]:
+    """The texts of /proc/PID/NAME of a process and all that it started; those that end meanwhile are left out."""
     children = children_of_all()
-    total_kb, waiting = 0, [root]
+    texts, waiting = [], [root]
     while waiting:
         pid = waiting.pop()
         waiting += children[pid]
-        try:
-            rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
-        except OSError:
-            continue
-        total_kb += next(int(it.split()[1]) for it in rollup.splitlines() if it.startswith("Pss:"))
-    return total_kb / 1024
+        with suppress(OSError):
+            texts.append(Path(f"/proc/{pid}/{name}").read_text())
+    return texts
+
+
+def pss_mb(root: int) -> float:
+    """The proportional set size of a process and all that it started, in MB."""
+    lines = [line for text in read_of_all(root, "smaps_rollup") for line in text.splitlines()]
+    return sum(int(it.split()[1]) for it in lines if it.startswith("Pss:")) / 1024
+
+
+def used_s(root: int) -> float:
+    """The processor time of a process and all that it started and that is there yet."""
+    fields = [text.rpartition(")")[2].split() for text in read_of_all(root, "stat")]
+    return sum(int(it[11]) + int(it[12]) for it in fields) / os.sysconf("SC_CLK_TCK")
 
 
 def show(result: dict[str, Any], console: Console) -> None:
     table = Table(
         title=f"{result['on_each']} aMussels on each of two machines, one mission, theta {result['theta']}"
     )
-    for column in ("", "memory [MB]", f"silent after a cut of {result['cut_s']:g} s"):
+    columns = (
+        "",
+        "memory [MB]",
+        "processors",
+        "services",
+        f"silent after a cut of {result['cut_s']:g} s",
+        "services after",
+    )
+    for column in columns:
         table.add_column(column, justify="left" if not column else "right")
     for name, memory_mb in result["memory_mb"].items():
-        table.add_row(name, f"{memory_mb:.0f}", str(result["silent"].get(name, "")))
+        services = result["services"].get(name, {"before": "", "after": ""})
+        counts = (services["before"], result["silent"].get(name, ""), services["after"])
+        table.add_row(name, f"{memory_mb:.0f}", f"{result['processors'][name]:.2f}", *map(str, counts))
     console.print(table)
     console.print(
         f"all heard after {result['heard_s']:.0f} s; {result['rate']:.2f} s of mission time in a second; "
         f"the second machine's all heard again {result['again_s']:.0f} s after the link healed; "
-        f"{result['services']} services"
+        f"ended by themselves: {', '.join(result['ended']) or 'none'}"
     )
