@@ -144,7 +144,7 @@ CONDITIONS = {
     "wind of 5 m/s, leeway 3 %": Condition(
         {"water": {"wind": {"north_m_s": 4.0, "east_m_s": 3.0}}}, FEW, 0.05, model=Model.MISSION
     ),
-    "one packet in ten": Condition(share=0.05, model=Model.MISSION, flies=_on_twins),
+    "one packet in ten": Condition(share=0.1, model=Model.MISSION, flies=_on_twins),
 }
 """The event-driven model has neither wind nor twins, so the last two are flown tick by tick."""
 FIGURES = ("uptime_paper_mean", "uptime_paper_min", "metres")

@@ -55,7 +55,7 @@ TO_FULL: dict[str, Any] = {
 }
 """The parameters were chosen on the seeds 301 to 303."""
 FIRST_HELD_OUT = 20_001
-FEW = 5
+FEW = 20
 HOME = {"charging_w": 300.0, "go_at": 0.2}
 LOAD = 0.9
 """The part of the law that five aPads' 120 aMussels draw."""
