@@ -134,6 +134,18 @@ def test_two_fleets_on_one_master_need_disjoint_ids(
 
 
 def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str], tmp_path: Path) -> None:
+    serve_each_other(scenario, graph, tmp_path)
+
+
+def test_a_fleet_feels_the_docks_of_an_aPad_that_does_not_report_them(scenario: Path, tmp_path: Path) -> None:
+    data = yaml.safe_load(scenario.read_text())
+    data["apad"]["generation"] = "b"
+    scenario.write_text(yaml.safe_dump(data))
+    with somebodys_graph(scenario, tmp_path, SPEED) as graph:
+        serve_each_other(scenario, graph, tmp_path)
+
+
+def serve_each_other(scenario: Path, graph: dict[str, str], tmp_path: Path) -> None:
     fleet_run, mission_run = tmp_path / "fleet-run", tmp_path / "mission-run"
     # On a busy machine one process lags behind the other, and a docking takes more than one try.
     scenario.write_text(scenario.read_text().replace("duration_s: 130", "duration_s: 3600"))
