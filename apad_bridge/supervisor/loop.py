@@ -191,9 +191,10 @@ class Flight:
             if not self._act(now_ms):
                 break
             self._receive_from_vehicle(now_ms)
+        supervisor = self.supervisor
+        self._relay.repeat_contacts(supervisor.beliefs.get, now_ms)
         # Last: packets received up to now are believed, whatever their sender becomes.
         self._apply_requests(now_ms)
-        supervisor = self.supervisor
         self._recorder.tick(
             now_ms,
             supervisor.beliefs.all(),

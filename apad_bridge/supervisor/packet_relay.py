@@ -10,15 +10,22 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from functools import cache
 
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus, from_wire, to_wire
 from agents.packet_medium import Medium
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+from firmware_model.state_groups import DOCKED
+
+TELLINGS = 3
+"""So often an aMussel of another process is told of a contact: one that reports otherwise then does not feel its dock."""
+ON_THE_WAY_MS = 2_000
+"""A report that arrives so soon after a contact may have been sent before the aMussel felt it."""
 
 
 class Source(Enum):
@@ -165,6 +172,15 @@ class RemoteContact:
     stimulus: Stimulus
 
 
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """A contact that an aMussel of another process was told of, and has not confirmed by a report."""
+
+    stimulus: ContactClosed | ContactOpened
+    at_ms: int
+    tellings: int
+
+
 RelayedEvent = WifiHeard | SoundHeard | Send | RemoteContact
 Inlet = Callable[[int], Sequence[RelayedPacket]]
 """Returns the packets that arrived since the last call, at a mission time."""
@@ -181,6 +197,7 @@ class PacketRelay:
         self._division = division
         self._inlets = inlets
         self._outlets = outlets
+        self._told: dict[int, _Told] = {}
 
     def without_outlets(self) -> PacketRelay:
         """The same relay, which receives and transmits nothing. Its drops count in this one's."""
@@ -209,6 +226,30 @@ class PacketRelay:
         """Routes a contact of this process's docks with an aMussel."""
         if not self._outlets:
             return
+        self._publish_contact(felt, now_ms)
+        match felt.stimulus:
+            case ContactClosed() | ContactOpened() as stimulus:
+                self._told[felt.agent_id] = _Told(stimulus, now_ms, 1)
+            case DockMoved(north_um, east_um) if (told := self._told.get(felt.agent_id)) is not None:
+                self._told[felt.agent_id] = replace(told, stimulus=ContactClosed(north_um, east_um))
+
+    def repeat_contacts(self, belief_of: Callable[[int], Belief | None], now_ms: int) -> None:
+        """Tells an aMussel again that reports to be in no dock though one holds it, or in one though it was let go.
+
+        The link to its process was cut when the dock moved. Otherwise it would stand docked for ever.
+        """
+        for agent_id, told in list(self._told.items()):
+            belief = belief_of(agent_id)
+            if belief is None or belief.heard_ms <= told.at_ms + ON_THE_WAY_MS:
+                continue
+            is_docked = belief.state in DOCKED
+            if is_docked is isinstance(told.stimulus, ContactClosed) or told.tellings == TELLINGS:
+                del self._told[agent_id]
+            else:
+                self._publish_contact(RemoteContact(agent_id, told.stimulus), now_ms)
+                self._told[agent_id] = _Told(told.stimulus, now_ms, told.tellings + 1)
+
+    def _publish_contact(self, felt: RemoteContact, now_ms: int) -> None:
         data = json.dumps(to_wire(felt.stimulus)).encode()
         self._route(RelayedPacket(Source.LOCAL_DOCK, felt.agent_id, None, data, now_ms))
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.mussel.stimuli import ContactClosed, to_wire
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus, from_wire, to_wire
 from agents.packet_medium import Medium
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
@@ -29,6 +32,7 @@ from apad_bridge.supervisor.packet_relay import (
     whole_flight,
 )
 from firmware_model.packets import EVERYONE
+from firmware_model.states import State
 
 FOR_OTHERS = {Outcome.PUBLISH, Outcome.RECEIVE, Outcome.REFUSE}
 AMUSSEL, SUPERVISOR, DOCK = Source.LOCAL_AMUSSEL, Source.LOCAL_SUPERVISOR, Source.LOCAL_DOCK
@@ -111,6 +115,53 @@ def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:
         Send(Medium.SOUND, EVERYONE, b"beacon"),
         RemoteContact(7, ContactClosed(1, 2)),
     ]
+
+
+def reported(state: State, heard_ms: int) -> Callable[[int], Belief]:
+    return lambda agent_id: Belief(agent_id, heard_ms, state, 0.5, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("contact", "felt", "unfelt"),
+    [
+        (ContactOpened(), State.RELEASED, State.CHARGING),
+        (ContactOpened(), State.SINKING, State.REPORTING),
+        (ContactClosed(1, 2), State.CHARGING, State.FLOATING),
+    ],
+)
+def test_a_contact_that_a_cut_link_has_lost_is_told_again_after_a_report_of_the_aMussel(
+    contact: Stimulus, felt: State, unfelt: State
+) -> None:
+    mission = Process(MISSION_ALONE)
+    mission.relay.send_contact(RemoteContact(7, contact), 1_000)
+    first = mission.published.pop()
+    mission.relay.repeat_contacts(lambda agent_id: None, 2_000)
+    mission.relay.repeat_contacts(reported(unfelt, 900), 3_000)  # it was sent before
+    assert not mission.published
+    mission.relay.repeat_contacts(reported(unfelt, 60_000), 60_000)
+    mission.relay.repeat_contacts(reported(unfelt, 60_000), 70_000)  # no newer report
+    (again,) = mission.published
+    assert replace(again, at_ms=first.at_ms) == first
+    mission.relay.repeat_contacts(reported(felt, 70_000), 70_000)
+    mission.relay.repeat_contacts(reported(unfelt, 90_000), 90_000)  # it was confirmed: this is its own doing
+    assert mission.published == [again]
+
+
+def test_an_aMussel_that_is_told_again_of_its_dock_is_where_the_dock_is_now() -> None:
+    mission = Process(MISSION_ALONE)
+    for contact in (ContactClosed(1, 2), DockMoved(3, 4)):
+        mission.relay.send_contact(RemoteContact(7, contact), 1_000)
+    mission.relay.repeat_contacts(reported(State.FLOATING, 60_000), 60_000)
+    contacts = [from_wire(json.loads(it.data)) for it in mission.published]
+    assert contacts == [ContactClosed(1, 2), DockMoved(3, 4), ContactClosed(3, 4)]
+
+
+def test_an_aMussel_that_never_feels_its_dock_is_told_three_times() -> None:
+    mission = Process(MISSION_ALONE)
+    mission.relay.send_contact(RemoteContact(7, ContactClosed(1, 2)), 0)
+    for now_ms in range(10_000, 100_000, 10_000):
+        mission.relay.repeat_contacts(reported(State.FLOATING, now_ms), now_ms)
+    assert len(mission.published) == 3
 
 
 NAMES = ("a", "b", "c")
