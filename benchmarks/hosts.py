@@ -52,14 +52,14 @@ CUT_S = 6 * PERIOD_S
 BOARD = {"discharge_per_min": 0.0005}
 """Half of the paper's worst case: one aPad cannot serve a thousand, and none shall be empty before the end."""
 CHARGES = [0.55, 0.9]
-MISSION = {"pool_threshold": 0.6, "full_threshold": 0.62}
-"""One aMussel in seven is a candidate, and a minute in a dock makes it full."""
+MISSION = {"pool_threshold": 0.6, "full_threshold": 0.62, "batch": 2}
+"""One aMussel in seven is a candidate, and a minute or two in a dock make it full."""
 DOCKING = {"dock_s": 5.0, "undock_s": 2.0}
 FLEETS = ("fleet-one", "fleet-two")
 
 
-def measure(minutes: float = 10.0) -> dict[str, Any]:
-    """`minutes` is the patience with each step, of which the longest are batches of four services."""
+def measure(minutes: float = 20.0) -> dict[str, Any]:
+    """`minutes` is the patience with each step, of which the longest are some batches of two services."""
     if why := why_no_two_machines():
         raise SystemExit(f"this machine cannot play two: {why}")
     with tempfile.TemporaryDirectory(prefix="musselbed-hosts-") as folder:
