@@ -13,9 +13,8 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
-from math import sqrt
 from random import Random
-from statistics import fmean, stdev
+from statistics import fmean
 from typing import Any
 from unittest.mock import patch
 
@@ -28,6 +27,7 @@ from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
 from apad_bridge.runs.studies.figures import Figures
 from apad_bridge.runs.studies.models import Model, fly
+from apad_bridge.runs.studies.statistics import estimate_of
 from apad_bridge.scenario.schema import Scenario
 from benchmarks.planner import CONDITIONS, FIRST_HELD_OUT, plan_for
 
@@ -120,14 +120,14 @@ def measure(tries: int = 10) -> dict[str, Any]:
 
 
 def _summed_up(rows: list[dict[str, float]]) -> dict[str, Any]:
-    from scipy.stats import t
-
-    found: dict[str, Any] = {key: fmean(row[key] for row in rows) for key in rows[0]}
-    if len(rows) > 1:
-        factor = float(t.ppf(0.975, len(rows) - 1)) / sqrt(len(rows))
-        found["least_more_margin"] = factor * stdev(row["least_more"] for row in rows)
-    found["reached"] = sum(row["least_more"] >= 3 and row["of_greedys_way"] <= MOST_OF_GREEDY for row in rows)
-    return found
+    least = estimate_of([row["least_more"] for row in rows], 0.95)
+    assert least is not None
+    return {
+        "least_more": [least.mean, least.low, least.high],
+        "mean_more": fmean(row["mean_more"] for row in rows),
+        "of_greedys_way": fmean(row["of_greedys_way"] for row in rows),
+        "reached": sum(row["least_more"] >= 3 and row["of_greedys_way"] <= MOST_OF_GREEDY for row in rows),
+    }
 
 
 def show(result: dict[str, Any], console: Console) -> None:
@@ -143,10 +143,10 @@ def show(result: dict[str, Any], console: Console) -> None:
     ):
         table.add_column(column, justify="right")
     for threshold, it in result["thresholds"].items():
-        margin = f" +- {it['least_more_margin']:.1f}" if "least_more_margin" in it else ""
+        mean, low, high = it["least_more"]
         table.add_row(
             threshold,
-            f"{it['least_more']:+.1f}{margin}",
+            f"{mean:+.1f} +- {(high - low) / 2:.1f}",
             f"{it['mean_more']:+.1f}",
             f"{it['of_greedys_way']:.0%}",
             f"in {it['reached']}",

@@ -57,7 +57,7 @@ def standings(
     found = []
     for name in strategies:
         columns = {
-            column: _estimate([row[column] for row in by_strategy[name].values()], confidence)
+            column: estimate_of([row[column] for row in by_strategy[name].values()], confidence)
             for column in COLUMNS
         }
         differences = (
@@ -86,7 +86,7 @@ def _differences(
             if ours[seed][column] is not None and theirs[seed][column] is not None
         ]
         values = [a - b for a, b in pairs]
-        estimate = _estimate(values, confidence)
+        estimate = estimate_of(values, confidence)
         found[column] = None if estimate is None else (estimate, _p_of(values))
     secondary = [it for it in COLUMNS if it != primary and found[it] is not None]
     adjusted = dict(zip(secondary, holm([_p(found[it]) for it in secondary]), strict=True))
@@ -101,7 +101,8 @@ def _p(found: tuple[Estimate, float] | None) -> float:
     return found[1]
 
 
-def _estimate(values: Sequence[float | None], confidence: float) -> Estimate | None:
+def estimate_of(values: Sequence[float | None], confidence: float) -> Estimate | None:
+    """The mean of the values that are known, with Student's t interval; None if none is."""
     known = np.array([value for value in values if value is not None], dtype=float)
     if not len(known):
         return None
