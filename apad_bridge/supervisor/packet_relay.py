@@ -224,7 +224,8 @@ class PacketRelay:
 
     def send_contact(self, felt: RemoteContact, now_ms: int) -> None:
         """Routes a contact of this process's docks with an aMussel."""
-        if not self._outlets:
+        outlets = outcomes(Source.LOCAL_DOCK, self._division.standing(felt.agent_id), None)
+        if self._outlets.keys().isdisjoint(outlets):
             return
         self._publish_contact(felt, now_ms)
         match felt.stimulus:
