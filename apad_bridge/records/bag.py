@@ -54,7 +54,7 @@ class _Chunks(list[WriteChunk]):
     """The chunks of a bag: iterating gives all of them, and the list's one element is the chunk that is being filled.
 
     The library lists every chunk until the bag is closed, with the place of each message in it. This list keeps what the
-    index at the end of the bag needs of a written chunk: packed, some 50 bytes.
+    index at the end of the bag needs of a written chunk: packed, some 60 bytes.
     """
 
     _SPAN = Struct("<QQQI")
