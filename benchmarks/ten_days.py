@@ -255,8 +255,8 @@ def show(result: dict[str, Any], console: Console) -> None:
                     )
     for duty in result["duty_cycle"]:
         console.print(
-            f"Whole boards that sleep and process {duty['processing_s']} s an hour, one dock, {duty['days']} days: measured "
-            f"{duty['measured']:.1f} aMussels, the law allows {duty['law']:.1f} ({duty['of_law']:.1%})"
+            f"Whole boards that sleep and process {duty['processing_s']} s an hour, one dock, {duty['days']} days: "
+            f"measured {duty['measured']:.1f} aMussels, the law allows {duty['law']:.1f} ({duty['of_law']:.1%})"
         )
     for it in result["five_apads"]:
         console.print(
