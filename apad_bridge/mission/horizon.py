@@ -30,6 +30,7 @@ class KnownEnd:
         return replace(  # type: ignore[type-var]  # pydantic's dataclasses are some, which mypy does not see
             rules,
             pool_threshold=min(rules.pool_threshold, most),
+            again_threshold=None if rules.again_threshold is None else min(rules.again_threshold, most),
             full_threshold=min(rules.full_threshold, most),
             charge_to=None if rules.charge_to is None else min(rules.charge_to, most),
         )

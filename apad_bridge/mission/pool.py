@@ -46,16 +46,22 @@ class ChargingPool:
         self._beliefs = beliefs
         self._excluded_until_ms: dict[int, int] = {}
 
-    def candidates(self, now_ms: int, left_alone: Container[int] = ()) -> list[Belief]:
+    def candidates(
+        self, now_ms: int, left_alone: Container[int] = (), served: Container[int] = ()
+    ) -> list[Belief]:
         """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id.
 
-        Without those that are `left_alone`.
+        Without those that are `left_alone`. Those that were `served` wait until one is at or below `again_threshold`.
         """
-        return [
+        low = [
             belief
             for belief in self._beliefs.all()
             if belief.agent_id not in left_alone and self._is_candidate(belief, now_ms)
         ]
+        again = self.config.again_threshold
+        if again is None or any(it.probability_at_most(again) >= LIKELY for it in low):
+            return low
+        return [it for it in low if it.agent_id not in served]
 
     def batch_of(self, candidates: Sequence[Belief], left_alone: Container[int] = ()) -> int:
         """The number of candidates to collect now; 0 means to wait for more.

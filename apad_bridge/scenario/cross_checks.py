@@ -295,6 +295,13 @@ def _check_mission(scenario: Scenario) -> list[Contradiction]:
             look_up(name)
         except ValueError as error:
             found.append((key, str(error)))
+    if mission.again_threshold is not None and mission.again_threshold >= mission.pool_threshold:
+        found.append(
+            (
+                "mission.again_threshold",
+                f"must be below mission.pool_threshold ({mission.pool_threshold}), or it changes nothing: leave it out",
+            )
+        )
     if mission.full_threshold <= mission.pool_threshold:
         found.append(
             (

@@ -298,6 +298,9 @@ class Mission:
     batch: Annotated[int, Ge(1), Le(MAX_DOCKS)]
     """Left out in a file: the number of the aPad's docks. `dispatch: asynchronous` has no batches."""
     dispatch: Dispatch = Dispatch.BATCH
+    again_threshold: Fraction | None = None
+    """An aMussel that the mission brought back is in the pool again once one in it is at or below this. None: at once below
+    `pool_threshold`."""
     full_threshold: Fraction
     charge_to: Fraction | None = None
     """A docked aMussel above this makes room when others wait for its dock. None: only full aMussels leave."""

@@ -31,7 +31,11 @@ def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, st
     name = strategy or mission.config.collection
     collector = _strategy(registry.collection, name)
     situation = situation_of(
-        mission.state, _pose(mission), pool.candidates(mission.now_ms), {}, mission.now_ms
+        mission.state,
+        _pose(mission),
+        pool.candidates(mission.now_ms, served=dict(mission.state.released)),
+        {},
+        mission.now_ms,
     )
     wanted = mission.config.batch if batch is None else batch
     if wanted < 1:

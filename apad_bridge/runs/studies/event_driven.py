@@ -289,6 +289,8 @@ class Ticks:
         self._vehicle = vehicle
         self._recorder = recorder
         self._low_charge = _highest_charge_at_most(scenario.mission.pool_threshold)
+        again = scenario.mission.again_threshold
+        self._again_charge = None if again is None else _highest_charge_at_most(again)
         self._collects = not isinstance(registry.collection(scenario.mission.collection), NoCollection)
         self._home = parts.home_stays(scenario)
         home = scenario.apad.home
@@ -383,17 +385,24 @@ class Ticks:
         if max(tries, default=0) >= self._config.collection_attempts:
             return now_ms  # an aMussel that is left alone makes the batch smaller
         batch = 1 if self._is_asynchronous else min(batch, max(1, len(alive)))
-        low_at_ms = []
+        low_at_ms, again_at_ms = [], []
+        served = dict(self._supervisor.mission.state.released) if self._again_charge is not None else {}
         for belief in alive:
             physical = self._beliefs.truths[belief.agent_id].physical
             if belief.state is State.FLOATING and belief.primary <= 0:
                 return now_ms
             if belief.state in DOCKED:
                 continue
-            falls_ms = self._charge_model(belief).falls_to_at_ms(physical.primary, self._low_charge)
+            charge = self._charge_model(belief)
+            falls_ms = charge.falls_to_at_ms(physical.primary, self._low_charge)
             if falls_ms is not None:
-                low_at_ms.append(falls_ms // self._tick_agent_ms * TICK_MS)
-        return sorted(low_at_ms)[batch - 1] if len(low_at_ms) >= batch else _NEVER_MS
+                low_at_ms.append((falls_ms // self._tick_agent_ms * TICK_MS, belief.agent_id in served))
+            if self._again_charge is not None:
+                falls_ms = charge.falls_to_at_ms(physical.primary, self._again_charge)
+                again_at_ms += [] if falls_ms is None else [falls_ms // self._tick_agent_ms * TICK_MS]
+        first_again_ms = min(again_at_ms, default=_NEVER_MS)
+        in_pool_ms = sorted(max(at_ms, first_again_ms) if again else at_ms for at_ms, again in low_at_ms)
+        return in_pool_ms[batch - 1] if len(in_pool_ms) >= batch else _NEVER_MS
 
     def _next_release_ms(self, beliefs: Sequence[Belief], held: Collection[int], now_ms: int) -> int:
         """The mission time by which a docked aMussel may leave, one may be collected beside those, or a watch for stalls

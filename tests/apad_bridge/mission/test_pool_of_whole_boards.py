@@ -57,6 +57,16 @@ def test_the_lost_are_not_waited_for() -> None:
     assert ChargingPool(MISSION, told(*lost)).batch_of([]) == 0
 
 
+@pytest.mark.parametrize(("lowest", "in_pool"), [(0.3, [1, 3]), (0.05, [1, 2, 3, 4])])
+def test_those_that_were_served_wait_until_one_is_nearly_empty(lowest: float, in_pool: list[int]) -> None:
+    beliefs = told(*[State.SLEEPING] * 5)
+    beliefs[4] = replace(beliefs[4], primary=lowest)
+    beliefs[5] = replace(beliefs[5], primary=0.9)
+    pool = ChargingPool(replace(MISSION, again_threshold=0.1), beliefs)
+    assert [it.agent_id for it in pool.candidates(0, served={2, 4, 5})] == in_pool
+    assert [it.agent_id for it in ChargingPool(MISSION, beliefs).candidates(0, served={2})] == [1, 2, 3, 4]
+
+
 @pytest.mark.parametrize("charge", [0.0, 0.3])
 def test_one_that_floats_is_fetched_without_a_batch(charge: float) -> None:
     beliefs = told(*[State.SLEEPING] * 5)

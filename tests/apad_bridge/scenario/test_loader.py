@@ -285,6 +285,11 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "or one that was charged would be a candidate again at once",
         ),
         (
+            "full_threshold: 0.99",
+            "full_threshold: 0.99\n  again_threshold: 0.8",
+            "mission.again_threshold: must be below mission.pool_threshold (0.8), or it changes nothing: leave it out",
+        ),
+        (
             "speed_m_s: 0.5 ",
             "speed_m_s: 2 ",
             "mission.speed_m_s: the aPad cannot go faster than apad.max_speed_m_s (1.0)",

@@ -73,6 +73,13 @@ CASES: dict[str, dict[str, Any]] = {
         "fleet__start": {"charge": [0.3, 0.9]},
     },
     "batches with a partial charge": {"seed": 8, "mission__charge_to": 0.85, "duration_s": 1500.0},
+    "the served ones wait until one is nearly empty": {
+        "seed": 16,
+        "mission__collection": "soonest-charged",
+        "mission__again_threshold": 0.3,
+        "duration_s": 2400.0,
+        "fleet__start": {"charge": [0.6, 0.9]},
+    },
     "charged until the mission's end": {
         "seed": 12,
         "mission__horizon": "end",
