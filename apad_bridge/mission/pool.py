@@ -51,7 +51,8 @@ class ChargingPool:
     ) -> list[Belief]:
         """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id.
 
-        Without those that are `left_alone`. Those that were `served` wait until one is at or below `again_threshold`.
+        Without those that are `left_alone`. Those that were `served` wait until one is at or below `again_threshold`, but
+        for those that float: at the surface an aMussel spends most.
         """
         low = [
             belief
@@ -61,7 +62,7 @@ class ChargingPool:
         again = self.config.again_threshold
         if again is None or any(it.probability_at_most(again) >= LIKELY for it in low):
             return low
-        return [it for it in low if it.agent_id not in served]
+        return [it for it in low if it.agent_id not in served or floats(it)]
 
     def batch_of(self, candidates: Sequence[Belief], left_alone: Container[int] = ()) -> int:
         """The number of candidates to collect now; 0 means to wait for more.

@@ -67,6 +67,12 @@ def test_those_that_were_served_wait_until_one_is_nearly_empty(lowest: float, in
     assert [it.agent_id for it in ChargingPool(MISSION, beliefs).candidates(0, served={2})] == [1, 2, 3, 4]
 
 
+def test_one_that_was_served_and_floats_does_not_wait() -> None:
+    beliefs = told(State.SLEEPING, State.FLOATING, State.SLEEPING)
+    pool = ChargingPool(replace(MISSION, again_threshold=0.1), beliefs)
+    assert [it.agent_id for it in pool.candidates(0, served={1, 2, 3})] == [2]
+
+
 @pytest.mark.parametrize("charge", [0.0, 0.3])
 def test_one_that_floats_is_fetched_without_a_batch(charge: float) -> None:
     beliefs = told(*[State.SLEEPING] * 5)
