@@ -28,6 +28,7 @@ def energy_model(scenario: Scenario) -> EnergyModel:
         drain_per_s=max(1e-12, drain_per_min * scenario.theta / 60),
         curve=tuple((end / FULL, rate * per_s) for end, rate in segments),
         pool_threshold=mission.pool_threshold,
+        again_threshold=mission.again_threshold,
         full=mission.full_threshold,
         makes_room=mission.full_threshold if mission.charge_to is None else mission.charge_to,
         motor_run=scenario.board.motor_run_charge,

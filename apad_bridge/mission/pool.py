@@ -129,7 +129,15 @@ def situation_of(
         home_m = homes.get(it.agent_id, place_m)
         unserved_s = (now_ms - released_ms.get(it.agent_id, 0)) / 1000
         return Candidate(
-            it.agent_id, it.north_m, it.east_m, it.primary, it.secondary, *home_m, dock_index, unserved_s
+            it.agent_id,
+            it.north_m,
+            it.east_m,
+            it.primary,
+            it.secondary,
+            *home_m,
+            dock_index,
+            unserved_s,
+            it.agent_id in released_ms,
         )
 
     taken = set(held.values())

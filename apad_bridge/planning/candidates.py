@@ -29,6 +29,8 @@ class Candidate:
     dock_index: int | None = None
     unserved_s: float = 0.0
     """The mission seconds since it was released last, or since the start."""
+    is_served: bool = False
+    """The mission brought it back at least once."""
 
     def __post_init__(self) -> None:
         numbers = (

@@ -17,6 +17,8 @@ class EnergyModel:
     curve: tuple[tuple[float, float], ...]
     """(upper end, charge a second) of each part of the charging curve, rising; the last part ends at 1."""
     pool_threshold: float
+    again_threshold: float | None
+    """Those that were served wait until one is at or below this; None: they do not wait."""
     full: float
     """The charge above which the mission releases an aMussel."""
     makes_room: float

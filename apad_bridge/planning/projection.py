@@ -48,6 +48,7 @@ class Projection:
         count = len(self._agents)
         self._charge = [agent.charge for agent in self._agents]
         self._since_s = [0.0] * count
+        self._served = {index for index, agent in enumerate(self._agents) if agent.is_served}
         self._active_s = [0.0] * count
         self._docked = [index for index, agent in enumerate(self._agents) if agent.dock_index is not None]
         self._now_s, self._metres = 0.0, 0.0
@@ -65,7 +66,8 @@ class Projection:
         model, docked = self._model, self._docked
         swimming = [index for index in range(len(self._agents)) if index not in docked]
         wanted = min(model.batch, len(swimming))
-        waits_s = sorted(self._low_s(index) for index in swimming)[wanted - 1] if wanted else inf
+        enters_s = self._enters_s(swimming)
+        waits_s = sorted(enters_s)[wanted - 1] if wanted else inf
         if docked:
             full_s = max(self._reaches_s(index, model.full) for index in docked)
             room_s = max(waits_s, *(self._reaches_s(index, model.makes_room) for index in docked))
@@ -77,7 +79,11 @@ class Projection:
             return False
         self._now_s = max(self._now_s, waits_s)
         for _ in range(wanted):
-            pool = [index for index in swimming if index not in docked and self._is_low(index)]
+            pool = [
+                index
+                for index, at_s in zip(swimming, enters_s, strict=True)
+                if at_s <= self._now_s and index not in docked
+            ]
             if not pool or self._now_s >= self._horizon_s:
                 break
             self._collect(self._next(pool))
@@ -92,7 +98,8 @@ class Projection:
             self._release_nearest(done)
             return True
         swimming = [index for index in range(len(self._agents)) if index not in docked]
-        pool = [index for index in swimming if self._is_low(index)]
+        enters_s = self._enters_s(swimming)
+        pool = [index for index, at_s in zip(swimming, enters_s, strict=True) if at_s <= now_s]
         is_free = len(docked) < model.docks
         if pool and is_free:
             self._collect(self._next(pool))
@@ -105,7 +112,7 @@ class Projection:
                 return True
             events_s += room_s
         else:
-            events_s += [self._low_s(index) for index in swimming]
+            events_s += enters_s
         self._now_s = min(events_s, default=inf)
         return self._now_s < inf
 
@@ -145,6 +152,7 @@ class Projection:
             charge = self._model.charged(self._charge[index], self._now_s - self._since_s[index])
             self._charge[index] = max(0.0, charge - self._model.motor_run)
             self._since_s[index] = self._now_s
+            self._served.add(index)
 
     def _release_nearest(self, indices: Sequence[int]) -> None:
         north_m, east_m = self._place_m
@@ -153,12 +161,21 @@ class Projection:
             min(indices, key=lambda it: (hypot(places[it][0] - north_m, places[it][1] - east_m), it))
         )
 
-    def _is_low(self, index: int) -> bool:
-        return self._low_s(index) <= self._now_s
+    def _enters_s(self, swimming: Sequence[int]) -> list[float]:
+        """When each enters the pool. Those that were served wait until one falls to the threshold of `again`."""
+        low_s = [self._falls_to_s(index, self._model.pool_threshold) for index in swimming]
+        again = self._model.again_threshold
+        if again is None:
+            return low_s
+        urgent_s = min((self._falls_to_s(index, again) for index in swimming), default=inf)
+        return [
+            max(at_s, urgent_s) if index in self._served else at_s
+            for index, at_s in zip(swimming, low_s, strict=True)
+        ]
 
-    def _low_s(self, index: int) -> float:
-        """When an aMussel in the water falls to the pool's threshold."""
-        above = self._charge[index] - self._model.pool_threshold
+    def _falls_to_s(self, index: int, charge: float) -> float:
+        """When an aMussel in the water falls to `charge`."""
+        above = self._charge[index] - charge
         return self._since_s[index] + max(0.0, above) / self._model.drain_per_s
 
     def _reaches_s(self, index: int, charge: float) -> float:

@@ -11,8 +11,9 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.dispatch import dispatch_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.mission.pool import ChargingPool, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission
@@ -65,6 +66,14 @@ def test_those_that_were_served_wait_until_one_is_nearly_empty(lowest: float, in
     pool = ChargingPool(replace(MISSION, again_threshold=0.1), beliefs)
     assert [it.agent_id for it in pool.candidates(0, served={2, 4, 5})] == in_pool
     assert [it.agent_id for it in ChargingPool(MISSION, beliefs).candidates(0, served={2})] == [1, 2, 3, 4]
+
+
+def test_a_planner_is_told_who_was_served_and_when() -> None:
+    beliefs = told(*[State.SLEEPING] * 3)
+    state = MissionState(released=((2, 40_000),))
+    situation = situation_of(state, (0.0, 0.0), [beliefs[1], beliefs[2]], {}, 100_000, [beliefs[3]])
+    agents = (*situation.candidates, *situation.others)
+    assert [(it.is_served, it.unserved_s) for it in agents] == [(False, 100), (True, 60), (False, 100)]
 
 
 def test_one_that_was_served_and_floats_does_not_wait() -> None:

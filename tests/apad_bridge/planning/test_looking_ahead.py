@@ -120,6 +120,21 @@ def test_a_charged_batch_makes_room_in_a_projection_if_another_one_waits(waits: 
     assert outcome.active_s[0] == pytest.approx(docked_s - released_s if waits else 0.0)
 
 
+@pytest.mark.parametrize("is_asynchronous", [True, False])
+@pytest.mark.parametrize(("was_served", "again"), [(True, 0.02), (True, None), (False, 0.02)])
+def test_one_that_was_served_waits_in_a_projection_until_it_is_nearly_empty(
+    is_asynchronous: bool, was_served: bool, again: float | None
+) -> None:
+    """It lies below the aPad, and is not full again before the horizon."""
+    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, again_threshold=again)
+    waits_s = (0.2 - 0.02) / MODEL.drain_per_s
+    collected_s = 2.5 + MODEL.dock_s
+    agent = replace(swimming(1, 0, 0, 0.2), is_served=was_served)
+    outcome = Projection(Situation(0, 0, (), (0,), (agent,), model), model, waits_s + 60, 60.0).of(())
+    waits = was_served and again is not None
+    assert outcome.active_s[0] == pytest.approx(collected_s + (waits_s if waits else 0.0))
+
+
 def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> None:
     """By trying every order of every choice, with the same worth."""
     agents = tuple(
