@@ -76,6 +76,18 @@ def test_all_write_a_page_and_go_on_where_they_ended(run: Path, tmp_path: Path) 
     assert "It failed" not in (report / "index.html").read_text()
 
 
+def test_all_take_the_options_for_which_they_have_a_use(run: Path, tmp_path: Path) -> None:
+    (run.parent / "bad.py").write_text(
+        GOOD.replace("tries=1", "seeds=1").replace('"tries": tries', '"seeds": seeds')
+    )
+    done = flown(run, "all", "--report", str(tmp_path), "--tries", "2", "--minutes", "5")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "good.json").read_text())["tries"] == 2
+    assert json.loads((tmp_path / "bad.json").read_text())["seeds"] == 1
+    page = (tmp_path / "index.html").read_text()
+    assert page.count("with --tries 2.") == 1 and "--minutes" not in page
+
+
 def test_one_prints_json_and_refuses_what_it_has_no_use_for(run: Path) -> None:
     assert json.loads(flown(run, "good", "--json", "--tries", "3").stdout)["tries"] == 3
     refused = flown(run, "good", "--minutes", "1")
