@@ -12,6 +12,8 @@ import os
 import signal
 import sys
 
+PYTHON = (sys.executable, "-P")
+"""The interpreter of each process of ours. The present folder is not searched: it may hold a package named like ours."""
 _VARIABLE = "MUSSELBED_STARTER"
 _PR_SET_PDEATHSIG = 1
 

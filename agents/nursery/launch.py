@@ -51,7 +51,7 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
             with open(os.path.join(run_dir, LOG_NAME), "ab") as log:
                 process = subprocess.Popen(
                     # -S: PYTHONPATH has the whole path already, and site would import modules that no agent needs.
-                    [sys.executable, "-S", "-m", "agents.nursery", os.fspath(run_dir), str(writing)],
+                    [*started.PYTHON, "-S", "-m", "agents.nursery", os.fspath(run_dir), str(writing)],
                     env={**os.environ, "PYTHONPATH": os.pathsep.join(search), **started.environment()},
                     stdin=subprocess.DEVNULL,
                     stdout=log,

@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(str(error)) from error
     with peers_may_fail():
         environment = environment_for(somebodys_master(), namespace_of_shell())
-    command = [sys.executable, "-m", started.__name__, "apad_bridge.ros.simulated_node.apad_node"]
+    command = [*started.PYTHON, "-m", started.__name__, "apad_bridge.ros.simulated_node.apad_node"]
     command += ["--scenario", str(arguments.scenario), "--time", arguments.time]
     for option in ("apad", "generation"):
         if (value := getattr(arguments, option)) is not None:

@@ -17,6 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from agents.hosting.started import PYTHON
 from apad_bridge.commands import run as run_command
 from apad_bridge.commands.flight import read_scenario
 from apad_bridge.commands.help_text import ending
@@ -202,7 +203,7 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str) -> Finding:
     with tempfile.TemporaryDirectory(prefix="musselbed-stop-") as folder:
         scenario_file = Path(folder) / "scenario.yaml"
         write_resolved(scenario_file, with_apad(scenario, name))
-        command = [sys.executable, "-m", "apad_bridge.commands.main", "script", str(PROVE_STOP), "--json"]
+        command = [*PYTHON, "-m", "apad_bridge.commands.main", "script", str(PROVE_STOP), "--json"]
         command += ["--scenario", str(scenario_file), "--apad", "ros", "--no-fleet", "--out", f"{folder}/run"]
         command += [word for it in options.remappings for word in ("--remap", it)]
         # Passed over: what is red was told, and none of it is of those that never are.
@@ -225,7 +226,7 @@ _OF_A_TRIAL = ("watchdog", "docks", "energy", "delay", "loss", "gps", "clock", "
 
 def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Finding]:
     """Each dock opens and closes once, by a node of its own."""
-    command = [sys.executable, "-m", "apad_bridge.ros.prove_docks", apad, str(scenario.apad.docks)]
+    command = [*PYTHON, "-m", "apad_bridge.ros.prove_docks", apad, str(scenario.apad.docks)]
     with called_back_at(options.master_uri, options.namespace):
         flown = subprocess.run(command, capture_output=True, text=True, timeout=_PROOF_S, check=False)
     lines = (flown.stdout if flown.returncode == Exit.DONE else flown.stderr).strip().splitlines() or [

@@ -1,4 +1,4 @@
-"""Another distribution's `agents` on the path: every command says so in a line, and the doctor names it."""
+"""Another `agents`: on the path, every command says so and the doctor names it; in the present folder, nobody takes it."""
 
 import os
 import subprocess
@@ -6,6 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
+from scenario_files import POOL_FILE
+
+from agents.hosting.started import PYTHON
 
 pytestmark = pytest.mark.system
 
@@ -30,3 +34,28 @@ def test_it_is_named_and_no_traceback_is_shown(tmp_path: Path) -> None:
     doctor = musselbed(tmp_path, "doctor")
     assert str(tmp_path / "agents.py") in doctor.stdout
     assert "Traceback" not in doctor.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "study"])
+def test_packages_of_ours_in_the_users_folder_are_not_taken_for_ours(tmp_path: Path, command: str) -> None:
+    """Neither by the command, as it is installed, nor by the processes that it starts."""
+    for name in ("agents", "apad_bridge", "firmware_model", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('this is not what it seems')")
+    scenario = yaml.safe_load(POOL_FILE.read_text()) | {"duration_s": 5}
+    scenario["fleet"]["start"] = str(POOL_FILE.parent / scenario["fleet"]["start"])
+    (tmp_path / "short.yaml").write_text(yaml.safe_dump(scenario))
+    study = {"name": "short", "scenarios": ["short.yaml"], "strategies": ["greedy", "cautious"], "seeds": 2}
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study))
+    words = {
+        "run": ["run", "short.yaml", "--time", "asap"],
+        "study": ["study", "study.yaml", "--workers", "2"],
+    }
+    done = subprocess.run(
+        [*PYTHON, "-m", "apad_bridge.commands.main", *words[command], "--out", "out"],
+        capture_output=True,
+        text=True,
+        timeout=180,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / ("summary.json" if command == "run" else "results.parquet")).exists()

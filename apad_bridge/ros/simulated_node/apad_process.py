@@ -7,7 +7,6 @@ import os
 import select
 import signal
 import subprocess
-import sys
 import time
 import xmlrpc.client
 from http.client import HTTPException
@@ -44,7 +43,7 @@ def start_apad_node(
         raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None
     command = [
         *(
-            sys.executable,
+            *started.PYTHON,
             "-m",
             started.__name__,
             "apad_bridge.ros.simulated_node.apad_node",

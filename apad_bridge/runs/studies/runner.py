@@ -10,7 +10,6 @@ from __future__ import annotations
 import fcntl
 import os
 import pickle
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
@@ -19,7 +18,7 @@ from selectors import EVENT_READ, DefaultSelector
 from subprocess import PIPE, Popen
 from typing import Any
 
-from agents.hosting.started import environment
+from agents.hosting import started
 from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.runs.studies.models import StrategyFailed, fly
@@ -181,11 +180,11 @@ def _answer(process: Worker) -> list[Row]:
 @contextmanager
 def _started_workers(plan: Plan, count: int) -> Iterator[list[Worker]]:
     """Workers that end with this process, whatever ends it."""
-    command = [sys.executable, "-m", "agents.hosting.started", _WORKER]
+    command = [*started.PYTHON, "-m", started.__name__, _WORKER]
     processes: list[Worker] = []
     try:
         for _ in range(count):
-            process = Popen(command, stdin=PIPE, stdout=PIPE, env={**os.environ, **environment()})
+            process = Popen(command, stdin=PIPE, stdout=PIPE, env={**os.environ, **started.environment()})
             processes.append(process)
             assert process.stdin is not None
             pickle.dump(plan, process.stdin)
