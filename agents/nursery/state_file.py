@@ -20,8 +20,11 @@ _CRC = struct.Struct("<I")
 _BODY_BYTES = _HEAD.size + Physical.FORMAT.size
 RECORD_BYTES = 256
 """The room of a record, so that none crosses a page of the file."""
-RECORDS = 16
-"""The records of an agent, which lie side by side: one that counts, and those of windows that nobody has counted yet."""
+RECORDS = 64
+"""The records of an agent, which lie side by side: one that counts, and those of windows that nobody has counted yet.
+
+With 16 of them a flight of `bay-24` took a third more processor time, because its agents ran less far ahead.
+"""
 RING_BYTES = RECORDS * RECORD_BYTES
 
 
@@ -64,8 +67,9 @@ class RecordRing:
         The next writes spare it.
         """
         found: Record | None = None
+        ring = os.pread(self._fd, RING_BYTES, self._offset)
         for which in range(RECORDS):
-            record = self._read(which)
+            record = self._decoded(ring[RECORD_BYTES * which :][:RECORD_BYTES])
             if record is None or (up_to is not None and record.key > up_to):
                 continue
             if until_ms is not None and record.granted_ms > until_ms:
@@ -75,8 +79,8 @@ class RecordRing:
                 self._next = (which + 1) % RECORDS
         return found
 
-    def _read(self, which: int) -> Record | None:
-        data = os.pread(self._fd, _BODY_BYTES + _CRC.size, self._offset + RECORD_BYTES * which)
+    def _decoded(self, data: bytes) -> Record | None:
+        """The record in `data`; None if it is torn, or another agent's."""
         if (
             len(data) < _BODY_BYTES + _CRC.size
             or crc32(data[:_BODY_BYTES]) != _CRC.unpack_from(data, _BODY_BYTES)[0]

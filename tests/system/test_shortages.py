@@ -63,7 +63,7 @@ def test_a_full_disk_ends_the_mission_in_order_with_whole_records(
     tmp_path: Path, options: tuple[str, ...]
 ) -> None:
     run = tmp_path / "run"
-    done = fly(run, (resource.RLIMIT_FSIZE, 100_000), *options)
+    done = fly(run, (resource.RLIMIT_FSIZE, 300_000), *options)
     check_failed(done, run, "takes no more data (File too large)")
     contents = read_journal(run / "journal.jsonl")
     assert contents.dropped == 0 and contents.last_ms > 60_000
