@@ -61,19 +61,16 @@ COLLECTIONS: dict[str, dict[str, Any]] = {
     "cautious": {"collection": "cautious"},
     "greedy": {"collection": "greedy"},
     "rollout-fair": {"collection": "rollout-fair", "costs": COSTS},
-    "soonest-charged": {"collection": "soonest-charged"},
 }
 RULES: dict[str, dict[str, Any]] = {
     "": {},
-    "from 0.575": {"pool_threshold": 0.575},
-    "partial batch": {"pool_threshold": 0.45, "charge_to": 0.6},
     "topped up": {"pool_threshold": 0.8, "charge_to": 0.9},
     "partial": {"dispatch": "asynchronous", "pool_threshold": 0.45, "charge_to": 0.75},
     "three": {"batch": 3, "pool_threshold": 0.6, "charge_to": 0.7},
     "again": {"again_threshold": 0.02},
     "topped up again": {"pool_threshold": 0.8, "charge_to": 0.9, "again_threshold": 0.02},
 }
-"""The first is the paper's. The second and "again" keep its batches of four and its full charges."""
+"""The first is the paper's. "again" keeps its batches of four and its full charges."""
 COMPARED = [
     {"name": ", ".join(filter(None, (name, rule))), **collection, **keys}
     for rule, keys in RULES.items()
@@ -93,8 +90,6 @@ FEW = (
     "cautious",
     "greedy",
     "rollout-fair",
-    "cautious, from 0.575",
-    "rollout-fair, partial batch",
     "rollout-fair, partial",
     "rollout-fair, three",
     "rollout-fair, topped up",
@@ -195,7 +190,7 @@ def plan_times_ms() -> dict[str, dict[str, float]]:
     """The slowest of some plans of four aMussels, by strategy and fleet, in processor time; all are in the pool."""
     model = energy_model(load(SCENARIOS / "bay-24.yaml"))
     found: dict[str, dict[str, float]] = {}
-    for name in ("cautious", "blend", "rollout", "rollout-fair", "soonest-charged"):
+    for name in ("cautious", "blend", "rollout", "rollout-fair"):
         strategy = registry.collection(name, CostScales(**COSTS))
         for fleet, count in PLANNED.items():
             chance = Random(count)

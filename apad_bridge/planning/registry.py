@@ -26,7 +26,6 @@ from apad_bridge.planning.no_collection import NoCollection
 from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.shortest_order import ShortestOrder
 from apad_bridge.planning.solution import StepKind
-from apad_bridge.planning.soonest_charged import SoonestCharged
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.planning.triage import Triage
 
@@ -41,7 +40,6 @@ _BUILT_IN: dict[str, Callable[[], Any]] = {
     "njnp": NearestJobNext,
     "none": NoCollection,
     "shortest-order": ShortestOrder,
-    "soonest-charged": SoonestCharged,
     "triage": Triage,
 }
 _SCALED: dict[str, Callable[[Scales], Any]] = {

@@ -19,16 +19,14 @@ from apad_bridge.planning.costs import CostScales
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution
-from apad_bridge.planning.soonest_charged import SoonestCharged
 from apad_bridge.planning.triage import FLOOR_DISCHARGES, Triage, is_overloaded
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import MAX_DOCKS
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 
 POOL = load(POOL_FILE)
 MODEL = energy_model(POOL)
 PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
-LOOKING_AHEAD = ("rollout", "rollout-fair", "charge-groups", "soonest-charged", "triage")
+LOOKING_AHEAD = ("rollout", "rollout-fair", "charge-groups", "triage")
 charges = st.floats(0, 1)
 metres = st.floats(-60, 60)
 
@@ -158,44 +156,6 @@ def test_charge_groups_do_not_let_the_nearly_full_wait_for_the_empty() -> None:
     situation = Situation(10, 10, tuple(agents), (0, 1, 2, 3), (), MODEL)
     plan = registry.collection("charge-groups", CostScales(0.0, 1.0)).plan(situation, 4)
     assert sorted(step.agent_id for step in plan.steps) == [2, 3, 4, 5]
-
-
-def test_the_soonest_charged_begins_with_the_emptiest_of_two_at_the_same_way() -> None:
-    agents = (swimming(1, 10, 0, 0.7), swimming(2, -10, 0, 0.2))
-    situation = Situation(0, 0, agents, (0, 1, 2, 3), (), MODEL)
-    plan = registry.collection("soonest-charged").plan(situation, 2)
-    assert [step.agent_id for step in plan.steps] == [2, 1]
-
-
-def test_the_soonest_charged_takes_the_emptier_one_if_it_is_near() -> None:
-    def collects_the_emptier(north_m: float) -> bool:
-        fuller = [swimming(k, k, 0, 0.75) for k in range(1, 5)]
-        situation = Situation(0, 0, (*fuller, swimming(9, north_m, 0, 0.7)), (0, 1, 2, 3), (), MODEL)
-        plan = registry.collection("soonest-charged").plan(situation, 4)
-        return 9 in [step.agent_id for step in plan.steps]
-
-    assert collects_the_emptier(0.0)
-    assert not collects_the_emptier(60.0)
-
-
-def test_the_soonest_charged_fills_as_many_docks_as_an_apad_can_have() -> None:
-    agents = tuple(swimming(k, k % 5 * 10, k * 3, 0.04 * k) for k in range(1, 21))
-    situation = Situation(0, 0, agents, tuple(range(MAX_DOCKS)), (), MODEL)
-    plan = registry.collection("soonest-charged").plan(situation, MAX_DOCKS)
-    assert len({step.agent_id for step in plan.steps}) == MAX_DOCKS
-
-
-def test_the_parts_of_the_soonest_charged_by_hand() -> None:
-    """An aMussel with 0.6, 10 m away, at theta 30: 0.5 m/s, 15 s to dock, equations (1) and (2)."""
-    situation = Situation(0, 0, (swimming(1, 10, 0, 0.6),), (0,), (), MODEL)
-    strategy = SoonestCharged()
-    parts = strategy.explain(situation, strategy.plan(situation, 1))[0].parts
-    there_s = 10 / 0.5 + 15
-    charging_s = 2 * (0.99 - 0.6 + there_s / 2 * 0.0010427134) / 0.002911
-    assert parts["until all are charged"] == pytest.approx(there_s + charging_s, rel=1e-3)
-    assert parts["way"] == pytest.approx(0.5 * 20)
-    whole_s = 2 * (155 + 180 + (0.99 - 0.5634) / 0.002911)
-    assert parts["batteries lacking"] == pytest.approx(-0.8 * whole_s * 0.39, rel=1e-3)
 
 
 def fleet_of(count: int, unserved_s: float = 0.0) -> Situation:

@@ -75,7 +75,7 @@ CASES: dict[str, dict[str, Any]] = {
     "batches with a partial charge": {"seed": 8, "mission__charge_to": 0.85, "duration_s": 1500.0},
     "the served ones wait until one is nearly empty": {
         "seed": 16,
-        "mission__collection": "soonest-charged",
+        "mission__collection": "rollout-fair",
         "mission__again_threshold": 0.3,
         "duration_s": 2400.0,
         "fleet__start": {"charge": [0.6, 0.9]},
