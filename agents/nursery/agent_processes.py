@@ -9,18 +9,19 @@ import resource
 import signal
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agents.hosting.agent_process import WindowHandler, message_buffer
 from agents.hosting.link_protocol import Key, readable
 from agents.mussel.agent import Agent
+from agents.mussel.physical import Physical
 from agents.nursery.child import live
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
 from agents.nursery.protocol import Died
-from agents.nursery.state_file import RING_BYTES, Record, RecordRing
+from agents.nursery.state_file import RECORD_BYTES, RING_BYTES, Record, RecordRing
 from agents.nursery.warm_up import warm_up
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
@@ -68,7 +69,7 @@ class AgentProcesses:
     """All agents of one fleet file. Its process forks, and so must have no threads and little memory."""
 
     def __init__(self, run_dir: str, file: FleetFile) -> None:
-        """ValueError if another nursery, or an agent of one, keeps the physical file locked for too long."""
+        """ValueError if another nursery, or an agent of one, locks the physical file, or another version wrote it."""
         self._records_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o600)
         _lock(self._records_fd)
         self._flash_fd = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o600)
@@ -93,12 +94,23 @@ class AgentProcesses:
         """The agent time at which an agent's newest life has settled."""
         self.children: dict[int, Child] = {}
         self._id_of_pid: dict[int, int] = {}
-        # First records are written in order: a file without the last one has never been used.
-        if os.fstat(self._records_fd).st_size <= RING_BYTES * (len(self._index) - 1):
-            for agent_id in self._index:
-                self._ring(agent_id).initial_state(file.initial_states[agent_id])
-            # An agent's state has its room from the start, so that a disk that fills up later ends no agent.
-            os.posix_fallocate(self._records_fd, 0, RING_BYTES * len(self._index))
+        self._have_room(file.initial_states)
+
+    def _have_room(self, initial_states: Mapping[int, Physical]) -> None:
+        """Gives each agent its room and its first record, in a new file. ValueError for a file with other rooms."""
+        size, whole = os.fstat(self._records_fd).st_size, RING_BYTES * len(self._index)
+        if size == whole:
+            return
+        # First records are written in order before the file has its size, so such a file has never been used.
+        if size > whole or (size and not 0 < size % RING_BYTES < RECORD_BYTES):
+            raise ValueError(
+                f"{PHYSICAL_NAME} has {size} bytes instead of {whole}: another version of musselbed wrote it; continue the "
+                "run with that version"
+            )
+        for agent_id in self._index:
+            self._ring(agent_id).initial_state(initial_states[agent_id])
+        # An agent's state has its room from the start, so that a disk that fills up later ends no agent.
+        os.posix_fallocate(self._records_fd, 0, whole)
 
     def warm(self) -> None:
         """Runs all code of an agent, then freezes its objects: the garbage collector must not write to shared pages."""

@@ -137,7 +137,7 @@ def situation_of(
             *home_m,
             dock_index,
             unserved_s,
-            it.agent_id in released_ms,
+            is_served=it.agent_id in released_ms,
         )
 
     taken = set(held.values())

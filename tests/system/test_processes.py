@@ -25,8 +25,9 @@ from agents.hosting.process_host import Fenced, ProcessHost
 from agents.mussel.outputs import Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
 from agents.nursery import protocol
-from agents.nursery.fleet_file import RestartPolicy
+from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
 from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
+from agents.nursery.state_file import RING_BYTES
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge import Flow
@@ -333,6 +334,29 @@ def test_an_agent_that_dies_at_once_again_and_again_stays_dead(tmp_path: Path) -
 
 def test_an_agent_that_lived_in_between_is_restarted_for_ever(tmp_path: Path) -> None:
     assert killed_each_second(tmp_path, RestartPolicy(restarts=2), kills=12) == [None] * 12
+
+
+@pytest.mark.parametrize("bytes_of_each", [4096, 2 * RING_BYTES])
+def test_a_fleet_whose_states_another_version_wrote_is_not_born_anew(
+    tmp_path: Path, bytes_of_each: int
+) -> None:
+    prepare(tmp_path, FLEET, BIRTHS)
+    (tmp_path / PHYSICAL_NAME).write_bytes(b"kept" * (bytes_of_each * len(IDS) // 4))
+    with pytest.raises(NurseryFailed, match="another version of musselbed wrote it"):
+        launch_nursery(tmp_path)
+    assert (tmp_path / PHYSICAL_NAME).read_bytes().startswith(b"kept")
+
+
+def test_a_nursery_that_died_while_it_wrote_the_first_states_leaves_a_fleet_that_can_begin(
+    tmp_path: Path,
+) -> None:
+    prepare(tmp_path, FLEET, BIRTHS)
+    (tmp_path / PHYSICAL_NAME).write_bytes(bytes(RING_BYTES + 150))  # the second aMussel's record is the last
+    with launch_nursery(tmp_path) as nursery:
+        host = ProcessHost.adopt(tmp_path, 1)
+        assert list(host.granted_ms) == list(IDS)
+        host.close()
+        assert nursery.wait(PATIENCE_S) == 0
 
 
 SUPERVISOR = """
