@@ -69,6 +69,13 @@ RULES: dict[str, dict[str, Any]] = {
     "three": {"batch": 3, "pool_threshold": 0.6, "charge_to": 0.7},
     "again": {"again_threshold": 0.02},
     "topped up again": {"pool_threshold": 0.8, "charge_to": 0.9, "again_threshold": 0.02},
+    "one by one again": {"dispatch": "asynchronous", "again_threshold": 0.02},
+    "partial again": {
+        "dispatch": "asynchronous",
+        "pool_threshold": 0.65,
+        "charge_to": 0.75,
+        "again_threshold": 0.02,
+    },
 }
 """The first is the paper's. "again" keeps its batches of four and its full charges."""
 COMPARED = [
@@ -94,6 +101,7 @@ FEW = (
     "rollout-fair, three",
     "rollout-fair, topped up",
     "rollout-fair, again",
+    "rollout-fair, one by one again",
 )
 SURFACING = "board.motor_run_charge"
 SPREAD = {"fleet.spread.drain": 0.05, "fleet.spread.capacity": 0.05}
