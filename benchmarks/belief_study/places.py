@@ -33,7 +33,8 @@ def coverage(theta: int, currents: bool, seed: int = 11) -> dict[str, Any]:
     """The share of report times at which the true place was in the ellipse. Without a current it is on the bottom."""
     rng = np.random.default_rng(seed)
     water = Water(AMPLITUDE_M**2 / 3, CURRENT_M_S if currents else 0.0, LASTS_S, FIX_M)
-    twin = Twin(replace(NOMINAL, theta=theta, water=water, float_timeout_ms=10**12), {})
+    board = replace(NOMINAL.board, float_timeout_ms=10**12)
+    twin = Twin(replace(NOMINAL, theta=theta, water=water, board=board), {})
     state = State.FLOATING if currents else State.SLEEPING
     step_s = REPORT_AGENT_MS / 1000 / theta
     inside, error = [], []
