@@ -83,14 +83,21 @@ COMPARED = [
     for rule, keys in RULES.items()
     for name, collection in COLLECTIONS.items()
 ]
-KNOWN_END = {"batch": 3, "pool_threshold": 0.95, "horizon": "end"}
+KNOWN_ENDS = {
+    "known end": {"batch": 3, "pool_threshold": 0.95, "horizon": "end"},
+    "known end, one by one": {
+        "dispatch": "asynchronous",
+        "pool_threshold": 0.95,
+        "again_threshold": 0.02,
+        "horizon": "end",
+    },
+}
 FIFTY_M = {"costs": {"distance_per_m": 1.0, "energy_per_charge": 50.0}}
 """A battery is worth 50 m."""
 COMPARED += [
-    {"name": "blend, known end", "collection": "blend", **FIFTY_M, **KNOWN_END},
-    {"name": "rollout-fair, known end", "collection": "rollout-fair", **FIFTY_M, **KNOWN_END},
-    {"name": "cautious, known end", **COLLECTIONS["cautious"], **KNOWN_END},
-    {"name": "greedy, known end", **COLLECTIONS["greedy"], **KNOWN_END},
+    {"name": f"{collection}, {rule}", "collection": collection, **FIFTY_M, **keys}
+    for rule, keys in KNOWN_ENDS.items()
+    for collection in ("blend", "rollout-fair", "cautious", "greedy")
 ]
 """Missions that know their end are flown beside the others, and no goal counts them."""
 FEW = (
