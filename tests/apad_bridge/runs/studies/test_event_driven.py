@@ -80,6 +80,13 @@ CASES: dict[str, dict[str, Any]] = {
         "duration_s": 2400.0,
         "fleet__start": {"charge": [0.6, 0.9]},
     },
+    "one by one, and the served ones wait": {
+        "seed": 17,
+        "mission__dispatch": "asynchronous",
+        "mission__again_threshold": 0.3,
+        "duration_s": 2400.0,
+        "fleet__start": {"charge": [0.6, 0.9]},
+    },
     "charged until the mission's end": {
         "seed": 12,
         "mission__horizon": "end",
