@@ -16,6 +16,7 @@ PYTHON = (sys.executable, "-P")
 """The interpreter of each process of ours. The present folder is not searched: it may hold a package named like ours."""
 _VARIABLE = "MUSSELBED_STARTER"
 _PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None)  # once: each makes a class, which only the search for garbage cycles frees
 
 
 def environment() -> dict[str, str]:
@@ -28,14 +29,14 @@ def end_with_starter() -> None:
     starter = os.environ.pop(_VARIABLE, None)
     if starter is None:
         return
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    _LIBC.prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
     if os.getppid() != int(starter):
         os._exit(1)
 
 
 def outlive_starter() -> None:
     """From now on this process outlives its starter."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, 0, 0, 0, 0)
+    _LIBC.prctl(_PR_SET_PDEATHSIG, 0, 0, 0, 0)
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ import gc
 import json
 from collections.abc import Iterable
 from dataclasses import replace
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,13 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
 from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.display import MakeStatus, ParentDisplay
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.runs.several.lockstep import fly_in_step
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import from_data as scenario_from
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -311,3 +317,29 @@ def test_ticks_leave_no_garbage_cycle(scenario: Path) -> None:
         assert gc.collect() == 0
     finally:
         gc.enable()
+
+
+class CollectingDisplay(ParentDisplay):
+    """Looks for garbage cycles at each minute of the flight."""
+
+    def __init__(self) -> None:
+        self.found: list[int] = []
+
+    def show_status(self, now_ms: int, status: MakeStatus) -> None:
+        super().show_status(now_ms, status)
+        if now_ms % 60_000 == 0:
+            self.found.append(gc.collect())
+
+
+def test_records_and_statuses_leave_no_garbage_cycle(pool: Scenario, tmp_path: Path) -> None:
+    """A supervisor in a process of its own makes a record and a status at each tick."""
+    scenario = replace(pool, duration_s=240.0, fleet=replace(pool.fleet, hosting=Hosting.ONE_PROCESS))
+    directory = RunDirectory.create(scenario.name, datetime.now(UTC), tmp_path / "run")
+    display = CollectingDisplay()
+    gc.disable()
+    try:
+        fly_in_step(members(scenario, starts_of(scenario)), scenario.sharing, directory, display)
+    finally:
+        gc.enable()
+    _, _, *found = display.found  # the first minute fills caches
+    assert found == [0, 0, 0]
