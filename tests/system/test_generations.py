@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import IO, Any
 
 import pytest
-from free_ports import free_port
 from killing import kill_9
 from scenario_files import POOL_FILE
 
@@ -26,6 +25,7 @@ from apad_bridge.doctor.network import Unreachable
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
+from apad_bridge.ros.system.route import free_port
 from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from free_ports import free_port
 from layout_topics import named_topics
 from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
@@ -26,6 +25,7 @@ from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.system.master import loopback_environment
+from apad_bridge.ros.system.route import free_port
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.ros_names.table import SECTIONS, Kind
 from apad_bridge.scenario.loader import load, with_overrides

@@ -138,7 +138,8 @@ def wait_for_plan(journal: Path, flying: "subprocess.Popen[str]") -> None:
         if journal.exists() and '"kind":"plan"' in journal.read_text():
             return
         pause.wait(0.05)
-    raise AssertionError("it never planned anything")
+    flying.kill()
+    raise AssertionError(f"it never planned anything: {flying.communicate()}")
 
 
 def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import random
 import socket
 from collections.abc import Mapping
+from contextlib import suppress
 from urllib.parse import urlsplit
 
 from apad_bridge.vehicle.errors import PeerFailed
 
 _DEFAULT_URI = "http://localhost:11311"
 _TIMEOUT_S = 3.0
+_NOBODYS_PORTS = range(20_000, 32_000)
+"""Below those that Linux gives to connections: one of those that is free now may be taken before a node binds it."""
 
 
 def somebodys_master(environment: Mapping[str, str] = os.environ) -> str:
@@ -50,11 +54,11 @@ def environment_for(
 
 
 def free_port() -> int:
-    """A TCP port at which nothing listens now."""
-    with socket.socket() as probe:
-        probe.bind(("", 0))
-        port: int = probe.getsockname()[1]
-    return port
+    """A free TCP port, for a program that needs its number before it binds it. PeerFailed when a hundred are in use."""
+    for port in random.sample(_NOBODYS_PORTS, 100):
+        with suppress(OSError), socket.create_server(("", port)):
+            return port
+    raise PeerFailed(f"a hundred ports from {_NOBODYS_PORTS[0]} to {_NOBODYS_PORTS[-1]} are all in use")
 
 
 def _host_and_port(uri: str) -> tuple[str, int]:
