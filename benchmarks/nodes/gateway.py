@@ -2,7 +2,7 @@
 
 Use: gateway.py AGENTS; prints `open SECONDS XMLRPC_URI`. A line "tick N" on stdin makes N ticks and prints `ticked`; the
 end of stdin closes the gateway and prints a line of JSON: counts of published messages, and of those that readers missed.
-The north of each aMussel is the monotonic clock's seconds at the tick.
+The north of each aMussel is the monotonic clock's seconds at the tick, from 0 to `LAP_S` and again from 0.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from firmware_model.states import State
 
 THETA = 30
 NODE = "musselbed_1"
+LAP_S = 1000.0
+"""A supervisor drops a place that is as far away as a machine's clock says after half a day."""
 
 
 class Supervisor:
@@ -55,7 +57,7 @@ def tick(gateway: Gateway, supervisor: Supervisor, first: int, count: int) -> No
     due_s = time.monotonic()
     for number in range(first, first + count):
         time.sleep(max(0.0, due_s - time.monotonic()))
-        supervisor.hear_all(1000 * number, time.monotonic())
+        supervisor.hear_all(1000 * number, time.monotonic() % LAP_S)
         watch(1000 * number)
         due_s += 1.0
     time.sleep(max(0.0, due_s - time.monotonic()))

@@ -18,6 +18,8 @@ use_generated_messages()
 
 from auv_msgs.msg import NavSts  # noqa: E402
 
+from benchmarks.nodes.gateway import LAP_S  # noqa: E402
+
 
 class PositionReader:
     def __init__(self, agent_id: int) -> None:
@@ -31,7 +33,7 @@ class PositionReader:
         now_s = time.monotonic()
         if message.header.stamp != self._stamp:
             self._stamp = message.header.stamp
-            self.latencies_ms.append(1000 * (now_s - message.position.north))
+            self.latencies_ms.append(1000 * ((now_s - message.position.north) % LAP_S))
 
 
 def main() -> None:
