@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import socket
 from collections.abc import Mapping
-from contextlib import suppress
 from urllib.parse import urlsplit
 
 from apad_bridge.vehicle.errors import PeerFailed
@@ -56,8 +56,12 @@ def environment_for(
 def free_port() -> int:
     """A free TCP port, for a program that needs its number before it binds it. PeerFailed when a hundred are in use."""
     for port in random.sample(_NOBODYS_PORTS, 100):
-        with suppress(OSError), socket.create_server(("", port)):
-            return port
+        try:
+            with socket.create_server(("", port)):
+                return port
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
     raise PeerFailed(f"a hundred ports from {_NOBODYS_PORTS[0]} to {_NOBODYS_PORTS[-1]} are all in use")
 
 

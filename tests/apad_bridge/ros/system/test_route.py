@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import random
 import socket
 from pathlib import Path
@@ -26,8 +27,17 @@ def test_a_port_in_use_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_with_every_port_in_use_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def none_is_free(address: tuple[str, int]) -> None:
-        raise OSError("Address already in use")
+        raise OSError(errno.EADDRINUSE, "Address already in use")
 
     monkeypatch.setattr(socket, "create_server", none_is_free)
     with pytest.raises(PeerFailed, match="all in use"):
+        free_port()
+
+
+def test_too_few_descriptors_are_no_port_in_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_descriptor(address: tuple[str, int]) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(socket, "create_server", no_descriptor)
+    with pytest.raises(OSError, match="Too many open files"):
         free_port()
