@@ -53,8 +53,9 @@ def check_failed(done: subprocess.CompletedProcess[str], run: Path, words: str) 
     assert done.returncode == 3, done.stderr
     (line,) = done.stderr.splitlines()
     assert words in line and str(run) in line
-    logs = [log for log in (run / "supervisor.log", run / "fleet" / "nursery.log") if log.exists()]
-    assert not any("Traceback" in log.read_text() for log in logs)
+    for log in (run / "supervisor.log", run / "fleet" / "nursery.log"):
+        text = log.read_text() if log.exists() else ""
+        assert "Traceback" not in text, text
     assert left_of(run) == []
 
 
