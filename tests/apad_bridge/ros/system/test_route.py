@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import random
 import socket
 from pathlib import Path
@@ -25,19 +26,16 @@ def test_a_port_in_use_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
         assert free_port() != port
 
 
-def test_with_every_port_in_use_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    def none_is_free(address: tuple[str, int]) -> None:
-        raise OSError(errno.EADDRINUSE, "Address already in use")
+@pytest.mark.parametrize(
+    ("number", "error", "words"),
+    [(errno.EADDRINUSE, PeerFailed, "all in use"), (errno.EMFILE, OSError, "Too many open files")],
+)
+def test_only_ports_in_use_are_passed_over(
+    monkeypatch: pytest.MonkeyPatch, number: int, error: type[Exception], words: str
+) -> None:
+    def refuse(address: tuple[str, int]) -> None:
+        raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(socket, "create_server", none_is_free)
-    with pytest.raises(PeerFailed, match="all in use"):
-        free_port()
-
-
-def test_too_few_descriptors_are_no_port_in_use(monkeypatch: pytest.MonkeyPatch) -> None:
-    def no_descriptor(address: tuple[str, int]) -> None:
-        raise OSError(errno.EMFILE, "Too many open files")
-
-    monkeypatch.setattr(socket, "create_server", no_descriptor)
-    with pytest.raises(OSError, match="Too many open files"):
+    monkeypatch.setattr(socket, "create_server", refuse)
+    with pytest.raises(error, match=words):
         free_port()
