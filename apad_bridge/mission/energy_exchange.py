@@ -290,7 +290,7 @@ class EnergyExchange(OrderBook):
         """The pool without docked aMussels: one that was docked just now was last heard afloat. Empty near a known end."""
         if self._known_end is not None and not self._known_end.is_worth_a_service(now_ms):
             return []
-        pool = self._pool.candidates(now_ms, self._left_alone, dict(self.state.released))
+        pool = self._pool.candidates(now_ms, self._left_alone, self.state.served)
         return [it for it in pool if not self._is_held(it.agent_id)]
 
     def _plan_collection(self, pool: list[Belief], batch: int, now_ms: int) -> bool:

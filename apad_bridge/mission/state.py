@@ -95,6 +95,11 @@ class MissionState:
     """(agent, mission ms of its last release), by agent."""
     ended_by: MissionEnd | None = None
 
+    @property
+    def served(self) -> frozenset[int]:
+        """The aMussels that it brought back at least once."""
+        return frozenset(agent_id for agent_id, _ in self.released)
+
     def phase_text(self, *, place_is_known: bool) -> str:
         """The phase, by the name that people use. Nothing is done before the aPad's place is known."""
         waits = not place_is_known and self.phase is not Phase.ENDED

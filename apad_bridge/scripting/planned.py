@@ -33,7 +33,7 @@ def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, st
     situation = situation_of(
         mission.state,
         _pose(mission),
-        pool.candidates(mission.now_ms, served=dict(mission.state.released)),
+        pool.candidates(mission.now_ms, served=mission.state.served),
         {},
         mission.now_ms,
     )

@@ -140,12 +140,11 @@ class Queries:
 
     def pool(self) -> list[int]:
         """The ids of the charging candidates: recently heard, in the water, at or below the scenario's threshold."""
-
-        def pool(mission: ManualMission) -> list[int]:
-            served = dict(mission.state.released)
-            return [it.agent_id for it in self._pool.candidates(mission.now_ms, served=served)]
-
-        return self._do(pool)
+        return self._do(
+            lambda mission: [
+                it.agent_id for it in self._pool.candidates(mission.now_ms, served=mission.state.served)
+            ]
+        )
 
     # Forecasts, as if nothing more were received.
 

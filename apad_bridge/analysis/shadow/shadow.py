@@ -373,8 +373,8 @@ class Shadow:
     def _planned(self, place_m: Place) -> tuple[Step, ...]:
         held, now_ms = self._docked, self._now_ms
         docked = {agent_id: self._beliefs.get(agent_id) for agent_id in held}
-        served = dict(self._state.released)
-        pool = [it for it in self._pool.candidates(now_ms, served=served) if it.agent_id not in held]
+        candidates = self._pool.candidates(now_ms, served=self._state.served)
+        pool = [it for it in candidates if it.agent_id not in held]
         waiting = self._dispatch.to_collect(pool, {}, self._state.dock_count)
         free = self._state.dock_count - len(held)
         count = self._dispatch.to_collect(pool, docked, free)

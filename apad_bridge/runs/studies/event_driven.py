@@ -386,7 +386,7 @@ class Ticks:
             return now_ms  # an aMussel that is left alone makes the batch smaller
         batch = 1 if self._is_asynchronous else min(batch, max(1, len(alive)))
         low_at_ms, again_at_ms = [], []
-        served = dict(self._supervisor.mission.state.released) if self._again_charge is not None else {}
+        served = frozenset() if self._again_charge is None else self._supervisor.mission.state.served
         for belief in alive:
             physical = self._beliefs.truths[belief.agent_id].physical
             if belief.state is State.FLOATING and belief.primary <= 0:
