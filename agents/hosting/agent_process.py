@@ -170,12 +170,18 @@ def serve(link: socket.socket, buffer: memoryview, handler: WindowHandler) -> No
 
     `buffer` holds more than `LIMIT_BYTES`, so that too long a message is noticed.
     """
-    while answer_one(link, buffer, handler):
-        pass
+    try:
+        while answer_one(link, buffer, handler):
+            pass
+    except ConnectionError:
+        return  # the other end was closed before it had read all answers
 
 
 def answer_one(link: socket.socket, buffer: memoryview, handler: WindowHandler) -> bool:
-    """Waits for a message and answers it; False at the end of the link."""
+    """Waits for a message and answers it; False at the end of the link.
+
+    Raises ConnectionError if the other end was closed with an answer unread, or before the answer.
+    """
     size = link.recv_into(buffer)
     if size == 0 and hung_up(link):
         return False

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.fleet import resting_on_bottom
-from agents.hosting.agent_process import MOST_AHEAD, WindowHandler
+from agents.hosting.agent_process import MOST_AHEAD, WindowHandler, answer_one, message_buffer, serve
 from agents.hosting.host import Grant, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,
@@ -179,6 +179,32 @@ def test_the_same_question_gets_the_same_answer_and_happens_once(
     assert [type(output) for output in answer.reply.outputs] == [WifiSent]
     newest = pair.newest(None)
     assert newest is not None and (newest.key, newest.granted_ms) == ((1, 1), 40_000)
+
+
+@pytest.mark.parametrize("reads_answer", [True, False], ids=["answer read", "answer unread"])
+def test_an_agent_ends_with_its_link(
+    reads_answer: bool, served: tuple[WindowHandler, socket.socket, RecordRing]
+) -> None:
+    servant, _, _ = served
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        ours.send(Window((1, 1), Grant(40_000)).encode())
+        assert answer_one(theirs, message_buffer(), servant)
+        if reads_answer:
+            ours.recv(LIMIT_BYTES)
+        ours.close()
+        serve(theirs, message_buffer(), servant)
+
+
+def test_an_agent_ends_with_a_link_that_closes_before_its_answer(
+    served: tuple[WindowHandler, socket.socket, RecordRing],
+) -> None:
+    servant, _, _ = served
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        ours.send(Window((1, 1), Grant(40_000)).encode())
+        ours.close()
+        serve(theirs, message_buffer(), servant)
 
 
 def test_an_old_epoch_is_fenced_off_and_moves_nothing(
