@@ -13,32 +13,42 @@ active ones, up to y_i = (d_i T - u_i) / (c_i + d_i), from where it costs one. S
 c_i / d_i first.
 
 For ever, u_i / T vanishes: an aMussel that is never empty is active for the share c / (c + d) and docked for d / (c + d),
-so one aPad sustains D (1 + c / d) aMussels. A fleet that sleeps needs kf times the charge of one that is always awake, and
-the number is D (1 + (c / d) / kf). For the paper's aMussels, always awake, and four docks it is 15.2 when only the fast end
-of the curve is used, and 11.9 when each charge begins at empty.
+so one aPad sustains D (1 + c / d) aMussels. Where aMussels differ, as by the wait for their timeslots, the shares of those
+that it sustains sum to D: it sustains D over the fleet's mean share. A fleet that sleeps needs kf times the charge of one
+that is always awake, and the number is D (1 + (c / d) / kf). For the paper's aMussels, always awake, and four docks it is
+15.2 when only the fast end of the curve is used, and 11.9 when each charge begins at empty.
 
 Each service costs a surfacing and a sinking, e of a battery. A dock that charges from x to y in t(x, y) minutes gives the
 aMussel (y - x - e) / d minutes of work. So c is max (y - x - e) / t(x, y), and because the curve is piecewise linear the
 maximum lies at two of its breakpoints. Without e it is the steepest part of the curve. An aMussel that is docked at the end
-of a mission has yet to sink, so the mission's u has half of e added.
+of a mission has yet to sink, so the mission's u has that part of e added.
 
-A whole board's e is its motors', and its c is less what it draws asleep in a dock. Travel, docking and waiting are left
-out, and what such a board draws while it is awake for its service, so every flight stays below.
+A whole board is awake on its way up, on its way down, and while it listens on the bottom. In these t_e minutes it draws the
+idle load i, and would have drawn d. So its e is that of two runs of the motors and (i - d) t_e. Its c is less what it draws
+in a dock: asleep, and for `report_s` after each alarm. Its d is a mean over whole cycles. A mission may end just before an
+alarm, so its u has the charge of one wake added.
+
+Alarms find the board in the water, on its way or in a dock in proportion to time, as they do where nobody plans for them: a
+service that is timed to skip a wake saves that wake. Travel, docking, waiting and the time afloat are left out, so flights
+stay below.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from statistics import fmean
 
 from apad_bridge.assembly.energy_model import drain_per_min_of
-from apad_bridge.scenario.firmware_config import board_config, spread_of, takes_samples
+from apad_bridge.assembly.estimator import schedules
+from apad_bridge.scenario.firmware_config import board_config, sinking_of, spread_of, takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from firmware_model.config import PATH_UNIT, BoardConfig
+from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, rails_of
+from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
 _MS_PER_MIN = 60_000
@@ -49,7 +59,7 @@ class Rates:
     """An aMussel's charge on [0, 1]: `start`, and the rates an agent minute of its drain and of its charger."""
 
     start: float
-    """With the charge for one run of the motors, which a mission's last service may leave unspent."""
+    """With the charges that a mission's end may leave unspent: that of a way down, and that of a wake."""
     drain: float
     charge: float
     """The greatest gain a docked minute over whole services, less the cost of surfacing and sinking; at least 0."""
@@ -69,7 +79,7 @@ class Bounds:
     samples: float | None
     """None for boards with a low level, at which they take samples besides their schedule."""
     sustained: float
-    """aMussels that the docks keep from ever being empty, each charge on the best part of the curve."""
+    """aMussels like this fleet's that the docks keep from ever being empty, each charge on the best part of the curve."""
     sustained_from_empty: float
     """The same if each charge goes from empty to full."""
     uptime_for_ever_percent: float
@@ -97,8 +107,6 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None)
     active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
     each = [rates for fleet in fleets for rates in fleet]
-    drain, charge = min(it.drain for it in each), max(it.charge for it in each)
-    slow = 1 / min(it.full_charge_min for it in each)
     without_start = [replace(it, start=0.0) for it in fleets[0]]
     return Bounds(
         amussels,
@@ -106,8 +114,8 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         100 * active / amussels,
         active,
         _samples(scenario, active, mission_s),
-        docks * (1 + charge / drain),
-        docks * (1 + slow / drain),
+        docks / fmean(it.drain / (it.charge + it.drain) for it in each),
+        docks / fmean(it.drain / (1 / it.full_charge_min + it.drain) for it in each),
         100 * active_minutes(without_start, 1.0, docks) / amussels,
         _cycles_per_apad_charge(scenario, fmean(it.full_charge_min for it in each), amussels),
     )
@@ -146,7 +154,7 @@ def drain_at_load(charge: float, amussels: int, docks: int, load: float) -> floa
 
 
 def sustained_by_balance(amussels: int, gained: float, drain: float, minutes: float) -> float:
-    """The capacity that a flight measures: the fleet whose charge would have stayed the same.
+    """The capacity that a flight measures: the fleet whose charge would have stayed the same; `drain` is the fleet's mean.
 
     With docks that are never empty, an aMussel more costs its drain alone. So a fleet whose charges rose by `gained`
     batteries together in `minutes` could be larger by gained / (drain x minutes), or had to be smaller. That holds near the
@@ -158,44 +166,79 @@ def sustained_by_balance(amussels: int, gained: float, drain: float, minutes: fl
 def rates_of(scenario: Scenario) -> list[Rates]:
     """Each aMussel's rates, in its own duty cycle."""
     nominal, spread = board_config(scenario.board, scenario.seed), spread_of(scenario)
+    sinking, ids = sinking_of(scenario), scenario.fleet.all_ids
     found = []
     for start in starts_of(scenario):
         board = spread.applied(replace(nominal, agent_id=start.agent_id), scenario.seed)
         per_min = _curve_of(board)
-        ends = [0.0, *(end for end, _ in per_min)]
-        full_min = sum((end - low) / rate for (end, rate), low in zip(per_min, ends, strict=False))
-        drain = drain_per_min_of(board, scenario.fleet.all_ids)
-        motor_run = _motor_run_of(board)
-        gain = max(0.0, _best_gain(per_min, 2 * motor_run))
-        found.append(Rates(start.primary + motor_run, drain, gain, full_min))
+        drain = drain_per_min_of(board, ids)
+        up, down = _ways_of(board, sinking, drain)
+        gain = _best_gain(per_min, max(0.0, up + down))
+        unspent = max(0.0, down) + _wake_of(board, ids)
+        found.append(Rates(start.primary + unspent, drain, gain, _full_min(per_min)))
     return found
 
 
 def _draw_in_a_dock(board: BoardConfig) -> float:
-    """The grains a millisecond that a sleeping whole board takes of its charger's; a board of the worst case takes none."""
+    """The mean grains a millisecond that a docked whole board takes of its charger's; the worst case takes none."""
     if board.whole is None:
         return 0.0
-    power = board.whole.power
-    asleep = power.loads.total(rails_of(State.CHARGING, power.kept_on, False, 0))
-    return asleep * power.path / PATH_UNIT
+    power, cycle = board.whole.power, board.whole.cycle
+    mean = float(_load_of(board.whole, State.CHARGING))
+    if cycle is not None:
+        # The alarms that ring during a report are skipped.
+        apart_ms = (cycle.report_ms // cycle.alarm_ms + 1) * cycle.alarm_ms
+        mean += (_load_of(board.whole, State.REPORTING) - mean) * cycle.report_ms / apart_ms
+    return mean * power.path / PATH_UNIT
 
 
-def _motor_run_of(board: BoardConfig) -> float:
-    """The part of a battery that a way up or down takes for the motors."""
-    if board.whole is None:
-        return board.motor_run / FULL
-    power = board.whole.power
-    return power.loads.of[Rail.MOTORS] * power.motor_run_ms / FULL
+def _ways_of(board: BoardConfig, sinking: Sinking, drain: float) -> tuple[float, float]:
+    """The parts of a battery that the ways up and down take beyond `drain`; the way down with its time of listening."""
+    whole = board.whole
+    if whole is None:
+        run = board.motor_run / FULL
+        return run, run
+    run = whole.power.loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL
+    listen_ms = 0 if whole.cycle is None else whole.cycle.listen_ms
+
+    def beyond(state: State, lasting_ms: int) -> float:
+        return (_load_of(whole, state) / FULL - drain / _MS_PER_MIN) * lasting_ms
+
+    return (
+        run + beyond(State.SURFACING, sinking.surfacing_ms),
+        run + beyond(State.SINKING, sinking.sinking_ms) + beyond(State.ACTIVE, listen_ms),
+    )
+
+
+def _wake_of(board: BoardConfig, all_ids: Sequence[int]) -> float:
+    """The part of a battery that one wake takes beyond what sleep takes."""
+    cycle = schedules(board.whole, all_ids, [board.agent_id])[board.agent_id].cycle
+    return 0.0 if cycle is None else cycle.awake(0, cycle.period_ms)
+
+
+def _load_of(whole: FullFirmware, state: State) -> int:
+    """The grains a millisecond that the board draws in `state`."""
+    return whole.power.loads.total(rails_of(state, whole.power.kept_on, whole.cycle is None, 0))
+
+
+def _full_min(per_min: Sequence[tuple[float, float]]) -> float:
+    """The minutes from empty to full; infinite if the load in the dock is more than the charger gives on a part."""
+    if min(rate for _, rate in per_min) <= 0:
+        return inf
+    starts = [0.0, *(end for end, _ in per_min)]
+    return sum((end - low) / rate for (end, rate), low in zip(per_min, starts, strict=False))
 
 
 def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float) -> float:
-    """The greatest (y - x - `surfacing`) / t(x, y) of the curve, whose segments are (end, rate a minute)."""
+    """The greatest (y - x - `surfacing`) / t(x, y) of the curve, whose segments are (end, rate a minute); at least 0."""
     starts = [0.0, *(end for end, _ in per_min)]
-    found = []
+    found = [0.0]
     for first in range(len(per_min)):
         minutes = 0.0
         for index in range(first, len(per_min)):
             end, rate = per_min[index]
+            if rate <= 0:
+                break
             minutes += (end - starts[index]) / rate
             found.append((end - starts[first] - surfacing) / minutes)
     return max(found)
@@ -228,7 +271,8 @@ def uptime_with_services(scenario: Scenario, services: float) -> float:
     fleet, minutes = rates_of(scenario), scenario.duration_s * scenario.theta / 60
     curve = _curve_of(board_config(scenario.board, scenario.seed))
     ends = [0.0, *(end for end, _ in curve)]
-    fastest = sorted(((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False)), reverse=True)
+    parts = ((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False) if rate > 0)
+    fastest = sorted(parts, reverse=True)
     drain = min(it.drain for it in fleet)
     unserved = sum(min(minutes, it.start / it.drain) for it in fleet)
 
