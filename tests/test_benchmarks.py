@@ -16,7 +16,7 @@ from shapely import Point, Polygon
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.scenario.loader import load
-from benchmarks import chaos, planner
+from benchmarks import chaos, planner, ten_days
 
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
@@ -166,3 +166,13 @@ def test_a_comparison_by_hand() -> None:
     )  # t for one degree
     assert ours["metres_of_greedy"] == pytest.approx(95 / 105)
     assert ours["metres_more_than_greedy"][0] == pytest.approx(-10)
+
+
+def test_a_fleet_that_sleeps_is_measured_just_below_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A day of boards that process for 4 min an hour. Their law counts all but ways, the time afloat and empty docks."""
+    monkeypatch.setattr(ten_days, "DOCKS", 1)
+    monkeypatch.setattr(ten_days, "TIMESLOTS", 12)
+    found = ten_days.duty_cycle(240, 1)
+    assert found["amussels"] <= found["law"] < found["amussels"] + 1
+    assert 0.95 < found["of_law"] < 1
+    assert found["dead_time_h"] == 0
