@@ -10,18 +10,28 @@ from apad_bridge.scenario.schema import FullWhen, Mission
 
 def is_full(belief: Belief | None, config: Mission) -> bool:
     """The aMussel is believed full, by the scenario's definition; one that was never heard is not."""
-    return belief is not None and _level(belief, config.full_when) > config.full_threshold
+    return belief is not None and counted_charge(belief, config) > config.full_threshold
 
 
 def is_charged(belief: Belief | None, config: Mission) -> bool:
-    """The aMussel is believed full, or above the scenario's `charge_to`, at which it makes room for others."""
-    threshold = config.full_threshold if config.charge_to is None else config.charge_to
-    return belief is not None and _level(belief, config.full_when) > threshold
+    """The aMussel is believed to have charge enough to make room for an empty one at least."""
+    return makes_room(belief, config, 0.0)
 
 
-def _level(belief: Belief, full_when: FullWhen) -> float:
+def makes_room(belief: Belief | None, config: Mission, waiting_charge: float) -> bool:
+    """The aMussel makes room for one with `waiting_charge`: it is believed above the scenario's `charge_to`, or to lead."""
+    if belief is None:
+        return False
+    charge = counted_charge(belief, config)
+    if charge > (config.full_threshold if config.charge_to is None else config.charge_to):
+        return True
+    return config.charge_lead is not None and charge >= waiting_charge + config.charge_lead
+
+
+def counted_charge(belief: Belief, config: Mission) -> float:
     """The charge that counts: the primary battery's, or the lower of both, as the scenario says."""
-    return belief.primary if full_when is FullWhen.PRIMARY else min(belief.primary, belief.secondary)
+    is_primary = config.full_when is FullWhen.PRIMARY
+    return belief.primary if is_primary else min(belief.primary, belief.secondary)
 
 
 class ChargingWatch:
@@ -52,7 +62,7 @@ class ChargingWatch:
         given_up: list[tuple[int, str]] = []
         for agent_id, belief in sorted(docked.items()):
             best, gained_ms = self._best.get(agent_id, (-1.0, now_ms))
-            if belief is not None and (level := _level(belief, self.config.full_when)) > best:
+            if belief is not None and (level := counted_charge(belief, self.config)) > best:
                 best, gained_ms = level, now_ms
             self._best[agent_id] = (best, gained_ms)
             if (

@@ -14,22 +14,21 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charging_watch import ChargingWatch, is_charged, is_full
+from apad_bridge.mission.charging_watch import ChargingWatch, counted_charge, is_charged, is_full, makes_room
 from apad_bridge.scenario.schema import Dispatch, Mission
 
 Docked = Mapping[int, Belief | None]
 """The beliefs of the docked aMussels, by id; None for one that was never heard."""
+Pool = Callable[[], Sequence[Belief]]
+"""Looks up the pool, which takes long: nobody asks before a docked aMussel may make room."""
 
 
 class DispatchRule(Protocol):
     def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
         """Returns the number of aMussels of the pool to collect now; 0 means to wait."""
 
-    def to_release(self, docked: Docked, waiting: Callable[[], int]) -> Collection[int]:
-        """Returns the ids of the docked aMussels to release now.
-
-        `waiting` tells the number of aMussels that could be collected now if all docks were free.
-        """
+    def to_release(self, docked: Docked, pool: Pool) -> Collection[int]:
+        """Returns the ids of the docked aMussels to release now."""
 
 
 class BatchDispatch:
@@ -45,18 +44,23 @@ class BatchDispatch:
     def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
         return 0 if docked else min(self._batch_of(pool), free_docks)
 
-    def to_release(self, docked: Docked, waiting: Callable[[], int]) -> Collection[int]:
-        left = {it: belief for it, belief in docked.items() if not self._watch.has_given_up(it)}
-        if all(is_full(belief, self._config) for belief in left.values()):
+    def to_release(self, docked: Docked, pool: Pool) -> Collection[int]:
+        left = [belief for agent_id, belief in docked.items() if not self._watch.has_given_up(agent_id)]
+        if all(is_full(belief, self._config) for belief in left):
             return tuple(docked)
-        makes_room = all(is_charged(belief, self._config) for belief in left.values()) and waiting() > 0
-        return tuple(docked) if makes_room else ()
+        if not all(is_charged(belief, self._config) for belief in left):
+            return ()
+        waiting = pool()
+        charges = sorted(counted_charge(it, self._config) for it in waiting)[: self._batch_of(waiting)]
+        if charges and all(makes_room(belief, self._config, charges[-1]) for belief in left):
+            return tuple(docked)
+        return ()
 
 
 class AsynchronousDispatch:
     """Collects one aMussel as soon as a dock is free; releases each when it is full, or given up.
 
-    One that is charged, if not full, makes room when no dock is free and another waits: the fullest of them.
+    When no dock is free and another waits, the fullest makes room, if it is charged enough for that.
     """
 
     def __init__(self, config: Mission, watch: ChargingWatch) -> None:
@@ -66,7 +70,7 @@ class AsynchronousDispatch:
     def to_collect(self, pool: Sequence[Belief], docked: Docked, free_docks: int) -> int:
         return min(1, len(pool), free_docks)
 
-    def to_release(self, docked: Docked, waiting: Callable[[], int]) -> Collection[int]:
+    def to_release(self, docked: Docked, pool: Pool) -> Collection[int]:
         done = tuple(
             agent_id
             for agent_id, belief in docked.items()
@@ -75,9 +79,9 @@ class AsynchronousDispatch:
         if done:
             return done
         charged = [it for it in docked.values() if it is not None and is_charged(it, self._config)]
-        if not charged or not waiting():
-            return ()
-        return (max(charged, key=lambda it: (it.primary, -it.agent_id)).agent_id,)
+        charges = [counted_charge(it, self._config) for it in pool()] if charged else []
+        able = [it for it in charged if charges and makes_room(it, self._config, min(charges))]
+        return [it.agent_id for it in sorted(able, key=lambda it: (-it.primary, it.agent_id))[:1]]
 
 
 def dispatch_of(

@@ -282,10 +282,6 @@ class EnergyExchange(OrderBook):
         if count and self._plan_collection(pool, count, now_ms):
             self._go_collect(now_ms)
 
-    def _waiting(self, now_ms: int) -> int:
-        """The number of aMussels that the aPad would collect now if its docks were free."""
-        return self._dispatch.to_collect(self._candidates(now_ms), {}, self.state.dock_count)
-
     def _candidates(self, now_ms: int) -> list[Belief]:
         """The pool without docked aMussels: one that was docked just now was last heard afloat. Empty near a known end."""
         if self._known_end is not None and not self._known_end.is_worth_a_service(now_ms):
@@ -371,7 +367,7 @@ class EnergyExchange(OrderBook):
             else:
                 self._go_home(now_ms)
             return
-        released = self._dispatch.to_release(beliefs, lambda: self._waiting(now_ms))
+        released = self._dispatch.to_release(beliefs, lambda: self._candidates(now_ms))
         if released:
             self._release(released, beliefs, now_ms)
         else:

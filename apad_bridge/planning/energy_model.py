@@ -23,6 +23,8 @@ class EnergyModel:
     """The charge above which the mission releases an aMussel."""
     makes_room: float
     """The charge above which it releases one when others wait."""
+    charge_lead: float | None
+    """It also releases one that has so much more charge than the one that waits; None: it does not."""
     motor_run: float
     """The charge that one run of the motors takes."""
     speed_m_s: float

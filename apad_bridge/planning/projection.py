@@ -17,6 +17,8 @@ from apad_bridge.planning.energy_model import EnergyModel
 
 _LEG_S = 2.5
 """Time of a leg beyond its way at full speed: to accelerate, to brake, and to be sure of the arrival."""
+_HALVINGS = 8
+"""They find the time of a lead within a second or two of an hour's charge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ class Projection:
         waits_s = sorted(enters_s)[wanted - 1] if wanted else inf
         if docked:
             full_s = max(self._reaches_s(index, model.full) for index in docked)
-            room_s = max(waits_s, *(self._reaches_s(index, model.makes_room) for index in docked))
+            room_s = max(waits_s, self._room_s(docked, swimming, wanted))
             self._now_s = max(self._now_s, min(full_s, room_s))
             while docked and self._now_s < self._horizon_s:
                 self._release_nearest(docked)
@@ -106,11 +108,11 @@ class Projection:
             return True
         events_s = list(full_s)
         if pool:
-            room_s = [self._reaches_s(index, model.makes_room) for index in docked]
-            if min(room_s, default=inf) <= now_s:
+            room_s = self._room_s(docked, pool, 1)
+            if room_s <= now_s:
                 self._release(max(zip(self._charges_now(docked), docked, strict=True))[1])
                 return True
-            events_s += room_s
+            events_s.append(room_s)
         else:
             events_s += enters_s
         self._now_s = min(events_s, default=inf)
@@ -172,6 +174,32 @@ class Projection:
             max(at_s, urgent_s) if index in self._served else at_s
             for index, at_s in zip(swimming, low_s, strict=True)
         ]
+
+    def _room_s(self, docked: Sequence[int], waiting: Sequence[int], wanted: int) -> float:
+        """When the docked ones make room for the `wanted` lowest that wait: one by one the first of them, else all."""
+        model = self._model
+        if not docked:
+            return inf
+        ready = min if model.is_asynchronous else max
+        room_s = ready(self._reaches_s(index, model.makes_room) for index in docked)
+        if model.charge_lead is None or not wanted:
+            return room_s
+        lead, drain = model.charge_lead, model.drain_per_s
+
+        def leads(at_s: float) -> bool:
+            charges = sorted(
+                max(0.0, self._charge[index] - drain * (at_s - self._since_s[index])) for index in waiting
+            )
+            led = min(model.makes_room, charges[wanted - 1] + lead)
+            return ready(self._reaches_s(index, led) for index in docked) <= at_s
+
+        low_s, high_s = self._now_s, max(self._now_s, room_s)
+        if leads(low_s):
+            return low_s
+        for _ in range(_HALVINGS):
+            middle_s = (low_s + high_s) / 2
+            low_s, high_s = (low_s, middle_s) if leads(middle_s) else (middle_s, high_s)
+        return high_s
 
     def _falls_to_s(self, index: int, charge: float) -> float:
         """When an aMussel in the water falls to `charge`."""

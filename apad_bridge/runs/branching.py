@@ -56,7 +56,8 @@ from firmware_model.stimuli import ResetCause
 
 CHANGEABLE = (
     *("collection", "redeployment", "costs", "dispatch", "batch"),
-    *("pool_threshold", "again_threshold", "full_threshold", "full_when", "charge_to", "horizon"),
+    *("pool_threshold", "again_threshold", "full_threshold", "full_when"),
+    *("charge_to", "charge_lead", "horizon"),
 )
 """The keys of a scenario's `mission` that decide plans, and can change while it flies."""
 FIGURES = {

@@ -320,6 +320,14 @@ def _check_mission(scenario: Scenario) -> list[Contradiction]:
                 f"mission.full_threshold ({mission.full_threshold})",
             )
         )
+    limit = "full_threshold" if mission.charge_to is None else "charge_to"
+    if mission.charge_lead is not None and mission.charge_lead >= getattr(mission, limit):
+        found.append(
+            (
+                "mission.charge_lead",
+                f"must be below mission.{limit} ({getattr(mission, limit)}), or it changes nothing: leave it out",
+            )
+        )
     if mission.full_when is FullWhen.BOTH and scenario.board.whole is None:
         found.append(
             (

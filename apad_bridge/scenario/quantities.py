@@ -57,6 +57,7 @@ Speed = Annotated[float, Ge(-20), Le(20)]
 """A velocity's component, in m/s."""
 Milliseconds = Annotated[int, Ge(0), Le(1_000_000_000)]
 Fraction = Annotated[float, Ge(0), Le(1)]
+PositiveFraction = Annotated[float, Gt(0), Le(1), AfterValidator(_not_tiny)]
 RatePerMinute = Annotated[float, Gt(0), Le(1000), AfterValidator(_ten_decimals)]
 """Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""
 ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]

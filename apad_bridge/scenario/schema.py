@@ -30,6 +30,7 @@ from apad_bridge.scenario.quantities import (
     NotNegativeSeconds,
     Place,
     Positive,
+    PositiveFraction,
     PositiveSeconds,
     RosNamespace,
     Speed,
@@ -304,6 +305,8 @@ class Mission:
     full_threshold: Fraction
     charge_to: Fraction | None = None
     """A docked aMussel above this makes room when others wait for its dock. None: only full aMussels leave."""
+    charge_lead: PositiveFraction | None = None
+    """A docked aMussel that has so much more charge than the one that waits makes room for it, too. None: it does not."""
     full_when: FullWhen = FullWhen.PRIMARY
     horizon: Horizon = Horizon.OPEN
     speed_m_s: Positive

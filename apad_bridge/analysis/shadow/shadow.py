@@ -375,10 +375,9 @@ class Shadow:
         docked = {agent_id: self._beliefs.get(agent_id) for agent_id in held}
         candidates = self._pool.candidates(now_ms, served=self._state.served)
         pool = [it for it in candidates if it.agent_id not in held]
-        waiting = self._dispatch.to_collect(pool, {}, self._state.dock_count)
         free = self._state.dock_count - len(held)
         count = self._dispatch.to_collect(pool, docked, free)
-        if released := list(self._dispatch.to_release(docked, lambda: waiting)):
+        if released := list(self._dispatch.to_release(docked, lambda: pool)):
             known = [docked[it] or placeholder_belief(it, place_m) for it in released]
             others = [it for it in self._beliefs.all() if it.agent_id not in released]
             situation = situation_of(self._state, place_m, known, held, now_ms, others, self._model)

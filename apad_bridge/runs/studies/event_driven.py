@@ -42,7 +42,6 @@ from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import (
     Dispatch,
     DriftMode,
-    FullWhen,
     HearingMode,
     Horizon,
     Positioning,
@@ -55,7 +54,7 @@ from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets.wire import CHARGE_STEPS
-from firmware_model.power.charge import FULL, Battery, ChargeModel
+from firmware_model.power.charge import FULL, ChargeModel
 from firmware_model.state_groups import BEYOND_HELP, DOCKED, UP_AND_UNDOCKED
 from firmware_model.states import State
 
@@ -407,37 +406,62 @@ class Ticks:
     def _next_release_ms(self, beliefs: Sequence[Belief], held: Collection[int], now_ms: int) -> int:
         """The mission time by which a docked aMussel may leave, one may be collected beside those, or a watch for stalls
         must see them."""
-        releases_ms = [self._leaves_at_ms(agent_id) for agent_id in held]
-        if not held or None in releases_ms:
+        docked = [self._beliefs.get(agent_id) for agent_id in held]
+        times_ms = [self._reach_at_ms(held, charge) for charge in self._releases_at]
+        if not held or any(it is None or it.state not in DOCKED for it in docked) or _NEVER_MS in times_ms:
             return now_ms
-        last_of = min if self._is_asynchronous else max
-        times_ms = [last_of(times) for times in zip(*filter(None, releases_ms), strict=True)]
         soonest_ms = next((it for it in times_ms if it > now_ms), now_ms)
         makes_room = self._config.charge_to is not None and times_ms[0] <= now_ms
         has_room = self._is_asynchronous and len(held) < self._supervisor.mission.state.dock_count
-        if makes_room or has_room:
-            return min(soonest_ms, self._enough_in_pool_ms(beliefs, self._config.batch, now_ms))
-        return soonest_ms
+        lead = self._config.charge_lead
+        if not makes_room and not has_room and lead is None:
+            return soonest_ms
+        enough_ms = self._enough_in_pool_ms(beliefs, self._config.batch, now_ms)
+        if not makes_room and not has_room and lead is not None:
+            enough_ms = max(enough_ms, self._lead_at_ms(beliefs, held, lead))
+        return min(soonest_ms, enough_ms)
 
-    def _leaves_at_ms(self, agent_id: int) -> list[int] | None:
-        """The mission times at which a docked aMussel reaches each of the charges at which it may leave."""
-        physical, belief = self._beliefs.truths[agent_id].physical, self._beliefs.get(agent_id)
-        if belief is None or belief.state not in DOCKED:
-            return None
-        both = self._config.full_when is FullWhen.BOTH
-        batteries = [physical.primary, physical.secondary] if both else [physical.primary]
+    def _lead_at_ms(self, beliefs: Sequence[Belief], held: Collection[int], lead: float) -> int:
+        """The mission time by which the docked aMussels may lead a batch of those in the water.
+
+        Who waits falls to a level of charge the later, the lower it is; the docked ones then lead that level the sooner. So
+        the time is where both meet.
+        """
+        waiting = [it for it in beliefs if it.state not in DOCKED and it.state not in BEYOND_HELP]
+        batch = 1 if self._is_asynchronous else min(self._config.batch, len(waiting))
+        if not batch:
+            return _NEVER_MS
+
+        def falls_at_ms(level: int) -> int:
+            charge, found_ms = _highest_charge_at_most(level / CHARGE_STEPS), []
+            for belief in waiting:
+                physical = self._beliefs.truths[belief.agent_id].physical
+                falls_ms = self._charge_model(belief).falls_to_at_ms(physical.primary, charge)
+                found_ms.append(_NEVER_MS if falls_ms is None else falls_ms // self._tick_agent_ms * TICK_MS)
+            return sorted(found_ms)[batch - 1]
+
+        def leads_at_ms(level: int) -> int:
+            led = math.floor(level + lead * CHARGE_STEPS) - 1
+            while led / CHARGE_STEPS < level / CHARGE_STEPS + lead:
+                led += 1
+            return self._reach_at_ms(held, _highest_charge_at_most((led - 1) / CHARGE_STEPS) + 1)
+
+        low, high = 0, CHARGE_STEPS
+        while low < high:
+            middle = (low + high) // 2
+            low, high = (middle + 1, high) if falls_at_ms(middle) > leads_at_ms(middle) else (low, middle)
+        return min(leads_at_ms(low), falls_at_ms(max(0, low - 1)))
+
+    def _reach_at_ms(self, held: Collection[int], charge: int) -> int:
+        """The mission time at which the docked ones have a charge, in grains: one by one the first of them, else all."""
         found_ms = []
-        for charge in self._releases_at:
-            times_ms = [self._reaches_at_ms(battery, agent_id, charge) for battery in batteries]
-            reached_ms = [it for it in times_ms if it is not None]
-            if len(reached_ms) < len(times_ms):
-                return None
-            found_ms.append(max(reached_ms))
-        return found_ms
-
-    def _reaches_at_ms(self, battery: Battery, agent_id: int, charge: int) -> int | None:
-        reaches_ms = self._beliefs.charge_of(agent_id).reaches_at_ms(battery, charge)
-        return None if reaches_ms is None else reaches_ms // self._tick_agent_ms * TICK_MS
+        for agent_id in held:
+            physical = self._beliefs.truths[agent_id].physical
+            reaches_ms = self._beliefs.charge_of(agent_id).reaches_at_ms(physical.primary, charge)
+            if reaches_ms is None:
+                return _NEVER_MS
+            found_ms.append(reaches_ms // self._tick_agent_ms * TICK_MS)
+        return (min if self._is_asynchronous else max)(found_ms)
 
     def _charge_model(self, belief: Belief) -> ChargeModel:
         return self._beliefs.charge_of(belief.agent_id)

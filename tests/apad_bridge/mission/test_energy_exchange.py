@@ -764,6 +764,44 @@ def test_a_charged_one_makes_room_only_when_another_waits_and_no_dock_is_free(
     assert [step.agent_id for step in bench.mission.state.plan.steps] == ([3] if leaves else [])
 
 
+@pytest.mark.parametrize(("waiting_charge", "leaves"), [(0.4, True), (0.5, True), (0.51, False)])
+def test_one_that_leads_the_lowest_of_the_pool_makes_room_for_it(waiting_charge: float, leaves: bool) -> None:
+    bench = one_by_one(agents=6, config=replace(ASYNCHRONOUS, charge_lead=0.25))
+    for agent_id in (2, 3, 4):
+        bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.7)
+        bench.tick()
+        bench.collect(agent_id)
+    bench.told.say(3, bench.now_ms, State.CHARGING, 0.75)
+    bench.told.say(5, bench.now_ms, State.ACTIVE, 0.7)
+    bench.told.say(6, bench.now_ms, State.ACTIVE, waiting_charge)
+    bench.tick()
+    assert [step.agent_id for step in bench.mission.state.plan.steps] == ([3] if leaves else [])
+
+
+@pytest.mark.parametrize(
+    ("last_docked", "last_waiting", "leave"), [(0.75, 0.5, True), (0.74, 0.5, False), (0.75, 0.51, False)]
+)
+def test_a_batch_makes_room_when_each_of_it_leads_each_of_the_lowest_batch(
+    last_docked: float, last_waiting: float, leave: bool
+) -> None:
+    bench = Bench(agents=5, config=replace(MISSION, batch=2, charge_lead=0.25))
+    for agent_id in (3, 4, 5):
+        bench.told.say(agent_id, 0, State.ACTIVE, 0.9)
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.collect(1)
+    bench.collect(2)
+    for agent_id, charge in ((1, last_docked), (2, 0.95)):
+        bench.told.say(agent_id, bench.now_ms, State.CHARGING, charge)
+    bench.told.say(3, bench.now_ms, State.ACTIVE, 0.1)
+    bench.tick()
+    assert bench.mission.state.phase is Phase.CHARGE  # one that waits is no batch
+    bench.told.say(4, bench.now_ms, State.ACTIVE, last_waiting)
+    bench.told.say(5, bench.now_ms, State.ACTIVE, 0.79)
+    bench.tick()
+    assert {step.agent_id for step in bench.mission.state.plan.steps} == ({1, 2} if leave else set())
+
+
 def test_an_asynchronous_aPad_gives_up_one_whose_charge_does_not_rise_and_releases_it() -> None:
     bench = one_by_one()
     for _ in range(round(MISSION.silence_timeout_s) + 2):

@@ -116,7 +116,7 @@ def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
 def is_released(config: Mission, watch: ChargingWatch, docked: Told) -> set[int]:
     """The aMussels that both rules of dispatch release; fails if they differ."""
     released = {
-        frozenset(dispatch_of(replace(config, dispatch=rule), watch, len).to_release(docked, lambda: 0))
+        frozenset(dispatch_of(replace(config, dispatch=rule), watch, len).to_release(docked, list))
         for rule in Dispatch
     }
     (only,) = released

@@ -27,6 +27,8 @@ POOL = load(POOL_FILE)
 MODEL = energy_model(POOL)
 PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
 LOOKING_AHEAD = ("rollout", "rollout-fair", "charge-groups", "triage")
+RATE_AT_0_7 = 0.002911 / 60 * POOL.theta
+"""Charge a second in a dock, of the paper's equation (2)."""
 charges = st.floats(0, 1)
 metres = st.floats(-60, 60)
 
@@ -49,6 +51,7 @@ def fleets(draw: st.DrawFn) -> Situation:
     others = (*high, *(held if draw(st.booleans()) else ()))
     free = (0, 1, 2) if len(others) == 3 else (0, 1, 2, 3)
     model = replace(MODEL, is_asynchronous=draw(st.booleans()), motor_run=draw(st.sampled_from((0.0, 0.045))))
+    model = replace(model, charge_lead=draw(st.none() | st.floats(0.05, 1)))
     return Situation(draw(metres), draw(metres), tuple(low), free, others, model)
 
 
@@ -116,6 +119,29 @@ def test_a_charged_batch_makes_room_in_a_projection_if_another_one_waits(waits: 
     docked_s, released_s = MODEL.charging_s(0.7, MODEL.full), 2.5 + MODEL.undock_s
     outcome = Projection(Situation(0, 0, (), (), (held, other), model), model, docked_s, 60.0).of(())
     assert outcome.active_s[0] == pytest.approx(docked_s - released_s if waits else 0.0)
+
+
+@pytest.mark.parametrize("is_asynchronous", [True, False])
+@pytest.mark.parametrize(("lead", "waits_s"), [(0.25, 0.0), (0.4, 0.1 / (RATE_AT_0_7 + MODEL.drain_per_s))])
+def test_one_that_leads_the_waiting_one_makes_room_in_a_projection(
+    is_asynchronous: bool, lead: float, waits_s: float
+) -> None:
+    """It has 0.7 in the dock at its own home, and the other one 0.4 in the water: one rises while the other falls."""
+    model = replace(
+        MODEL,
+        docks=1,
+        batch=1,
+        makes_room=MODEL.full,
+        charge_lead=lead,
+        pool_threshold=0.5,
+        is_asynchronous=is_asynchronous,
+    )
+    situation = Situation(
+        0, 0, (), (), (replace(swimming(1, 0, 0, 0.7), dock_index=0), swimming(2, 0, 0, 0.4)), model
+    )
+    docked_s, released_s = MODEL.charging_s(0.7, MODEL.full), 2.5 + MODEL.undock_s
+    outcome = Projection(situation, model, docked_s, 60.0).of(())
+    assert outcome.active_s[0] == pytest.approx(docked_s - released_s - waits_s, abs=docked_s / 200)
 
 
 @pytest.mark.parametrize("is_asynchronous", [True, False])

@@ -290,6 +290,16 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "mission.again_threshold: must be below mission.pool_threshold (0.8), or it changes nothing: leave it out",
         ),
         (
+            "full_threshold: 0.99",
+            "full_threshold: 0.99\n  charge_to: 0.9\n  charge_lead: 0.9",
+            "mission.charge_lead: must be below mission.charge_to (0.9), or it changes nothing: leave it out",
+        ),
+        (
+            "full_threshold: 0.99",
+            "full_threshold: 0.99\n  charge_lead: 1",
+            "mission.charge_lead: must be below mission.full_threshold (0.99), or it changes nothing: leave it out",
+        ),
+        (
             "speed_m_s: 0.5 ",
             "speed_m_s: 2 ",
             "mission.speed_m_s: the aPad cannot go faster than apad.max_speed_m_s (1.0)",

@@ -73,6 +73,28 @@ CASES: dict[str, dict[str, Any]] = {
         "fleet__start": {"charge": [0.3, 0.9]},
     },
     "batches with a partial charge": {"seed": 8, "mission__charge_to": 0.85, "duration_s": 1500.0},
+    "batches with a lead": {
+        "seed": 18,
+        "mission__pool_threshold": 0.95,
+        "mission__charge_lead": 0.45,
+        "duration_s": 2400.0,
+    },
+    "batches with a lead and a partial charge, and the served ones wait": {
+        "seed": 19,
+        "mission__collection": "rollout-fair",
+        "mission__pool_threshold": 0.8,
+        "mission__charge_lead": 0.3,
+        "mission__charge_to": 0.85,
+        "mission__again_threshold": 0.05,
+        "duration_s": 2400.0,
+    },
+    "one by one with a lead": {
+        "seed": 20,
+        "mission__dispatch": "asynchronous",
+        "mission__charge_lead": 0.4,
+        "duration_s": 2400.0,
+        "fleet__start": {"charge": [0.0, 0.9]},
+    },
     "the served ones wait until one is nearly empty": {
         "seed": 16,
         "mission__collection": "rollout-fair",
