@@ -20,7 +20,7 @@ from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.nursery.fleet_file import RestartPolicy
-from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
+from agents.nursery.launch import NurseryFailed, StartedNursery, launch_nursery, prepare
 from firmware_model.stimuli import ResetCause
 
 __all__ = ["Fenced", "NurseryFailed", "ProcessHost"]
@@ -98,15 +98,18 @@ class ProcessHost:
         *,
         window_timeout_s: float = WINDOW_TIMEOUT_S,
         looks_ahead: bool = False,
+        nursery: StartedNursery | None = None,
     ) -> ProcessHost:
         """Takes over the fleet of a run directory, as supervisor number `epoch`; starts a nursery if there is none.
 
-        It starts agents that have never run. An agent that has died dies in its next window, so that the death is recorded.
+        `nursery` is one that its caller has started there and not waited for. The host starts agents that have never run.
+        An agent that has died dies in its next window, so that the death is recorded.
+
         Raises Fenced if `epoch` is not above that of a former supervisor, NurseryFailed if no nursery comes up.
         """
-        process, run_dir = None, os.fspath(run_dir)
+        process, run_dir = None if nursery is None else nursery.ready(), os.fspath(run_dir)
         try:
-            host = cls(run_dir, epoch, window_timeout_s, None, looks_ahead=looks_ahead)
+            host = cls(run_dir, epoch, window_timeout_s, process, looks_ahead=looks_ahead)
         except OSError:
             process = launch_nursery(run_dir)
             host = cls(run_dir, epoch, window_timeout_s, process, looks_ahead=looks_ahead)

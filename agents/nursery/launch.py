@@ -39,17 +39,29 @@ def prepare(
 
 
 def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
-    """Starts a nursery in a prepared directory and waits until it listens; NurseryFailed, with its own text, if it fails.
+    """Starts a nursery in a prepared directory and waits until it listens.
 
-    It prints nothing on the caller's terminal: its messages go to `nursery.log` in the directory.
+    NurseryFailed, with its own text, if it fails.
     """
-    reading, writing = os.pipe()
-    package_root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-    search = [package_root, *(entry for entry in sys.path if entry and entry != package_root)]
     with held_back():
+        return StartedNursery(run_dir).ready()
+
+
+class StartedNursery:
+    """A nursery in a prepared directory that its starter has not waited for. Whoever makes it calls `ready` or `end`.
+
+    It prints nothing on the caller's terminal: its messages go to `nursery.log` in the directory. Signals that ask to end
+    are to be held back until `ready` or `end`, since nobody else knows of the nursery.
+    """
+
+    def __init__(self, run_dir: str | os.PathLike[str]) -> None:
+        self._log = os.path.join(run_dir, LOG_NAME)
+        self._ready, writing = os.pipe()
+        package_root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+        search = [package_root, *(entry for entry in sys.path if entry and entry != package_root)]
         try:
-            with open(os.path.join(run_dir, LOG_NAME), "ab") as log:
-                process = subprocess.Popen(
+            with open(self._log, "ab") as log:
+                self._process = subprocess.Popen(
                     # -S: PYTHONPATH has the whole path already, and site would import modules that no agent needs.
                     [*started.PYTHON, "-S", "-m", "agents.nursery", os.fspath(run_dir), str(writing)],
                     env={**os.environ, "PYTHONPATH": os.pathsep.join(search), **started.environment()},
@@ -59,19 +71,29 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
                     pass_fds=[writing],
                     start_new_session=True,
                 )
-        finally:
-            os.close(writing)
-        try:
-            with let_in():
-                _wait_until_ready(reading, os.path.join(run_dir, LOG_NAME))
         except BaseException:
-            # Ctrl-C too: nobody else knows of the nursery yet, and it would wait for a supervisor for ever.
-            process.kill()
-            process.wait()
+            os.close(self._ready)
             raise
         finally:
-            os.close(reading)
-    return process
+            os.close(writing)
+
+    def ready(self) -> subprocess.Popen[bytes]:
+        """Waits until the nursery listens, and lets signals in; NurseryFailed, with its own text, if it fails."""
+        try:
+            with let_in():
+                _wait_until_ready(self._ready, self._log)
+        except BaseException:
+            # Ctrl-C too: nobody else knows of the nursery yet, and it would wait for a supervisor for ever.
+            self.end()
+            raise
+        os.close(self._ready)
+        return self._process
+
+    def end(self) -> None:
+        """Kills the nursery."""
+        self._process.kill()
+        self._process.wait()
+        os.close(self._ready)
 
 
 def _wait_until_ready(reading: int, log: str) -> None:

@@ -15,7 +15,9 @@ from typing import Any
 from agents.hosting import interrupts
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.nursery_client import NurseryDied
-from agents.hosting.process_host import NurseryFailed, ProcessHost
+from agents.hosting.process_host import ProcessHost
+from agents.nursery.launch import NurseryFailed, StartedNursery
+from agents.nursery.launch import prepare as write_files
 from agents.water.sea import Sea
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
@@ -48,6 +50,8 @@ from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 
 _COMMAND_IDS_PER_EPOCH = 1_000_000
+_EPOCH = 1
+"""The number of a fleet's first supervisor."""
 _YOUNG_OBJECTS = 50_000
 """The number of new objects after which this process looks for garbage cycles. A tick of a large fleet makes thousands of
 objects and no cycle. Python's own 700 cost a tenth of a flight."""
@@ -107,10 +111,18 @@ def open_in_process(
     """
     stack.enter_context(supervising(directory.path))
     config = flight_config(scenario)
-    recorder = Recorder(directory, scenario, config.ids)
-    stack.callback(recorder.close)
-    journal_start(recorder, scenario, starts)
-    fleet = open_fleet(config, starts, directory.path / FOLDER, sea)
+    folder = directory.path / FOLDER
+    # The nursery comes up on another processor while this process makes its records.
+    nursery = begin_nursery(config, starts, folder)
+    try:
+        recorder = Recorder(directory, scenario, config.ids)
+        stack.callback(recorder.close)
+        journal_start(recorder, scenario, starts)
+    except BaseException:
+        if nursery is not None:
+            nursery.end()
+        raise
+    fleet = open_fleet(config, starts, folder, sea, nursery)
     stack.callback(fleet.close)
     return prepare(config, join(in_process_context(config, fleet)), recorder, progress, spec)
 
@@ -140,23 +152,38 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     )
 
 
-def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path, sea: Sea | None = None) -> Fleet:
+def begin_nursery(config: FlightConfig, starts: Sequence[Start], folder: Path) -> StartedNursery | None:
+    """Starts the nursery of a new fleet, which keeps its files in `folder`; None for a fleet in one process."""
+    if config.scenario.fleet.hosting is Hosting.ONE_PROCESS:
+        return None
+    initial_states = fleet_parts.initial_states(config.scenario, starts)
+    folder.mkdir(mode=PRIVATE)
+    write_files(str(folder), fleet_parts.fleet_config(config), initial_states)
+    return StartedNursery(str(folder))
+
+
+def open_fleet(
+    config: FlightConfig,
+    starts: Sequence[Start],
+    folder: Path,
+    sea: Sea | None = None,
+    nursery: StartedNursery | None = None,
+) -> Fleet:
     """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in `folder`.
 
-    It joins the `sea` that several flights share, if there is one.
+    It joins the `sea` that several flights share, if there is one. `nursery` is what `begin_nursery` has started for it.
     """
-    scenario, fleet_config = config.scenario, fleet_parts.fleet_config(config)
-    initial_states = fleet_parts.initial_states(scenario, starts)
-    if scenario.fleet.hosting is Hosting.ONE_PROCESS:
-        host: InProcessHost | ProcessHost = InProcessHost(fleet_config, initial_states)
+    scenario = config.scenario
+    if (nursery := nursery or begin_nursery(config, starts, folder)) is None:
+        initial_states = fleet_parts.initial_states(scenario, starts)
+        host: InProcessHost | ProcessHost = InProcessHost(fleet_parts.fleet_config(config), initial_states)
     else:
-        folder.mkdir(mode=PRIVATE)
+        looks_ahead = config.sea is None and config.board.whole is None
         try:
-            looks_ahead = config.sea is None and fleet_config.board.whole is None
-            host = ProcessHost.start(str(folder), fleet_config, initial_states, looks_ahead=looks_ahead)
+            host = ProcessHost.adopt(str(folder), _EPOCH, looks_ahead=looks_ahead, nursery=nursery)
         except (NurseryFailed, NurseryDied) as error:
             raise PeerFailed(f"the fleet cannot start: {error}; see {folder}") from error
-    return fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
+    return fleet_parts.fleet_of(config, host, dict.fromkeys((it.agent_id for it in starts), 0), sea=sea)
 
 
 def in_process_context(config: FlightConfig, fleet: Fleet) -> FlightContext:
@@ -221,7 +248,7 @@ def prepare(
     spec: RunSpec = FROM_START,
 ) -> PreparedFlight:
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
-    gc.set_threshold(_YOUNG_OBJECTS)
+    gc.set_threshold(max(_YOUNG_OBJECTS, gc.get_threshold()[0]))
     supervisor = _supervisor(config, context, recorder, spec)
 
     forecaster = Forecaster(config.scenario.mission, round(config.scenario.duration_s * 1000))
