@@ -122,11 +122,13 @@ class Coordinator:
             due_ms, agent_id = heapq.heappop(self._heap)
             if self._due_ms.get(agent_id) == due_ms:
                 chosen.add(agent_id)
-        # An adopted agent may have lived past this time, under a supervisor that died before it recorded that.
-        grants = {
-            agent_id: Grant(max(until_ms, self._granted_ms[agent_id]), tuple(waiting.get(agent_id, ())))
-            for agent_id in sorted(chosen)
-        }
+        quiet = Grant(until_ms)
+        grants = dict.fromkeys(sorted(chosen), quiet)
+        for agent_id in grants:
+            # An adopted agent may have lived past this time, under a supervisor that died before it recorded that.
+            if agent_id in waiting or self._granted_ms[agent_id] > until_ms:
+                facts = tuple(waiting.get(agent_id, ()))
+                grants[agent_id] = Grant(max(until_ms, self._granted_ms[agent_id]), facts)
         events: list[Heard | Died] = []
         while grants:
             grants = self._grant(grants, events)

@@ -199,7 +199,7 @@ def decode_to_agent(data: bytes | memoryview) -> Window | Repeat | RunAhead:
     fields = _array(data)
     if len(fields) == 6 and fields[0] == Kind.WINDOW and isinstance(fields[4], list):
         epoch, sequence, until_ms = _counts(fields[1:4])
-        from_ms = None if fields[5] is None else _counts(fields[5:])[0]
+        from_ms = None if fields[5] is None else _count(fields[5])
         return Window((epoch, sequence), Grant(until_ms, tuple(_fact(item) for item in fields[4])), from_ms)
     if len(fields) == 5 and fields[0] == Kind.RUN_AHEAD:
         epoch, sequence, windows, counted_ms = _counts(fields[1:])
@@ -233,7 +233,7 @@ def _reply(next_due_ms: Any, wire: list[Any]) -> Reply:
         decoded = tuple([outputs.from_wire(output) for output in wire])
     except ValueError as error:
         raise LinkError(str(error)) from None
-    return Reply(None if next_due_ms is None else _counts([next_due_ms])[0], decoded)
+    return Reply(None if next_due_ms is None else _count(next_due_ms), decoded)
 
 
 def _ahead_window(row: Any) -> AheadWindow:
@@ -244,7 +244,7 @@ def _ahead_window(row: Any) -> AheadWindow:
         truths = outputs.unpack_truths(packed)
     except ValueError as error:
         raise LinkError(str(error)) from None
-    return AheadWindow(_counts([until_ms])[0], _reply(next_due_ms, wire), truths)
+    return AheadWindow(_count(until_ms), _reply(next_due_ms, wire), truths)
 
 
 def _array(data: bytes | memoryview) -> list[Any]:
@@ -262,17 +262,20 @@ def _array(data: bytes | memoryview) -> list[Any]:
 
 
 def _counts(fields: list[Any]) -> list[int]:
-    for field in fields:
-        if type(field) is not int or field < 0:
-            raise LinkError("must be a count from 0")
-    return fields
+    return [_count(field) for field in fields]
+
+
+def _count(field: Any) -> int:
+    if type(field) is not int or field < 0:
+        raise LinkError("must be a count from 0")
+    return field
 
 
 def _fact(item: Any) -> tuple[int, stimuli.Stimulus]:
     if not isinstance(item, list) or len(item) != 2:
         raise LinkError("not a (time, stimulus)")
     try:
-        return _counts(item[:1])[0], stimuli.from_wire(item[1])
+        return _count(item[0]), stimuli.from_wire(item[1])
     except ValueError as error:
         raise LinkError(str(error)) from None
 

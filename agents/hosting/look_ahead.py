@@ -9,7 +9,7 @@ goes back to where it was. The outcomes are the same, by the law that cuts of ti
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from agents.hosting.agent_links import AgentLinks
@@ -43,11 +43,17 @@ class LookAhead:
 
     def take(self, links: AgentLinks, grants: Mapping[int, Grant]) -> dict[int, tuple[Key, AheadWindow]]:
         """The outcomes that are there already, with the key of each; an agent without one is to be asked."""
-        self._await(links, [it for it, grant in grants.items() if not grant.stimuli])
+        leads = self._leads
+        waited = [
+            agent_id
+            for agent_id, grant in grants.items()
+            if (lead := leads.get(agent_id)) and lead.asked and not lead.windows and not grant.stimuli
+        ]
+        if waited:
+            self._await(links, waited)
         found: dict[int, tuple[Key, AheadWindow]] = {}
         for agent_id, grant in grants.items():
-            lead = self._leads.get(agent_id)
-            if lead is None:
+            if (lead := leads.get(agent_id)) is None:
                 continue
             if not grant.stimuli and lead.windows and lead.windows[0][1].until_ms == grant.until_ms:
                 found[agent_id] = lead.windows.popleft()
@@ -55,16 +61,12 @@ class LookAhead:
                 self.forget(links, agent_id)
         return found
 
-    def _await(self, links: AgentLinks, agent_ids: Iterable[int]) -> None:
-        """Waits for the agents whose windows are all used up."""
-        leads = {it: self._leads[it] for it in agent_ids if it in self._leads}
-        waited = [it for it, lead in leads.items() if lead.asked is not None and not lead.windows]
-        if not waited:
-            return
-        for agent_id, outcome in links.take_ahead(waited).items():
-            lead = leads[agent_id]
+    def _await(self, links: AgentLinks, agent_ids: list[int]) -> None:
+        """Waits for these agents, whose windows are all used up."""
+        for agent_id, outcome in links.take_ahead(agent_ids).items():
+            lead = self._leads[agent_id]
             if not isinstance(outcome, Death):
-                lead.windows.extend((outcome.key, window) for window in outcome.windows)
+                lead.windows.extend([(outcome.key, window) for window in outcome.windows])
             lead.asked = None
 
     def lived_ms(self, agent_id: int) -> int | None:
@@ -72,16 +74,16 @@ class LookAhead:
         lead = self._leads.get(agent_id)
         return None if lead is None else lead.lived_ms
 
-    def run_on(self, links: AgentLinks, grants: Mapping[int, Grant]) -> None:
-        """Lets the agents that have just been granted these windows run ahead of them."""
-        for agent_id, grant in grants.items():
-            lead = self._leads.setdefault(agent_id, _Lead())
-            lead.lived_ms = grant.until_ms
-            lead.at_once = 0 if grant.stimuli else min(_AT_ONCE, 2 * lead.at_once + 1)
-            if lead.at_once and lead.asked is None and len(lead.windows) <= MOST_AHEAD - _AT_ONCE:
-                lead.asked = self._next_key()
-                order = RunAhead(lead.asked, lead.at_once, grant.until_ms)
-                links.run_ahead(agent_id, lead.asked, order.encode())
+    def run_on(self, links: AgentLinks, agent_id: int, grant: Grant) -> None:
+        """Lets an agent that has just been granted this window run ahead of it."""
+        if (lead := self._leads.get(agent_id)) is None:
+            lead = self._leads[agent_id] = _Lead()
+        lead.lived_ms = grant.until_ms
+        lead.at_once = 0 if grant.stimuli else min(_AT_ONCE, 2 * lead.at_once + 1)
+        if lead.at_once and lead.asked is None and len(lead.windows) <= MOST_AHEAD - _AT_ONCE:
+            lead.asked = self._next_key()
+            order = RunAhead(lead.asked, lead.at_once, grant.until_ms)
+            links.run_ahead(agent_id, lead.asked, order.encode())
 
     def forget(self, links: AgentLinks, agent_id: int) -> None:
         """The windows that this agent ran ahead do not count."""

@@ -167,20 +167,16 @@ class ProcessHost:
         }
         answers = self._links.ask(key, frames) if frames else {}
         outcomes: dict[int, Reply | Death] = {}
-        for agent_id in grants:
-            match found.get(agent_id) or answers[agent_id]:
-                case Death() as death:
-                    outcomes[agent_id] = death
-                    continue
-                case Answered(reply=reply, truths=truths):
-                    self._committed[agent_id] = key
-                case its_key, AheadWindow(reply=reply, truths=truths):
-                    self._committed[agent_id] = its_key
-            self._truths += truths
-            outcomes[agent_id] = reply
-        if ahead is not None:
-            lived = {it: grants[it] for it, outcome in outcomes.items() if not isinstance(outcome, Death)}
-            ahead.run_on(self._links, lived)
+        for agent_id, grant in grants.items():
+            its_key, outcome = found.get(agent_id) or (key, answers[agent_id])
+            if isinstance(outcome, Death):
+                outcomes[agent_id] = outcome
+                continue
+            self._committed[agent_id] = its_key
+            self._truths += outcome.truths
+            outcomes[agent_id] = outcome.reply
+            if ahead is not None:
+                ahead.run_on(self._links, agent_id, grant)
         return outcomes
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:

@@ -81,13 +81,13 @@ class Truth:
         return self.HEAD.pack(self.at_ms, self.agent_id, self.state) + self.physical.pack()
 
     @classmethod
-    def unpack(cls, data: bytes | memoryview) -> Truth:
-        """The inverse of `pack`; struct.error or ValueError for other bytes."""
-        at_ms, agent_id, code = cls.HEAD.unpack_from(data)
+    def unpack(cls, data: bytes | memoryview, offset: int = 0) -> Truth:
+        """The inverse of `pack`, from `offset` on; struct.error or ValueError for other bytes."""
+        at_ms, agent_id, code = cls.HEAD.unpack_from(data, offset)
         state = _STATES.get(code)
         if state is None:
             raise ValueError(f"no state {code}")
-        return cls(at_ms, agent_id, state, Physical.unpack(data[cls.HEAD.size :]))
+        return cls(at_ms, agent_id, state, Physical.unpack(data, offset + cls.HEAD.size))
 
 
 TRUTH_BYTES = Truth.HEAD.size + Physical.FORMAT.size
@@ -98,8 +98,6 @@ def unpack_truths(data: bytes | memoryview) -> tuple[Truth, ...]:
     if len(data) % TRUTH_BYTES:
         raise ValueError("bytes that are no truths")
     try:
-        return tuple(
-            [Truth.unpack(data[start : start + TRUTH_BYTES]) for start in range(0, len(data), TRUTH_BYTES)]
-        )
+        return tuple([Truth.unpack(data, start) for start in range(0, len(data), TRUTH_BYTES)])
     except ValueError:
         raise ValueError("a truth with a value that cannot be") from None

@@ -6,6 +6,7 @@ The nursery keeps one of these for every agent, and restarts a dead agent from i
 from __future__ import annotations
 
 import struct
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 from firmware_model.actions import Buoyancy
@@ -19,12 +20,18 @@ if TYPE_CHECKING:
 _FLOWS = {int(flow): flow for flow in Flow}
 _BUOYANCIES = {int(buoyancy): buoyancy for buoyancy in Buoyancy}
 
+_BATTERY = struct.Struct("<QQBQB")
+_BODY, _KEPT = "qqQqB?QqIIqq?", struct.Struct("<QQIIIIIHiQQQ")
+_WITH_PACKED_BATTERIES = struct.Struct(f"<{_BATTERY.size}s{_BATTERY.size}s{_BODY}")
+_REMEMBERED = 4096
+"""Batteries of which a receiver keeps the objects: two for each aMussel, which change far less often than its place."""
+
 
 @value
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?QqIIqq?QQIIIIIHiQQQ")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct(f"<QQBQBQQBQB{_BODY}QQIIIIIHiQQQ")
 
     primary: Battery
     secondary: Battery
@@ -74,32 +81,54 @@ class Physical:
         )
 
     @classmethod
-    def unpack(cls, data: bytes | memoryview) -> Physical:
-        """The inverse of `pack`; struct.error or ValueError for other bytes."""
-        fields = cls.FORMAT.unpack(data)
-        a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
-        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, hover_um, *registers = body
-        samples, acknowledged, fix_north, fix_east, *kept = registers
-        try:
-            flows, buoyancy = (_FLOWS[a_flow], _FLOWS[b_flow]), _BUOYANCIES[buoyancy]
-        except KeyError as unknown:
-            raise ValueError(f"no flow or buoyancy {unknown}") from None
-        return cls(
-            Battery(a_ms, a, flows[0], a_load, a_coils),
-            Battery(b_ms, b, flows[1], b_load, b_coils),
-            north,
-            east,
-            depth_ms,
-            depth,
+    def unpack(cls, data: bytes | memoryview, offset: int = 0) -> Physical:
+        """The inverse of `pack`, from `offset` on; struct.error or ValueError for other bytes.
+
+        Batteries that are alike are one object, so that comparing them takes no time.
+        """
+        (
+            primary,
+            secondary,
+            north_um,
+            east_um,
+            depth_anchor_ms,
+            depth_um,
             buoyancy,
             docked,
             pin_due_ms,
             hover_um,
             samples,
             acknowledged,
-            (fix_north, fix_east),
-            _unpacked(*kept),
+            fix_north_um,
+            fix_east_um,
+            is_kept,
+        ) = _WITH_PACKED_BATTERIES.unpack_from(data, offset)
+        if buoyancy not in _BUOYANCIES:
+            raise ValueError(f"no buoyancy {buoyancy}")
+        return cls(
+            _battery(primary),
+            _battery(secondary),
+            north_um,
+            east_um,
+            depth_anchor_ms,
+            depth_um,
+            _BUOYANCIES[buoyancy],
+            docked,
+            pin_due_ms,
+            hover_um,
+            samples,
+            acknowledged,
+            (fix_north_um, fix_east_um),
+            _unpacked(data, offset + _WITH_PACKED_BATTERIES.size) if is_kept else None,
         )
+
+
+@lru_cache(_REMEMBERED)
+def _battery(data: bytes) -> Battery:
+    anchor_ms, charge, flow, load, coils = _BATTERY.unpack(data)
+    if flow not in _FLOWS:
+        raise ValueError(f"no flow {flow}")
+    return Battery(anchor_ms, charge, _FLOWS[flow], load, coils)
 
 
 def _packed(kept: StoredSettings | None) -> tuple[int, ...]:
@@ -123,10 +152,9 @@ def _packed(kept: StoredSettings | None) -> tuple[int, ...]:
     )
 
 
-def _unpacked(is_kept: bool, anchor_ms: int, reading_ms: int, *settings: int) -> StoredSettings | None:
-    if not is_kept:
-        return None
+def _unpacked(data: bytes | memoryview, offset: int) -> StoredSettings:
     # Imported here, because agents of the paper's worst case keep nothing and do not need the module.
     from firmware_model.settings import Settings, StoredSettings
 
+    anchor_ms, reading_ms, *settings = _KEPT.unpack_from(data, offset)
     return StoredSettings(anchor_ms, reading_ms, Settings(*settings))

@@ -254,6 +254,8 @@ class Flight:
         for burst in self._serial_lines.poll(now_ms):
             self._fleet.write(burst.agent_id, burst.data)
         results = self._fleet.advance(now_ms)
+        if not self._serial_lines.any_open:
+            return list(results)
         return [it for it in results if not self._serial_lines.route(it, now_ms)]
 
     def _receive_from_modem(self, now_ms: int) -> None:

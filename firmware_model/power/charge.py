@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from enum import IntEnum
 
+from firmware_model.value import value
+
 _DECIMALS = 10
 _MS_PER_MIN = 60_000
 FULL: int = 10**_DECIMALS * _MS_PER_MIN
@@ -44,7 +46,7 @@ class Flow(IntEnum):
     CHARGING = 2
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Battery:
     """An anchor: `charge` grains at `anchor_ms`, flowing as `flow` since. It moves only at events.
 
