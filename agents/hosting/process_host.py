@@ -14,7 +14,7 @@ from contextlib import suppress
 from agents.fleet import FleetConfig
 from agents.hosting.agent_links import AgentLinks, Answered
 from agents.hosting.host import Death, Grant, Reply
-from agents.hosting.link_protocol import NEVER, AheadWindow, Key, Repeat, Window
+from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
 from agents.hosting.look_ahead import LookAhead
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.mussel.outputs import Truth

@@ -48,14 +48,16 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
 
 
 class StartedNursery:
-    """A nursery in a prepared directory that its starter has not waited for. Whoever makes it calls `ready` or `end`.
+    """A nursery in a prepared directory, whose starter waits for it later. Whoever makes it calls `ready` or `end`.
 
     It prints nothing on the caller's terminal: its messages go to `nursery.log` in the directory. Signals that ask to end
-    are to be held back until `ready` or `end`, since nobody else knows of the nursery.
+    are to be held back until then, since nobody else knows of the nursery.
     """
 
     def __init__(self, run_dir: str | os.PathLike[str]) -> None:
         self._log = os.path.join(run_dir, LOG_NAME)
+        self._ready: int | None
+        """The pipe by which the nursery says that it listens; None when nobody waits for that any more."""
         self._ready, writing = os.pipe()
         package_root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
         search = [package_root, *(entry for entry in sys.path if entry and entry != package_root)]
@@ -79,6 +81,7 @@ class StartedNursery:
 
     def ready(self) -> subprocess.Popen[bytes]:
         """Waits until the nursery listens, and lets signals in; NurseryFailed, with its own text, if it fails."""
+        assert self._ready is not None  # nobody waits twice
         try:
             with let_in():
                 _wait_until_ready(self._ready, self._log)
@@ -87,13 +90,16 @@ class StartedNursery:
             self.end()
             raise
         os.close(self._ready)
+        self._ready = None
         return self._process
 
     def end(self) -> None:
-        """Kills the nursery."""
-        self._process.kill()
-        self._process.wait()
-        os.close(self._ready)
+        """Kills a nursery that its starter has not waited for; does nothing for another one."""
+        if self._ready is not None:
+            self._process.kill()
+            self._process.wait()
+            os.close(self._ready)
+            self._ready = None
 
 
 def _wait_until_ready(reading: int, log: str) -> None:

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.console import console_beside
 from apad_bridge.commands.imc import imc_beside
@@ -33,7 +34,7 @@ from apad_bridge.scenario.starts import Start, read_starts, save_starts, starts_
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:
-    from apad_bridge.scripting.program import Program
+    from apad_bridge.scripting.program import Program, ScriptSource
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,16 +223,24 @@ def _fly(
         from apad_bridge.runs import parent
 
         return parent.fly(all_members, scenario.sharing, options, whole, progress)
-    from apad_bridge.runs.several.lockstep import fly_in_step
+    from apad_bridge.runs.nurseries import begin_nurseries
 
-    if script is None:
-        return fly_in_step(all_members, scenario.sharing, whole, progress)
-    from apad_bridge.scripting.program import ScriptSource
+    with held_back(), ExitStack() as stack:
+        # The nurseries come up on another processor while this process imports the rest.
+        nurseries = begin_nurseries(stack, all_members, whole)
+        from apad_bridge.runs.several.lockstep import fly_in_step
 
-    source = ScriptSource(scenario, script.program, script.file.name, progress.print_message)
-    flown = fly_in_step(all_members, scenario.sharing, whole, progress, (source,))
-    source.join()
-    source.print_error()
+        sources: tuple[ScriptSource, ...] = ()
+        if script is not None:
+            from apad_bridge.scripting import program
+
+            sources = (
+                program.ScriptSource(scenario, script.program, script.file.name, progress.print_message),
+            )
+        flown = fly_in_step(all_members, scenario.sharing, whole, progress, sources, nurseries)
+    for source in sources:
+        source.join()
+        source.print_error()
     return flown
 
 

@@ -17,7 +17,6 @@ from agents.hosting.in_process import InProcessHost
 from agents.hosting.nursery_client import NurseryDied
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, StartedNursery
-from agents.nursery.launch import prepare as write_files
 from agents.water.sea import Sea
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
@@ -29,11 +28,11 @@ from apad_bridge.mission.state import MissionState
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
-from apad_bridge.records.run_directory import PRIVATE, RunDirectory
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
 from apad_bridge.runs.display import ProgressDisplay, failure_line
-from apad_bridge.runs.nurseries import FOLDER
+from apad_bridge.runs.nurseries import FOLDER, begin_nursery
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
@@ -103,26 +102,20 @@ def open_in_process(
     spec: RunSpec = FROM_START,
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
     sea: Sea | None = None,
+    nursery: StartedNursery | None = None,
 ) -> PreparedFlight:
     """Opens a flight in virtual time with its fleet and records, which `stack` closes.
 
     `join` adds to its context the parts by which several aPads' flights take over from each other, and `sea` is the one
-    that they share. PeerFailed when the fleet does not start, or another process flies this run.
+    that they share. `nursery` was begun for its fleet; None for a fleet in one process, or without one yet. PeerFailed
+    when the fleet does not start, or another process flies this run.
     """
     stack.enter_context(supervising(directory.path))
     config = flight_config(scenario)
-    folder = directory.path / FOLDER
-    # The nursery comes up on another processor while this process makes its records.
-    nursery = begin_nursery(config, starts, folder)
-    try:
-        recorder = Recorder(directory, scenario, config.ids)
-        stack.callback(recorder.close)
-        journal_start(recorder, scenario, starts)
-    except BaseException:
-        if nursery is not None:
-            nursery.end()
-        raise
-    fleet = open_fleet(config, starts, folder, sea, nursery)
+    recorder = Recorder(directory, scenario, config.ids)
+    stack.callback(recorder.close)
+    journal_start(recorder, scenario, starts)
+    fleet = open_fleet(config, starts, directory.path, sea, nursery)
     stack.callback(fleet.close)
     return prepare(config, join(in_process_context(config, fleet)), recorder, progress, spec)
 
@@ -152,33 +145,25 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     )
 
 
-def begin_nursery(config: FlightConfig, starts: Sequence[Start], folder: Path) -> StartedNursery | None:
-    """Starts the nursery of a new fleet, which keeps its files in `folder`; None for a fleet in one process."""
-    if config.scenario.fleet.hosting is Hosting.ONE_PROCESS:
-        return None
-    initial_states = fleet_parts.initial_states(config.scenario, starts)
-    folder.mkdir(mode=PRIVATE)
-    write_files(str(folder), fleet_parts.fleet_config(config), initial_states)
-    return StartedNursery(str(folder))
-
-
 def open_fleet(
     config: FlightConfig,
     starts: Sequence[Start],
-    folder: Path,
+    run_dir: Path,
     sea: Sea | None = None,
     nursery: StartedNursery | None = None,
 ) -> Fleet:
-    """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in `folder`.
+    """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in the run's directory.
 
-    It joins the `sea` that several flights share, if there is one. `nursery` is what `begin_nursery` has started for it.
+    It joins the `sea` that several flights share, if there is one, and adopts the `nursery` that was begun for it.
     """
     scenario = config.scenario
-    if (nursery := nursery or begin_nursery(config, starts, folder)) is None:
+    if scenario.fleet.hosting is Hosting.ONE_PROCESS:
         initial_states = fleet_parts.initial_states(scenario, starts)
         host: InProcessHost | ProcessHost = InProcessHost(fleet_parts.fleet_config(config), initial_states)
     else:
         looks_ahead = config.sea is None and config.board.whole is None
+        nursery = nursery or begin_nursery(scenario, starts, run_dir)
+        folder = run_dir / FOLDER
         try:
             host = ProcessHost.adopt(str(folder), _EPOCH, looks_ahead=looks_ahead, nursery=nursery)
         except (NurseryFailed, NurseryDied) as error:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import contextlib
 import subprocess
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
+from agents.hosting.interrupts import held_back
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.hosting.process_host import ProcessHost
-from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
+from agents.nursery.launch import NurseryFailed, StartedNursery, prepare
 from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import fleet_parts
+from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
-from apad_bridge.records.run_directory import PRIVATE
+from apad_bridge.records.run_directory import PRIVATE, RunDirectory
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.fleet import Fleet
@@ -27,8 +31,11 @@ _REAP_S = 10.0
 """Time for the machine to end a process that was killed."""
 
 
-def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> subprocess.Popen[bytes]:
-    """Starts a nursery with its fleet prepared in the run's directory; a supervisor that adopts them starts its agents."""
+def begin_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> StartedNursery:
+    """Begins a nursery with its fleet prepared in the run's directory; a supervisor that adopts them starts its agents.
+
+    Signals that ask to end are to be held back, as StartedNursery says.
+    """
     folder = run_dir / FOLDER
     folder.mkdir(mode=PRIVATE)
     prepare(
@@ -36,10 +43,32 @@ def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) ->
         fleet_parts.fleet_config(flight_config(scenario)),
         fleet_parts.initial_states(scenario, starts),
     )
+    return StartedNursery(str(folder))
+
+
+def begin_nurseries(
+    stack: ExitStack, members: Sequence[Member], whole: RunDirectory
+) -> dict[str, StartedNursery]:
+    """Begins the nursery of each aPad's fleet, by the aPad's name; `stack` ends those that nobody has adopted by then.
+
+    A fleet in one process has none.
+    """
+    begun: dict[str, StartedNursery] = {}
+    for member in members:
+        if member.scenario.fleet.hosting is Hosting.PROCESSES:
+            path = whole.of_apad(member.name, len(members)).path
+            begun[member.name] = begin_nursery(member.scenario, member.starts, path)
+            stack.callback(begun[member.name].end)
+    return begun
+
+
+def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> subprocess.Popen[bytes]:
+    """Begins a nursery and waits until it listens."""
     try:
-        return launch_nursery(str(folder))
+        with held_back():
+            return begin_nursery(scenario, starts, run_dir).ready()
     except NurseryFailed as error:
-        raise PeerFailed(f"the fleet cannot start: {error}; see {folder}/nursery.log") from error
+        raise PeerFailed(f"the fleet cannot start: {error}; see {run_dir / FOLDER}/nursery.log") from error
 
 
 def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:

@@ -14,8 +14,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 
 from agents.hosting import interrupts
+from agents.nursery.launch import StartedNursery
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.mission.breakdown import Breakdown
@@ -167,10 +169,12 @@ def fly_in_step(
     whole: RunDirectory,
     progress: ProgressDisplay,
     command_sources: Sequence[CommandSource] = (),
+    nurseries: Mapping[str, StartedNursery] = MappingProxyType({}),
 ) -> Flown:
     """Flies with each aPad's own mission, or a single one with these sources of commands in its place.
 
-    SIGINT, SIGTERM and SIGHUP end all flights in order. PeerFailed when a fleet does not start.
+    `nurseries` were begun for the aPads' fleets; a fleet without one begins its own. SIGINT, SIGTERM and SIGHUP end all
+    flights in order. PeerFailed when a fleet does not start.
     """
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange, display = Exchange(served), JointDisplay(list(served), progress)
@@ -188,6 +192,7 @@ def fly_in_step(
                 flying.RunSpec(command_sources=tuple(command_sources)),
                 join=(lambda context: context) if is_alone else partial(exchange.join, name, sharing),
                 sea=sea,
+                nursery=nurseries.get(name),
             )
             flights[name] = MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
         assignment = Assignment(served) if sharing.transfers and not is_alone else None

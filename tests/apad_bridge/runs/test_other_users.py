@@ -47,7 +47,7 @@ def test_a_run_is_its_users_alone_whatever_the_umask_is(tmp_path: Path) -> None:
     directory = RunDirectory.create("pool-12", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
     scenario = load(POOL_FILE)
     scenario = replace(scenario, fleet=replace(scenario.fleet, count=1))
-    fleet = open_fleet(flight_config(scenario), starts_of(scenario), directory.path / "fleet")
+    fleet = open_fleet(flight_config(scenario), starts_of(scenario), directory.path)
     try:
         assert mode(directory.path) == mode(directory.path / "fleet") == 0o700
         assert mode(directory.path / "fleet" / "nursery.sock") == 0o600
