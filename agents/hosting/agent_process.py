@@ -24,6 +24,7 @@ from agents.hosting.link_protocol import (
 from agents.mussel import truths
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Output, Truth
+from agents.mussel.physical import Physical
 from agents.nursery.state_file import RECORDS, RecordRing
 
 MOST_AHEAD = RECORDS - 2
@@ -128,17 +129,19 @@ class WindowHandler:
             del self._copies[0]
         self._ran_ahead = [end_ms for end_ms in self._ran_ahead if end_ms >= self._copies[0][0]]
         windows: list[AheadWindow] = []
+        states: list[tuple[int, Physical]] = []
         for _ in range(message.windows):
             due_ms = agent.next_due_ms
             if due_ms is None:
                 break
             until_ms = -(-due_ms // step_ms) * step_ms
             outputs = tuple(agent.advance(until_ms))
-            self._records.write(message.key, until_ms, agent.physical)
-            self._ran_ahead.append(until_ms)
+            states.append((until_ms, agent.physical))
             windows.append(
                 AheadWindow(until_ms, Reply(agent.next_due_ms, outputs), tuple(agent.take_truths()))
             )
+        self._records.write_all(message.key, states)
+        self._ran_ahead += [until_ms for until_ms, _ in states]
         return Ahead(message.key, tuple(windows))
 
     def _go_back(self, counted_ms: int) -> None:

@@ -92,3 +92,18 @@ def test_windows_that_are_taken_back_are_overwritten_and_no_others(file: int) ->
         ring.write((1, 5), 25 + n, place(100 + n))
     assert RecordRing(file, 0, 7).newest((1, 4)) == Record((1, 4), 20, place(2))
     assert RecordRing(file, 0, 7).newest((1, 5), 26) == Record((1, 5), 26, place(101))
+
+
+def test_records_written_at_once_are_those_written_one_by_one(file: int) -> None:
+    ring, other = RecordRing(file, 0, 7), RecordRing(file, 1, 7)
+    states = [(10 * n, place(n)) for n in range(1, RECORDS + 5)]
+    for each in (ring, other):
+        each.initial_state(place(0))
+    for granted_ms, physical in states:
+        ring.write((1, 4), granted_ms, physical)
+    other.write_all((1, 4), states[:5])
+    other.write_all((1, 4), states[5:])
+    ring_bytes = RECORDS * RECORD_BYTES
+    assert os.pread(file, ring_bytes, 0) == os.pread(file, ring_bytes, ring_bytes)
+    assert RecordRing(file, 1, 7).newest((1, 4), 45) is None  # overwritten, as the ring is full
+    assert RecordRing(file, 1, 7).newest((1, 4), 55) == Record((1, 4), 50, place(5))
