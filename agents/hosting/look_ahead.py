@@ -19,6 +19,9 @@ from agents.hosting.link_protocol import AheadWindow, Key, RunAhead
 
 _AT_ONCE = MOST_AHEAD // 2
 """While the supervisor uses these, the agent runs as many more."""
+_APART = 24
+"""Orders to agents that began together are spread over so many ticks: all at once they would take the processor from the
+supervisor that gave them."""
 
 
 @dataclass(slots=True)
@@ -80,7 +83,8 @@ class LookAhead:
             lead = self._leads[agent_id] = _Lead()
         lead.lived_ms = grant.until_ms
         lead.at_once = 0 if grant.stimuli else min(_AT_ONCE, 2 * lead.at_once + 1)
-        if lead.at_once and lead.asked is None and len(lead.windows) <= MOST_AHEAD - _AT_ONCE:
+        fewest = MOST_AHEAD - _AT_ONCE - agent_id % _APART
+        if lead.at_once and lead.asked is None and len(lead.windows) <= fewest:
             lead.asked = self._next_key()
             order = RunAhead(lead.asked, lead.at_once, grant.until_ms)
             links.run_ahead(agent_id, lead.asked, order.encode())
