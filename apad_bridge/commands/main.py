@@ -130,6 +130,8 @@ def main(arguments: list[str] | None = None) -> int:
         return _run(arguments)
     leave_at_once()
     gc.set_threshold(_YOUNG_OBJECTS)
+    # numpy would start a thread for each processor, whose work is never large enough here to be worth its start.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         return _run(sys.argv[1:])
     finally:
