@@ -26,7 +26,7 @@ from agents.mussel.outputs import Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
 from agents.nursery import protocol
 from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
-from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
+from agents.nursery.launch import NurseryFailed, StartedNursery, launch_nursery, prepare
 from agents.nursery.state_file import RING_BYTES
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
@@ -288,6 +288,21 @@ def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
     with pytest.raises(KeyboardInterrupt):
         launch_nursery(tmp_path)
     assert running_for(tmp_path) == []
+
+
+def test_a_nursery_is_ended_only_as_long_as_its_starter_has_not_waited_for_it(tmp_path: Path) -> None:
+    prepare(tmp_path, FLEET, BIRTHS)
+    abandoned = StartedNursery(tmp_path)
+    abandoned.end()
+    assert running_for(tmp_path) == []
+    waited_for = StartedNursery(tmp_path)
+    process = waited_for.ready()
+    try:
+        waited_for.end()
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.wait()
 
 
 def running_for(run_dir: Path) -> list[str]:
