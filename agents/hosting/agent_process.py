@@ -9,6 +9,7 @@ from itertools import pairwise
 from agents.hosting.host import Grant, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,
+    OUTPUTS_AT_ONCE,
     Ahead,
     AheadWindow,
     Key,
@@ -130,16 +131,18 @@ class WindowHandler:
         self._ran_ahead = [end_ms for end_ms in self._ran_ahead if end_ms >= self._copies[0][0]]
         windows: list[AheadWindow] = []
         states: list[tuple[int, Physical]] = []
+        outcomes = 0
+        # One message carries all windows, so an agent that does much in each runs fewer of them.
         for _ in range(message.windows):
             due_ms = agent.next_due_ms
-            if due_ms is None:
+            if due_ms is None or outcomes >= OUTPUTS_AT_ONCE:
                 break
             until_ms = -(-due_ms // step_ms) * step_ms
             outputs = tuple(agent.advance(until_ms))
             states.append((until_ms, agent.physical))
-            windows.append(
-                AheadWindow(until_ms, Reply(agent.next_due_ms, outputs), tuple(agent.take_truths()))
-            )
+            found = tuple(agent.take_truths())
+            windows.append(AheadWindow(until_ms, Reply(agent.next_due_ms, outputs), found))
+            outcomes += len(outputs) + len(found)
         self._records.write_all(message.key, states)
         self._ran_ahead += [until_ms for until_ms, _ in states]
         return Ahead(message.key, tuple(windows))

@@ -13,7 +13,7 @@ from fleets import PAPER, STILL
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.fleet import resting_on_bottom
+from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.agent_process import MOST_AHEAD, WindowHandler, answer_one, message_buffer, serve
 from agents.hosting.host import Grant, Reply
 from agents.hosting.link_protocol import (
@@ -151,13 +151,17 @@ def test_a_window_too_large_for_the_link_is_the_granters_mistake() -> None:
 
 @pytest.fixture
 def served() -> Iterator[tuple[WindowHandler, socket.socket, RecordRing]]:
-    """An agent behind its link, the end of its truth socket, and its records."""
+    """An agent of FLEET behind its link, the end of its truth socket, and its records."""
+    yield from serving(FLEET)
+
+
+def serving(fleet: FleetConfig) -> Iterator[tuple[WindowHandler, socket.socket, RecordRing]]:
     slots = os.memfd_create("slots")
     pair = RecordRing(slots, 0, 7)
     physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)
     pair.initial_state(physical)
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    agent = Agent(FLEET.maker().config(7), MusselbedCodec(), physical, 0, ResetCause.POWER_ON)
+    agent = Agent(fleet.maker().config(7), MusselbedCodec(), physical, 0, ResetCause.POWER_ON)
     with hearer, teller:
         yield WindowHandler(agent, pair, teller, NEVER, 0), hearer, pair
     os.close(slots)
@@ -296,6 +300,17 @@ def test_an_agent_goes_back_and_what_happens_then_counts(
     assert [output.at_ms for output in answer.reply.outputs] == [90_000, 120_000]
     assert ring.newest((1, 3), 90_000).granted_ms == 90_000  # type: ignore[union-attr]
     assert ring.newest((1, 4), 120_000).key == (1, 4)  # type: ignore[union-attr]
+
+
+def test_windows_with_many_outputs_are_fewer_so_that_one_message_carries_them() -> None:
+    """Its 100 reports a mission second would be 190 000 bytes in 31 windows."""
+    often = replace(FLEET, reports=replace(FLEET.reports, period_ms=300))
+    for servant, _, _ in serving(often):
+        servant.take(Window((1, 1), Grant(30_000)).encode())
+        ahead = ran_ahead(servant, (1, 2), 31, 30_000)
+        assert [window.until_ms for window in ahead.windows] == [60_000, 90_000, 120_000]
+        assert [len(window.reply.outputs) for window in ahead.windows] == [100, 100, 100]
+        assert ran_ahead(servant, (1, 3), 31, 120_000).windows[0].until_ms == 150_000
 
 
 @pytest.mark.parametrize(
