@@ -303,7 +303,7 @@ def test_an_agent_goes_back_and_what_happens_then_counts(
 
 
 def test_windows_with_many_outputs_are_fewer_so_that_one_message_carries_them() -> None:
-    """Its 100 reports a mission second would be 190 000 bytes in 31 windows."""
+    """Its 100 reports a mission second would be more than 100 000 bytes in 31 windows."""
     often = replace(FLEET, reports=replace(FLEET.reports, period_ms=300))
     for servant, _, _ in serving(often):
         servant.take(Window((1, 1), Grant(30_000)).encode())
