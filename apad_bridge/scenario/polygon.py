@@ -1,13 +1,15 @@
 """Simple polygons in the local plane: area, self-crossing and containment.
 
-Corners are (north, east) in metres, in order either way round, not closed. shapely computes; each function imports it when
-it is called, so that a command that reads no scenario starts without it.
+Corners are (north, east) in metres, in order either way round, not closed. shapely computes; it is imported when
+a function is called, so that a command that reads no scenario starts without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
+
+from agents.hosting.interrupts import held_back
 
 Point = tuple[float, float]
 
@@ -24,9 +26,7 @@ def is_simple(corners: Sequence[Point]) -> bool:
 
 def contains(corners: Sequence[Point], point: Point) -> bool:
     """Tests whether a point lies inside. Points on an edge lie outside."""
-    import shapely
-
-    return bool(shapely.contains_xy(_plane(corners), *point))
+    return bool(_shapely().contains_xy(_plane(corners), *point))
 
 
 def bounding_box(corners: Sequence[Point]) -> tuple[Point, Point]:
@@ -36,6 +36,11 @@ def bounding_box(corners: Sequence[Point]) -> tuple[Point, Point]:
 
 
 def _plane(corners: Sequence[Point]) -> Any:
-    import shapely
+    return _shapely().Polygon(corners)
 
-    return shapely.Polygon(corners)
+
+def _shapely() -> Any:
+    # It imports numpy from C, which would print an interrupt's traceback and make an ImportError of it.
+    with held_back():
+        import shapely
+    return shapely

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -46,3 +49,29 @@ def test_inside_a_u(north: float, east: float) -> None:
 
 def test_the_box() -> None:
     assert bounding_box(((1.0, 5.0), (3.0, -2.0), (2.0, 9.0))) == ((1.0, -2.0), (3.0, 9.0))
+
+
+INTERRUPTED_IN_NUMPY = """
+import signal, sys
+from agents.hosting.interrupts import interruptible
+from apad_bridge.scenario.polygon import area_m2
+
+class Finder:
+    def find_spec(self, name, path, target=None):
+        if name == "numpy.linalg":
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+try:
+    with interruptible():
+        area_m2([(0, 0), (0, 1), (1, 1)])
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_ctrl_c_while_shapely_is_imported_is_no_import_error() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_IN_NUMPY], capture_output=True, text=True, timeout=60
+    )
+    assert (done.stdout, done.stderr) == ("interrupted\n", "")
