@@ -57,25 +57,22 @@ STRATEGIES = ["greedy", "cautious", "blend"]
 FIRST_HELD_OUT = 30_001
 COSTS = {"distance_per_m": 1.0, "energy_per_charge": 100.0}
 """A battery is worth 100 m."""
+FIFTY_M = {"costs": {"distance_per_m": 1.0, "energy_per_charge": 50.0}}
+"""A battery is worth 50 m."""
 COLLECTIONS: dict[str, dict[str, Any]] = {
     "cautious": {"collection": "cautious"},
     "greedy": {"collection": "greedy"},
+    "blend": {"collection": "blend", **FIFTY_M},
     "rollout-fair": {"collection": "rollout-fair", "costs": COSTS},
 }
+LEAD: dict[str, Any] = {"pool_threshold": 0.95, "charge_lead": 0.45, "again_threshold": 0.02}
 RULES: dict[str, dict[str, Any]] = {
     "": {},
-    "topped up": {"pool_threshold": 0.8, "charge_to": 0.9},
-    "partial": {"dispatch": "asynchronous", "pool_threshold": 0.45, "charge_to": 0.75},
-    "three": {"batch": 3, "pool_threshold": 0.6, "charge_to": 0.7},
     "again": {"again_threshold": 0.02},
-    "topped up again": {"pool_threshold": 0.8, "charge_to": 0.9, "again_threshold": 0.02},
     "one by one again": {"dispatch": "asynchronous", "again_threshold": 0.02},
-    "partial again": {
-        "dispatch": "asynchronous",
-        "pool_threshold": 0.65,
-        "charge_to": 0.75,
-        "again_threshold": 0.02,
-    },
+    "lead": LEAD,
+    "three, lead": {"batch": 3, **LEAD},
+    "one by one, lead": {"dispatch": "asynchronous", **LEAD},
 }
 """The first is the paper's. "again" keeps its batches of four and its full charges."""
 COMPARED = [
@@ -92,8 +89,6 @@ KNOWN_ENDS = {
         "horizon": "end",
     },
 }
-FIFTY_M = {"costs": {"distance_per_m": 1.0, "energy_per_charge": 50.0}}
-"""A battery is worth 50 m."""
 COMPARED += [
     {"name": f"{collection}, {rule}", "collection": collection, **FIFTY_M, **keys}
     for rule, keys in KNOWN_ENDS.items()
@@ -104,11 +99,11 @@ FEW = (
     "cautious",
     "greedy",
     "rollout-fair",
-    "rollout-fair, partial",
-    "rollout-fair, three",
-    "rollout-fair, topped up",
     "rollout-fair, again",
     "rollout-fair, one by one again",
+    "rollout-fair, lead",
+    "rollout-fair, three, lead",
+    "rollout-fair, one by one, lead",
 )
 SURFACING = "board.motor_run_charge"
 SPREAD = {"fleet.spread.drain": 0.05, "fleet.spread.capacity": 0.05}
