@@ -153,9 +153,14 @@ class Bench:
             self.facts += self.link.advance(self.now_ms)
 
     def place_m(self) -> list[float]:
-        pose = self.link._core.readings.pose
-        assert pose is not None
-        return [pose.north_m, pose.east_m]
+        """The place at this second: its message may arrive after the one by which the aPad is done with the second."""
+        readings, until_s, pause = self.link._core.readings, time.monotonic() + PATIENCE_S, threading.Event()
+        while readings.position_ms < self.now_ms:
+            assert time.monotonic() < until_s, f"at {self.now_ms} ms the newest place is of {readings.position_ms} ms"
+            pause.wait(0.02)
+            self.facts += self.link.advance(self.now_ms)
+        assert readings.pose is not None
+        return [readings.pose.north_m, readings.pose.east_m]
 
     def take(self, topic: str) -> list[str]:
         """The changes of one topic's value since the last call, without the repetitions of each second."""

@@ -69,7 +69,7 @@ def test_whatever_ends_leaves_the_controllers_off(told: Any) -> None:
         # Ten seconds; a little of its own way north may be left.
         assert drifted_m[1] == pytest.approx(10 * DRIFT_M_S[1], abs=0.05)
         assert drifted_m[0] >= 10 * DRIFT_M_S[0] - 0.01
-    assert told["cancelled"] == "PREEMPTED" and told["cancelled_said"] == [RUNNING, PREEMPTED]
+    assert told["cancelled"] == "PREEMPTED" and told["cancelled_said"][-2:] == [RUNNING, PREEMPTED]
 
 
 def test_whatever_is_ordered_pre_empts_the_goal_under_way(told: Any) -> None:
