@@ -66,6 +66,7 @@ COLLECTIONS: dict[str, dict[str, Any]] = {
     "rollout-fair": {"collection": "rollout-fair", "costs": COSTS},
 }
 LEAD: dict[str, Any] = {"pool_threshold": 0.95, "charge_lead": 0.45, "again_threshold": 0.02}
+EXCHANGED: dict[str, Any] = {"places": "exchanged"}
 RULES: dict[str, dict[str, Any]] = {
     "": {},
     "again": {"again_threshold": 0.02},
@@ -73,8 +74,11 @@ RULES: dict[str, dict[str, Any]] = {
     "lead": LEAD,
     "three, lead": {"batch": 3, **LEAD},
     "one by one, lead": {"dispatch": "asynchronous", **LEAD},
+    "exchanged": EXCHANGED,
+    "three, lead, exchanged": {"batch": 3, **LEAD, "charge_lead": 0.35, **EXCHANGED},
+    "one by one, lead, exchanged": {"dispatch": "asynchronous", **LEAD, **EXCHANGED},
 }
-"""The first is the paper's. "again" keeps its batches of four and its full charges."""
+"""The first is the paper's. "again" keeps its batches of four and its full charges, "exchanged" all but the places."""
 COMPARED = [
     {"name": ", ".join(filter(None, (name, rule))), **collection, **keys}
     for rule, keys in RULES.items()
@@ -104,6 +108,8 @@ FEW = (
     "rollout-fair, lead",
     "rollout-fair, three, lead",
     "rollout-fair, one by one, lead",
+    "rollout-fair, three, lead, exchanged",
+    "blend, one by one, lead, exchanged",
 )
 SURFACING = "board.motor_run_charge"
 SPREAD = {"fleet.spread.drain": 0.05, "fleet.spread.capacity": 0.05}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from apad_bridge.assembly.estimator import schedules
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.firmware_config import board_config
-from apad_bridge.scenario.schema import Dispatch, Scenario
+from apad_bridge.scenario.schema import Dispatch, Places, Scenario
 from firmware_model.config import BoardConfig
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import rails_of
@@ -39,6 +39,7 @@ def energy_model(scenario: Scenario) -> EnergyModel:
         docks=scenario.apad.docks,
         batch=mission.batch,
         is_asynchronous=mission.dispatch is Dispatch.ASYNCHRONOUS,
+        exchanges_places=mission.places is Places.EXCHANGED,
     )
 
 

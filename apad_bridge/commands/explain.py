@@ -64,6 +64,9 @@ def _show(plan: Line, console: Console) -> None:
     console.print(
         f"{plan['t'] / 1000:g} s: {plan['strategy']} planned {what} {_ids(chosen)}", highlight=False
     )
+    if "exchanged" in plan:
+        pairs = [f"{it['released']} takes the place of {it['collected']}" for it in plan["exchanged"]]
+        console.print(f"on the same tour {', '.join(pairs)}", highlight=False)
     costs = plan["costs"]
     console.print(
         f"{costs['distance_m']:.1f} m of way and {costs['demand']:.2f} batteries of demand; scaled by the scenario "

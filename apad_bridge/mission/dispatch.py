@@ -10,7 +10,7 @@ others, MASS 2013.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
@@ -29,6 +29,9 @@ class DispatchRule(Protocol):
 
     def to_release(self, docked: Docked, pool: Pool) -> Collection[int]:
         """Returns the ids of the docked aMussels to release now."""
+
+    def to_exchange(self, pool: Sequence[Belief], released: int) -> int:
+        """Returns the number of the pool to collect on the tour on which so many are released."""
 
 
 class BatchDispatch:
@@ -56,6 +59,9 @@ class BatchDispatch:
             return tuple(docked)
         return ()
 
+    def to_exchange(self, pool: Sequence[Belief], released: int) -> int:
+        return self._batch_of(pool)
+
 
 class AsynchronousDispatch:
     """Collects one aMussel as soon as a dock is free; releases each when it is full, or given up.
@@ -81,7 +87,14 @@ class AsynchronousDispatch:
         charged = [it for it in docked.values() if it is not None and is_charged(it, self._config)]
         charges = [counted_charge(it, self._config) for it in pool()] if charged else []
         able = [it for it in charged if charges and makes_room(it, self._config, min(charges))]
-        return [it.agent_id for it in sorted(able, key=lambda it: (-it.primary, it.agent_id))[:1]]
+        return [it.agent_id for it in fullest_first(able)[:1]]
+
+    def to_exchange(self, pool: Sequence[Belief], released: int) -> int:
+        return min(len(pool), released)
+
+
+def fullest_first(docked: Iterable[Belief]) -> list[Belief]:
+    return sorted(docked, key=lambda it: (-it.primary, it.agent_id))
 
 
 def dispatch_of(

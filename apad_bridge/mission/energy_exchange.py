@@ -7,13 +7,13 @@ given-up steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of
+from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -32,12 +32,13 @@ from apad_bridge.mission.plans import plan_note, plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.state import MissionState, Phase, with_new_homes
+from apad_bridge.mission.state import MissionState, Phase, with_exchanged_homes, with_new_homes
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.exchange import exchanges, tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.schema import Mission, Places
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     GoToPoint,
@@ -289,9 +290,14 @@ class EnergyExchange(OrderBook):
         pool = self._pool.candidates(now_ms, self._left_alone, self.state.served)
         return [it for it in pool if not self._is_held(it.agent_id)]
 
-    def _plan_collection(self, pool: list[Belief], batch: int, now_ms: int) -> bool:
-        """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now."""
-        situation = self._situation(pool, {}, now_ms, self._others_than(pool))
+    def _plan_collection(
+        self, pool: list[Belief], batch: int, now_ms: int, leaving: Sequence[Belief] = ()
+    ) -> bool:
+        """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now.
+
+        The docked ones that are `leaving` exchange places with them, in their order.
+        """
+        situation = self._situation(pool, {}, now_ms, self._others_than([*pool, *leaving]), leaving)
         name = self._config.collection
         solution = plan_or_reason(
             name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT
@@ -300,16 +306,26 @@ class EnergyExchange(OrderBook):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return False
         if solution.steps:
+            flown = tour(solution, situation)
+            solution = Solution(tuple(it for it in flown.steps if it.kind is StepKind.COLLECT))
             note = plan_note("collect", name, solution, situation, self._config.costs, self._collection)
             self._orders.append(note)
-            self.set(plan=solution)
+            self.set(plan=flown, homes=with_exchanged_homes(self.state.homes, exchanges(solution, situation)))
         return bool(solution.steps)
 
     def _go_collect(self, now_ms: int) -> None:
-        belief = self._beliefs.get(self._step.agent_id)
+        step, belief = self._step, self._beliefs.get(self._step.agent_id)
         if belief is None:
             self._give_up("it never reported", now_ms)
             return
+        if self.docks[step.dock_index] is not None:
+            # The dock was to be empty by now, and did not open.
+            if None not in self.docks:
+                self.note("given_up", agent=step.agent_id, what=step.kind.value, reason="no dock is free")
+                self._finish_step(now_ms)
+                return
+            step = replace(step, dock_index=self.docks.index(None))
+            self.set(plan=Solution((step, *self.state.plan.steps[1:])))
         self._legs, self._dockings = 1, 0
         self._go_to(belief.north_m, belief.east_m)
         self._called_up.add(belief.agent_id)
@@ -368,10 +384,24 @@ class EnergyExchange(OrderBook):
                 self._go_home(now_ms)
             return
         released = self._dispatch.to_release(beliefs, lambda: self._candidates(now_ms))
-        if released:
-            self._release(released, beliefs, now_ms)
-        else:
+        if not released:
             self._collect_if_due(beliefs, now_ms)
+        elif not self._exchange(released, beliefs, now_ms):
+            self._release(released, beliefs, now_ms)
+
+    def _exchange(self, agent_ids: Collection[int], beliefs: Docked, now_ms: int) -> bool:
+        """Has the docked aMussels take the places of others that are collected on the same tour; False if none is."""
+        if self._config.places is not Places.EXCHANGED:
+            return False
+        pool = self._candidates(now_ms)
+        count = self._dispatch.to_exchange(pool, len(agent_ids))
+        if not count:
+            return False
+        known = [beliefs[it] or placeholder_belief(it, self._here) for it in agent_ids]
+        is_planned = self._plan_collection(pool, count, now_ms, fullest_first(known))
+        if is_planned:
+            self._next_step(now_ms)
+        return is_planned or self.state.phase is Phase.ENDED
 
     def _release(self, agent_ids: Collection[int], beliefs: Docked, now_ms: int) -> None:
         """Has the docked aMussels brought back, in the order of the redeployment strategy."""
@@ -480,7 +510,8 @@ class EnergyExchange(OrderBook):
     def _finish_step(self, now_ms: int) -> None:
         finished, left = self._step, self.state.plan.steps[1:]
         self.set(plan=Solution(left))
-        if finished.kind is StepKind.COLLECT and left and getattr(self._collection, "pre_empts", False):
+        collects = finished.kind is StepKind.COLLECT and all(it.kind is StepKind.COLLECT for it in left)
+        if collects and left and getattr(self._collection, "pre_empts", False):
             self._plan_rest_of_batch(len(left), now_ms)
         if self.state.phase is not Phase.ENDED:
             self._next_step(now_ms)
@@ -547,17 +578,22 @@ class EnergyExchange(OrderBook):
         return self.state.plan.steps[0]
 
     def _situation(
-        self, beliefs: list[Belief], docks: dict[int, int], now_ms: int, others: Iterable[Belief] = ()
+        self,
+        beliefs: list[Belief],
+        docks: dict[int, int],
+        now_ms: int,
+        others: Iterable[Belief] = (),
+        leaving: Iterable[Belief] = (),
     ) -> Situation:
-        return situation_of(self.state, self._here, beliefs, docks, now_ms, others, self._model)
+        return situation_of(self.state, self._here, beliefs, docks, now_ms, others, self._model, leaving)
 
-    def _others_than(self, pool: list[Belief]) -> list[Belief]:
+    def _others_than(self, known: Iterable[Belief]) -> list[Belief]:
         """The beliefs about the rest of the fleet that may be served some time; the docked ones too."""
-        in_pool = {it.agent_id for it in pool}
+        known_ids = {it.agent_id for it in known}
         return [
             it
             for it in self._beliefs.all()
-            if it.agent_id not in in_pool and it.agent_id not in self._left_alone
+            if it.agent_id not in known_ids and it.agent_id not in self._left_alone
         ]
 
     def _homes(self) -> dict[int, tuple[float, float]]:

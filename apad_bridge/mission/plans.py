@@ -11,6 +11,7 @@ from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.orders import Note
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
+from apad_bridge.planning.exchange import exchanges
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
 
 
@@ -50,9 +51,15 @@ def plan_note(
                 for c in situation.candidates
             ],
             "from": list(situation.apad_m),
+            **_exchanged(solution, situation),
             **_reasons(strategy, situation, solution),
         },
     )
+
+
+def _exchanged(solution: Solution, situation: Situation) -> dict[str, Any]:
+    pairs = exchanges(solution, situation)
+    return {"exchanged": [{"released": out, "collected": other} for out, other in pairs]} if pairs else {}
 
 
 def _reasons(strategy: object, situation: Situation, solution: Solution) -> dict[str, Any]:

@@ -115,10 +115,11 @@ def situation_of(
     now_ms: int,
     others: Iterable[Belief] = (),
     model: EnergyModel | None = None,
+    leaving: Iterable[Belief] = (),
 ) -> Situation:
     """The planner's input: `beliefs` as candidates with homes, and docked candidates with their dock of `docks`.
 
-    `others` are the rest of the fleet, as far as it can still be served.
+    The docks of those who are `leaving` count as free. `others` are the rest of the fleet, as far as it can be served.
     An aMussel without a known home is let go at the aPad's place.
     """
     homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
@@ -140,11 +141,13 @@ def situation_of(
             is_served=it.agent_id in released_ms,
         )
 
-    taken = set(held.values())
+    leaving = tuple(leaving)
+    taken = set(held.values()) - {held[it.agent_id] for it in leaving}
     return Situation(
         *place_m,
         tuple(candidate(it, docks.get(it.agent_id)) for it in beliefs),
         tuple(dock_index for dock_index in range(state.dock_count) if dock_index not in taken),
         tuple(candidate(it, held.get(it.agent_id)) for it in others if it.state not in BEYOND_HELP),
         model,
+        tuple(candidate(it, held[it.agent_id]) for it in leaving),
     )

@@ -75,7 +75,8 @@ class MissionState:
     docked: Occupancy = ()
     """The docks as the docking port last told them."""
     homes: tuple[tuple[int, float, float], ...] = ()
-    """(agent, north, east): the place where each aMussel was first heard and is brought back to."""
+    """(agent, north, east): the place to which each aMussel is brought back. It was first heard there, or has taken it from
+    another one."""
     primitive_id: int = 0
     """The id of the primitive under way."""
     leg: Leg | None = None
@@ -150,7 +151,7 @@ class MissionState:
 
 
 Homes = tuple[tuple[int, float, float], ...]
-"""(agent, north, east), by agent: where each aMussel was first heard in the water, and is brought back to."""
+"""(agent, north, east), by agent: the place to which each aMussel is brought back; at first, where it was first heard."""
 
 
 def with_new_homes(homes: Homes, beliefs: Iterable[Belief]) -> Homes:
@@ -162,3 +163,12 @@ def with_new_homes(homes: Homes, beliefs: Iterable[Belief]) -> Homes:
         if b.agent_id not in known and b.state not in DOCKED
     ]
     return tuple(sorted((*homes, *new))) if new else homes
+
+
+def with_exchanged_homes(homes: Homes, pairs: Iterable[tuple[int, int]]) -> Homes:
+    """Has each pair of aMussels exchange its places; one without a known place leaves the other's as it is."""
+    known = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in homes}
+    for one, other in pairs:
+        if one in known and other in known:
+            known[one], known[other] = known[other], known[one]
+    return tuple((agent_id, *place_m) for agent_id, place_m in sorted(known.items()))

@@ -60,8 +60,10 @@ class Candidate:
 class Situation:
     """The input of one plan. The candidates of a collection are in the pool, those of a redeployment are docked.
 
-    `others` are the rest of the fleet: in the water above the pool's threshold, or docked (`dock_index` is known). `model`
-    is what a strategy that looks ahead may assume; None where nobody knows it, as in a script's plan.
+    `others` are the rest of the fleet: in the water above the pool's threshold, or docked (`dock_index` is known).
+    `leaving` are docked ones that leave while a collection is flown: each takes the place of a collected one, in this order
+    (`planning/exchange.py`). Their docks count as free. `model` is what a strategy that looks ahead may assume; None where
+    nobody knows it, as in a script's plan.
 
     Raises ValueError if an agent or a dock is named twice.
     """
@@ -72,13 +74,15 @@ class Situation:
     free_docks: tuple[int, ...]
     others: tuple[Candidate, ...] = ()
     model: EnergyModel | None = None
+    leaving: tuple[Candidate, ...] = ()
 
     def __post_init__(self) -> None:
-        known = (*self.candidates, *self.others)
+        staying = (*self.candidates, *self.others)
+        known = (*staying, *self.leaving)
         ids = [candidate.agent_id for candidate in known]
         if len(set(ids)) != len(ids):
             raise ValueError(f"an aMussel is a candidate twice: {sorted(ids)}")
-        taken = [candidate.dock_index for candidate in known if candidate.dock_index is not None]
+        taken = [candidate.dock_index for candidate in staying if candidate.dock_index is not None]
         docks = [*self.free_docks, *taken]
         if len(set(docks)) != len(docks):
             raise ValueError(f"a dock is free and taken, or named twice: {sorted(docks)}")

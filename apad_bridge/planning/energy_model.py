@@ -33,6 +33,8 @@ class EnergyModel:
     docks: int
     batch: int
     is_asynchronous: bool
+    exchanges_places: bool = False
+    """A released aMussel takes the place of one that is collected, while one is."""
 
     def charging_s(self, charge: float, to: float) -> float:
         """The seconds in a dock from `charge` up to `to`; infinite above the end of the curve."""

@@ -2,13 +2,14 @@
 
 The projection follows the mission's rule of dispatch (`mission/dispatch.py`) and the energy model, leg by leg. It begins
 with the plan that is judged and goes on with a base policy: the next aMussel costs the way to it, less
-`gain_m_per_charge` times the charge that it lacks, and the least cost is next. Nothing is random, no docking misses, and
-the water stands still.
+`gain_m_per_charge` times the charge that it lacks, and the least cost is next. Where places are exchanged
+(`planning/exchange.py`), one way serves the collected and the released one. Nothing is random, no docking misses, and the
+water stands still.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import hypot, inf
 
@@ -26,24 +27,27 @@ class Outcome:
     """A projection's result, over its horizon."""
 
     active_s: tuple[float, ...]
-    """The active time of each aMussel: in the water, with charge. In the order of candidates, then of others."""
+    """The active time of each aMussel: in the water, with charge. In the order of candidates, others, and leaving ones."""
     charges: tuple[float, ...]
     """Their charges at the end."""
     metres: float
 
 
 class Projection:
-    """Projects any number of plans from one situation; an aMussel is its index in candidates, then others."""
+    """Projects any number of plans from one situation; an aMussel is its index in candidates, others and leaving ones."""
 
     def __init__(
         self, situation: Situation, model: EnergyModel, horizon_s: float, gain_m_per_charge: float
     ) -> None:
-        self._agents = (*situation.candidates, *situation.others)
+        self._agents = (*situation.candidates, *situation.others, *situation.leaving)
+        self._leaving = range(len(self._agents) - len(situation.leaving), len(self._agents))
         self._model = model
         self._horizon_s = horizon_s
         self._gain = gain_m_per_charge
         self._apad_m = situation.apad_m
-        self._places = [agent.place_m if agent.dock_index is None else agent.home_m for agent in self._agents]
+        self._own_places = [
+            agent.place_m if agent.dock_index is None else agent.home_m for agent in self._agents
+        ]
 
     def of(self, plan: Sequence[int]) -> Outcome:
         """Projects the collection of `plan` (indices, in order), and what follows."""
@@ -55,9 +59,8 @@ class Projection:
         self._docked = [index for index, agent in enumerate(self._agents) if agent.dock_index is not None]
         self._now_s, self._metres = 0.0, 0.0
         self._place_m = self._apad_m
-        for index in plan:
-            if self._now_s < self._horizon_s:
-                self._collect(index)
+        self._places = list(self._own_places)
+        self._fly_tour(plan, self._leaving)
         advance = self._advance_asynchronous if self._model.is_asynchronous else self._advance_batch
         while self._now_s < self._horizon_s and advance():
             pass
@@ -74,43 +77,74 @@ class Projection:
             full_s = max(self._reaches_s(index, model.full) for index in docked)
             room_s = max(waits_s, self._room_s(docked, swimming, wanted))
             self._now_s = max(self._now_s, min(full_s, room_s))
-            while docked and self._now_s < self._horizon_s:
-                self._release_nearest(docked)
+            if self._model.exchanges_places and wanted and waits_s <= self._now_s:
+                self._fly_tour(self._chosen(swimming, enters_s, wanted), self._fullest_first(docked))
+            else:
+                self._fly_tour((), docked)
             return True
         if not wanted:
             return False
         self._now_s = max(self._now_s, waits_s)
-        for _ in range(wanted):
+        self._fly_tour(self._chosen(swimming, enters_s, wanted))
+        return True
+
+    def _chosen(self, swimming: Sequence[int], enters_s: Sequence[float], count: int) -> Iterator[int]:
+        """The base policy's choices one by one, each at its time and place, from those that are in the pool by then."""
+        chosen: set[int] = set()
+        for _ in range(count):
             pool = [
                 index
                 for index, at_s in zip(swimming, enters_s, strict=True)
-                if at_s <= self._now_s and index not in docked
+                if at_s <= self._now_s and index not in chosen
             ]
-            if not pool or self._now_s >= self._horizon_s:
+            if not pool:
                 break
-            self._collect(self._next(pool))
-        return True
+            chosen.add(best := self._next(pool))
+            yield best
+
+    def _fly_tour(self, collected: Iterable[int], leaving: Iterable[int] = ()) -> None:
+        """Collects one after the other, and releases the leaving ones there; the rest at their own, nearest first."""
+        left = list(leaving)
+        for index in collected:
+            if self._now_s >= self._horizon_s:
+                return
+            self._go_to(index)
+            self._dock(index)
+            if left:
+                released = left.pop(0)
+                places = self._places
+                places[index], places[released] = places[released], places[index]
+                self._undock(released)
+        while left and self._now_s < self._horizon_s:
+            north_m, east_m = self._place_m
+            places = self._places
+            nearest = min(left, key=lambda it: (hypot(places[it][0] - north_m, places[it][1] - east_m), it))
+            left.remove(nearest)
+            self._go_to(nearest)
+            self._undock(nearest)
 
     def _advance_asynchronous(self) -> bool:
         """Flies one release or one collection, or waits for the next; False if nothing more will happen."""
         model, now_s, docked = self._model, self._now_s, self._docked
         full_s = [self._reaches_s(index, model.full) for index in docked]
         done = [index for index, at_s in zip(docked, full_s, strict=True) if at_s <= now_s]
-        if done:
-            self._release_nearest(done)
-            return True
         swimming = [index for index in range(len(self._agents)) if index not in docked]
         enters_s = self._enters_s(swimming)
+        if done:
+            count = len(done) if model.exchanges_places else 0
+            self._fly_tour(self._chosen(swimming, enters_s, count), self._fullest_first(done))
+            return True
         pool = [index for index, at_s in zip(swimming, enters_s, strict=True) if at_s <= now_s]
         is_free = len(docked) < model.docks
         if pool and is_free:
-            self._collect(self._next(pool))
+            self._fly_tour([self._next(pool)])
             return True
         events_s = list(full_s)
         if pool:
             room_s = self._room_s(docked, pool, 1)
             if room_s <= now_s:
-                self._release(max(zip(self._charges_now(docked), docked, strict=True))[1])
+                count = 1 if model.exchanges_places else 0
+                self._fly_tour(self._chosen(swimming, enters_s, count), self._fullest_first(docked)[:1])
                 return True
             events_s.append(room_s)
         else:
@@ -138,16 +172,14 @@ class Projection:
         self._now_s += way_m / self._model.speed_m_s + _LEG_S
         self._place_m = place_m
 
-    def _collect(self, index: int) -> None:
-        self._go_to(index)
+    def _dock(self, index: int) -> None:
         self._now_s += self._model.dock_s
         if self._now_s < self._horizon_s:
             self._settle_active(index, self._now_s)
             self._charge[index] = max(0.0, self._charge[index] - self._model.motor_run)
             self._docked.append(index)
 
-    def _release(self, index: int) -> None:
-        self._go_to(index)
+    def _undock(self, index: int) -> None:
         self._now_s += self._model.undock_s
         if self._now_s < self._horizon_s:
             self._docked.remove(index)
@@ -155,13 +187,6 @@ class Projection:
             self._charge[index] = max(0.0, charge - self._model.motor_run)
             self._since_s[index] = self._now_s
             self._served.add(index)
-
-    def _release_nearest(self, indices: Sequence[int]) -> None:
-        north_m, east_m = self._place_m
-        places = self._places
-        self._release(
-            min(indices, key=lambda it: (hypot(places[it][0] - north_m, places[it][1] - east_m), it))
-        )
 
     def _enters_s(self, swimming: Sequence[int]) -> list[float]:
         """When each enters the pool. Those that were served wait until one falls to the threshold of `again`."""
@@ -209,10 +234,9 @@ class Projection:
     def _reaches_s(self, index: int, charge: float) -> float:
         return self._since_s[index] + self._model.charging_s(self._charge[index], charge)
 
-    def _charges_now(self, docked: Sequence[int]) -> list[float]:
-        return [
-            self._model.charged(self._charge[index], self._now_s - self._since_s[index]) for index in docked
-        ]
+    def _fullest_first(self, docked: Sequence[int]) -> list[int]:
+        charged, now_s = self._model.charged, self._now_s
+        return sorted(docked, key=lambda it: (-charged(self._charge[it], now_s - self._since_s[it]), it))
 
     def _settle_active(self, index: int, now_s: float) -> None:
         """Counts the active time of an aMussel in the water up to now, and lets its battery fall."""

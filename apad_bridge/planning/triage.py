@@ -36,7 +36,9 @@ class Triage:
         model, count = situation.model, docks_to_fill(situation, batch)
         if model is None:
             raise ValueError("triage needs the mission's energy model, which a script's plan has not")
-        if not is_overloaded(len(situation.candidates) + len(situation.others), model):
+        if not is_overloaded(
+            len(situation.candidates) + len(situation.others) + len(situation.leaving), model
+        ):
             return Cautious().plan(situation, batch)
         floor_s = FLOOR_DISCHARGES / model.drain_per_s
         left, chosen, place_m = list(situation.candidates), list[Candidate](), situation.apad_m

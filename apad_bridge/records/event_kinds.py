@@ -316,6 +316,15 @@ KINDS: tuple[Kind, ...] = (
             _optional(Field("from", _POINT, "the aPad's place, north and east", "m")),
             _optional(
                 Field(
+                    "exchanged",
+                    _list_of(
+                        _object("exchange", Field("released", INTEGER, ""), Field("collected", INTEGER, ""))
+                    ),
+                    "who exchange places: the one that is released takes that of the one that is collected",
+                )
+            ),
+            _optional(
+                Field(
                     "options",
                     _list_of(
                         _object(

@@ -57,8 +57,10 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
         case EventKind.DOCK, {"agent": agent, "dock": dock, "closed": closed}:
             return f"dock {dock + 1} {'closed around' if closed else 'let go'} aMussel {agent}"
         case EventKind.PLAN, {"what": what, "strategy": strategy, "steps": steps}:
+            whom = ", ".join(str(step["agent"]) for step in steps) or "nobody"
+            released = ", ".join(str(it["released"]) for it in data.get("exchanged", ()))
             return (
-                f"plan to {what} by {strategy}: {', '.join(str(step['agent']) for step in steps) or 'nobody'}"
+                f"plan to {what} by {strategy}: {whom}{f', in exchange for {released}' if released else ''}"
             )
         case EventKind.PRIMITIVE, {"phase": "failed", "name": name, "agent": agent, "dock": dock}:
             return f"{name} (aMussel {agent}, dock {dock + 1}) failed: {reason}"

@@ -55,7 +55,7 @@ from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from firmware_model.stimuli import ResetCause
 
 CHANGEABLE = (
-    *("collection", "redeployment", "costs", "dispatch", "batch"),
+    *("collection", "redeployment", "places", "costs", "dispatch", "batch"),
     *("pool_threshold", "again_threshold", "full_threshold", "full_when"),
     *("charge_to", "charge_lead", "horizon"),
 )

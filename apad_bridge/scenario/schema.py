@@ -282,6 +282,14 @@ class Dispatch(StrEnum):
     ASYNCHRONOUS = "asynchronous"
 
 
+class Places(StrEnum):
+    """The place to which an aMussel is brought back. `own`: its own, as in the paper. `exchanged`: that of one which is
+    collected on the same tour, while one is; the two exchange places."""
+
+    OWN = "own"
+    EXCHANGED = "exchanged"
+
+
 class Horizon(StrEnum):
     """The time for which aMussels are charged. `open`: as long as they live. `end`: until the mission's end, so nobody is
     collected who lasts until then, and nobody is charged for longer."""
@@ -295,6 +303,7 @@ class Mission:
     collection: str
     """Name of a collection strategy: one of docs/studies.md, as `cautious`, or one from a user's package."""
     redeployment: str = "greedy-redeploy"
+    places: Places = Places.OWN
     pool_threshold: Fraction
     batch: Annotated[int, Ge(1), Le(MAX_DOCKS)]
     """Left out in a file: the number of the aPad's docks. `dispatch: asynchronous` has no batches."""

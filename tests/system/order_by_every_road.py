@@ -156,7 +156,9 @@ class Bench:
         """The place at this second: its message may arrive after the one by which the aPad is done with the second."""
         readings, until_s, pause = self.link._core.readings, time.monotonic() + PATIENCE_S, threading.Event()
         while readings.position_ms < self.now_ms:
-            assert time.monotonic() < until_s, f"at {self.now_ms} ms the newest place is of {readings.position_ms} ms"
+            assert time.monotonic() < until_s, (
+                f"at {self.now_ms} ms the newest place is of {readings.position_ms} ms"
+            )
             pause.wait(0.02)
             self.facts += self.link.advance(self.now_ms)
         assert readings.pose is not None

@@ -16,17 +16,23 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.supervisor.roster import Presence
 from firmware_model.power.charge import ChargeModel
 
+_STEP_OF = {"collect": "collect", "redeploy": "deploy"}
+"""The kind of a plan's steps in the mission's state, by what the plan is for."""
 _TOO_FAR = frozenset(it.name.lower() for it in (Outcome.NOISE, Outcome.OUT_OF_RANGE))
 
 
 @dataclass(slots=True)
 class PlanView:
-    """The newest plan: its steps as (agent, dock), and the number of unfinished steps."""
+    """The newest plan: its steps as (agent, dock), and the number of unfinished steps.
+
+    `places_m` are the steps' places, (north, east), of a plan to redeploy; an aMussel's place in a collection is its own.
+    """
 
     what: str
     strategy: str
     steps: tuple[tuple[int, int], ...]
     left: int
+    places_m: tuple[tuple[float, float] | None, ...] = ()
 
 
 @dataclass(slots=True)
@@ -42,6 +48,7 @@ class RunState:
     phase: str = ""
     primitive: str = ""
     plan: PlanView | None = None
+    homes_m: dict[int, tuple[float, float]] = field(default_factory=dict)
 
 
 class PacketView(NamedTuple):
@@ -168,12 +175,18 @@ class History:
     def _take_mission(self, line: Line) -> None:
         self.now.phase = line["phase"]
         self.now.cost_m = line["snapshot"]["cost_m"]
+        self.now.homes_m = {
+            agent_id: (north, east) for agent_id, north, east in line["snapshot"].get("homes", ())
+        }
         if self.now.plan is not None:
-            self.now.plan.left = len(line["snapshot"]["plan"])
+            kind = _STEP_OF.get(self.now.plan.what)
+            self.now.plan.left = sum(step[0] == kind for step in line["snapshot"]["plan"])
 
     def _take_plan(self, line: Line) -> None:
         steps = tuple((step["agent"], step["dock"]) for step in line["steps"])
-        self.now.plan = PlanView(line["what"], line["strategy"], steps, len(steps))
+        is_collection = line["what"] == "collect"
+        places_m = () if is_collection else tuple(self.now.homes_m.get(agent_id) for agent_id, _ in steps)
+        self.now.plan = PlanView(line["what"], line["strategy"], steps, len(steps), places_m)
         self.plans.append(line)
 
     def _take_packet(self, line: Line) -> None:

@@ -63,15 +63,15 @@ function viewAt(ms, data) {
   const [a, b] = [data.apad[i], data.apad[next]];
   const apad = a && { place: [between(a[0], b[0], share), between(a[1], b[1], share)], heading: a[2], battery: a[3] };
   const stage = data.stages[data.stage[i]];
-  return { i, nowMs: ms, agents, apad, docks, stage, way: wayOf(stage, agents, data.homes), active: data.active[i], cost: data.cost[i] };
+  return { i, nowMs: ms, agents, apad, docks, stage, way: wayOf(stage, agents), active: data.active[i], cost: data.cost[i] };
 }
 
 // The places of the plan's unfinished steps.
-function wayOf({ phase, plan }, agents, homes) {
+function wayOf({ phase, plan }, agents) {
   if (!plan || phase === "ended") return [];
-  const places = plan.steps.slice(plan.done).map(([id]) => {
+  const places = plan.steps.slice(plan.done).map(([id], n) => {
     const agent = agents.find((it) => it.id === id);
-    return plan.what === "collect" ? agent && agent.dock === null && agent.place : homes[id];
+    return plan.what === "collect" ? agent && agent.dock === null && agent.place : plan.places[plan.done + n];
   });
   return places.filter(Boolean);
 }

@@ -346,6 +346,7 @@ def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
         "what": plan.what,
         "strategy": plan.strategy,
         "steps": [list(step) for step in plan.steps],
+        "places": [None if it is None else [round(it[0], 2), round(it[1], 2)] for it in plan.places_m],
         "done": len(plan.steps) - plan.left,
     }
 

@@ -7,6 +7,7 @@ else. Each later packet tells how far the estimate had gone wrong.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from math import dist, sqrt
 from typing import Any
@@ -31,13 +32,14 @@ from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Docked, Released
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import dispatch_of
+from apad_bridge.mission.dispatch import dispatch_of, fullest_first
 from apad_bridge.mission.plans import plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
-from apad_bridge.mission.state import MissionState, with_new_homes
+from apad_bridge.mission.state import MissionState, with_exchanged_homes, with_new_homes
 from apad_bridge.planning import registry
+from apad_bridge.planning.exchange import tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.scenario.schema import Dispatch, Scenario
+from apad_bridge.scenario.schema import Dispatch, Places, Scenario
 from firmware_model.packets import ShortStatus, Status, StatusPacket, basic_of
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State
@@ -138,6 +140,7 @@ class Shadow:
         self._pool = ChargingPool(mission, self._beliefs)
         self._charging = ChargingWatch(mission)
         self._dispatch = dispatch_of(mission, self._charging, self._pool.batch_of)
+        self._exchanges_places = mission.places is Places.EXCHANGED
         self._state = MissionState(dock_count=scenario.apad.docks)
         self._place_m: Place | None = None
         self._pose_teller = Teller.SUPERVISOR
@@ -312,11 +315,19 @@ class Shadow:
             del docked[agent_id]
             if self._place_m is not None:
                 self._beliefs.learn(agent_id, Released(self._now_ms, *self._place_m))
+                if self._exchanges_places:
+                    self._take_place(agent_id, self._place_m)
             released = dict(self._state.released) | {agent_id: self._now_ms}
             self._state = replace(self._state, released=tuple(sorted(released.items())))
         self._state = replace(
             self._state, docked=tuple(sorted((index, agent) for agent, index in docked.items()))
         )
+
+    def _take_place(self, agent_id: int, place_m: Place) -> None:
+        """The released one takes the place at which it was released from whoever had it."""
+        homes = self._state.homes
+        other = min(homes, key=lambda it: (dist(place_m, it[1:]), it[0]), default=(agent_id,))[0]
+        self._state = replace(self._state, homes=with_exchanged_homes(homes, [(agent_id, other)]))
 
     def _began(self, began: WorkBegan) -> None:
         self._works[began.key] = began
@@ -379,6 +390,8 @@ class Shadow:
         count = self._dispatch.to_collect(pool, docked, free)
         if released := list(self._dispatch.to_release(docked, lambda: pool)):
             known = [docked[it] or placeholder_belief(it, place_m) for it in released]
+            if exchanged := self._dispatch.to_exchange(pool, len(released)) if self._exchanges_places else 0:
+                return self._collection_steps(place_m, pool, exchanged, fullest_first(known))
             others = [it for it in self._beliefs.all() if it.agent_id not in released]
             situation = situation_of(self._state, place_m, known, held, now_ms, others, self._model)
             return self._steps(
@@ -392,12 +405,16 @@ class Shadow:
         if held and self._collects and self._mission.dispatch is Dispatch.BATCH:
             # Their batch is under way, and we have another opinion of its rest.
             count = min(self._mission.batch - len(held), len(pool), free)
-        if count <= 0:
-            return ()
-        wanted = {it.agent_id for it in pool}
-        others = [it for it in self._beliefs.all() if it.agent_id not in wanted]
-        situation = situation_of(self._state, place_m, pool, {}, now_ms, others, self._model)
-        return self._steps(
+        return self._collection_steps(place_m, pool, count) if count > 0 else ()
+
+    def _collection_steps(
+        self, place_m: Place, pool: Sequence[Belief], count: int, leaving: Sequence[Belief] = ()
+    ) -> tuple[Step, ...]:
+        """The steps of a collection of `count` of the pool; docked ones that are `leaving` exchange places with them."""
+        known = {it.agent_id for it in (*pool, *leaving)}
+        others = [it for it in self._beliefs.all() if it.agent_id not in known]
+        situation = situation_of(self._state, place_m, pool, {}, self._now_ms, others, self._model, leaving)
+        steps = self._steps(
             plan_or_reason(
                 self._mission.collection,
                 lambda: self._collection.plan(situation, count),
@@ -405,6 +422,7 @@ class Shadow:
                 StepKind.COLLECT,
             )
         )
+        return tour(Solution(steps), situation).steps
 
     def _steps(self, solution: Solution | str) -> tuple[Step, ...]:
         if isinstance(solution, str):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,19 @@ class Silent:
 class Broken(Silent):
     def explain(self, situation: Situation, solution: Solution) -> list[Option]:
         return [Option((1,), {"way": float("nan")})]
+
+
+def test_it_says_who_takes_whose_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    leaving = Candidate(9, 0.0, 0.0, 1.0, 1.0, 5.0, 5.0, SITUATION.free_docks[0])
+    situation = replace(SITUATION, leaving=(leaving,))
+    note = plan_note(
+        "collect", "mine", registry.collection("cautious").plan(situation, 1), situation, CostScales()
+    )
+    journal = Journal(tmp_path / "journal.jsonl")
+    journal.append(60_000, note.kind, note.data)
+    journal.close()
+    assert command(tmp_path) == 0
+    assert "9 takes the place of 1" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Unavailable
+from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Places, Unavailable
 from apad_bridge.scenario.schema import Mission as MissionConfig
 from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.primitives import (
@@ -947,3 +947,88 @@ def test_rules_that_change_in_flight_may_forget_the_end() -> None:
     )
     bench.tick()
     assert len(bench.mission.state.plan.steps) == 1
+
+
+def exchanging(**changes: object) -> Bench:
+    """A mission that has 1 and 2 in its docks; 3 and 4 wait with less charge."""
+    bench = Bench(
+        agents=4, config=replace(MISSION, batch=2, charge_to=0.9, places=Places.EXCHANGED, **changes)
+    )
+    for agent_id in (3, 4):
+        bench.told.say(agent_id, 0, State.ACTIVE, 0.95)
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.collect(1)
+    bench.collect(2)
+    for agent_id, charge in ((3, 0.5), (4, 0.4)):
+        bench.told.say(agent_id, bench.now_ms, State.ACTIVE, charge)
+    for agent_id, charge in ((1, 0.92), (2, 0.95)):
+        bench.told.say(agent_id, bench.now_ms, State.CHARGING, charge)
+    return bench
+
+
+def steps_left(bench: Bench) -> list[tuple[StepKind, int, int]]:
+    return [(it.kind, it.agent_id, it.dock_index) for it in bench.mission.state.plan.steps]
+
+
+def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
+    """The fullest leaves first, and the lowest of the pool is collected first (Cautious)."""
+    bench = exchanging()
+    bench.tick()
+    assert steps_left(bench) == [
+        *((StepKind.COLLECT, 4, 2), (StepKind.DEPLOY, 2, 1)),
+        *((StepKind.COLLECT, 3, 3), (StepKind.DEPLOY, 1, 0)),
+    ]
+    (note,) = bench.notes("plan")
+    assert note["exchanged"] == [{"released": 2, "collected": 4}, {"released": 1, "collected": 3}]
+    bench.collect(4)
+    assert isinstance(bench.primitive(), GoToPoint)
+    there = bench.succeed()
+    assert isinstance(there, GoToPoint) and (there.north_m, there.east_m) == (40.0, 0.0)
+    assert isinstance(bench.succeed(), UndockMussel) and TellClear(2) in bench.orders
+    assert bench.mission.docks == (1, None, 4, None)
+    homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
+    assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
+
+
+def test_who_waits_alone_is_no_batch_and_exchanges_with_nobody() -> None:
+    bench = exchanging()
+    for agent_id, state, charge in ((3, State.ACTIVE, 0.95), (1, State.CHARGING, 1), (2, State.CHARGING, 1)):
+        bench.told.say(agent_id, bench.now_ms, state, charge)
+    bench.tick()
+    assert [it[0] for it in steps_left(bench)] == [StepKind.DEPLOY, StepKind.DEPLOY]
+    assert {agent_id: north for agent_id, north, _ in bench.mission.state.homes}[1] == 10.0
+
+
+@pytest.mark.parametrize("free_docks", [1, 0])
+def test_a_dock_that_does_not_open_leaves_its_place_to_another_dock(free_docks: int) -> None:
+    """The next collection was to fill it. Without any free dock that step is given up, and is no failed try."""
+    bench = exchanging()
+    state = replace(
+        bench.mission.state,
+        docked=((0, 1), (1, 2), *((index, 9 + index) for index in range(2, 4 - free_docks))),
+        plan=Solution(
+            (Step(StepKind.DEPLOY, 2, 1), Step(StepKind.COLLECT, 4, 1), Step(StepKind.DEPLOY, 1, 0))
+        ),
+        phase=Phase.UNDOCK,
+    )
+    bench = Bench(agents=4, config=replace(MISSION, batch=2, places=Places.EXCHANGED), state=state)
+    bench.tick()
+    bench.succeed()
+    bench.fail("it is stuck")
+    if free_docks:
+        assert steps_left(bench) == [(StepKind.COLLECT, 4, 3), (StepKind.DEPLOY, 1, 0)]
+    else:
+        assert steps_left(bench) == [(StepKind.DEPLOY, 1, 0)]
+        assert [it["reason"] for it in bench.notes("given_up")] == ["it is stuck", "no dock is free"]
+    assert bench.mission.state.failed_tries == ()
+
+
+def test_the_rest_of_a_tour_with_releases_is_not_planned_anew() -> None:
+    bench = Bench(collection="njnp", config=replace(MISSION, places=Places.EXCHANGED))
+    steps = (Step(StepKind.COLLECT, 4, 3), Step(StepKind.DEPLOY, 1, 0), Step(StepKind.COLLECT, 3, 0))
+    state = replace(bench.mission.state, docked=((0, 1),), plan=Solution(steps), phase=Phase.GO_COLLECT)
+    bench = Bench(collection="njnp", config=replace(MISSION, places=Places.EXCHANGED), state=state)
+    bench.tick()
+    bench.collect(4)
+    assert bench.mission.state.plan.steps == steps[1:]

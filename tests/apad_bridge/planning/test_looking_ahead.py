@@ -41,18 +41,25 @@ def swimming(
 
 @st.composite
 def fleets(draw: st.DrawFn) -> Situation:
-    """Candidates at or below the threshold, others above it and docked ones, and a model with either rule of dispatch."""
+    """Candidates at or below the threshold, others above it and docked ones, and a model with either rule of dispatch.
+
+    The docked one stays, or leaves by exchanging places.
+    """
     low = [
         swimming(k, draw(metres), draw(metres), draw(st.floats(0, 0.8)))
         for k in range(1, draw(st.integers(1, 9)))
     ]
     high = [swimming(k, draw(metres), draw(metres), draw(st.floats(0.81, 1))) for k in (21, 22)]
-    held = [replace(swimming(31, draw(metres), draw(metres), draw(charges)), dock_index=3)]
-    others = (*high, *(held if draw(st.booleans()) else ()))
-    free = (0, 1, 2) if len(others) == 3 else (0, 1, 2, 3)
+    held = replace(swimming(31, draw(metres), draw(metres), draw(charges)), dock_index=3)
+    others, leaving = draw(st.sampled_from((((), ()), ((held,), ()), ((), (held,)))))
+    free = (0, 1, 2) if others else (0, 1, 2, 3)
     model = replace(MODEL, is_asynchronous=draw(st.booleans()), motor_run=draw(st.sampled_from((0.0, 0.045))))
-    model = replace(model, charge_lead=draw(st.none() | st.floats(0.05, 1)))
-    return Situation(draw(metres), draw(metres), tuple(low), free, others, model)
+    model = replace(
+        model,
+        charge_lead=draw(st.none() | st.floats(0.05, 1)),
+        exchanges_places=bool(leaving) or draw(st.booleans()),
+    )
+    return Situation(draw(metres), draw(metres), tuple(low), free, (*high, *others), model, leaving)
 
 
 @given(charges, st.integers(0, 40_000))
@@ -94,7 +101,7 @@ def test_a_projection_makes_no_energy_and_no_time(situation: Situation, horizon_
     model = situation.model
     assert model is not None
     outcome = Projection(situation, model, horizon_s, 60.0).of(range(min(2, len(situation.candidates))))
-    agents = (*situation.candidates, *situation.others)
+    agents = (*situation.candidates, *situation.others, *situation.leaving)
     fastest = max(per_s for _, per_s in model.curve)
     for agent, active_s, left in zip(agents, outcome.active_s, outcome.charges, strict=True):
         assert 0 <= active_s <= horizon_s + 1e-6 and -1e-9 <= left <= 1 + 1e-9
@@ -157,6 +164,38 @@ def test_one_that_was_served_waits_in_a_projection_until_it_is_nearly_empty(
     outcome = Projection(Situation(0, 0, (), (0,), (agent,), model), model, waits_s + 60, 60.0).of(())
     waits = was_served and again is not None
     assert outcome.active_s[0] == pytest.approx(collected_s + (waits_s if waits else 0.0))
+
+
+@pytest.mark.parametrize("is_asynchronous", [True, False])
+@pytest.mark.parametrize("is_planned", [True, False])
+def test_a_released_one_takes_the_place_of_the_collected_one_in_a_projection(
+    is_asynchronous: bool, is_planned: bool
+) -> None:
+    """One is full in a dock, with its place 20 m to the south; one waits 30 m to the north. The horizon ends later.
+
+    The charged one works from its release, after one way and both mechanisms. The way is the same whether the plan that is
+    judged collects the other one, or the base policy does.
+    """
+    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, exchanges_places=True)
+    held, other = replace(swimming(1, -20, 0, 1.0), dock_index=0), swimming(2, 30, 0, 0.4)
+    collected_s = 2.5 + 30 / model.speed_m_s + model.dock_s
+    released_s = collected_s + model.undock_s
+    situation = (
+        Situation(0, 0, (other,), (0,), (), model, (held,))
+        if is_planned
+        else Situation(0, 0, (), (), (other, held), model)
+    )
+    outcome = Projection(situation, model, released_s + 50, 60.0).of([0] if is_planned else [])
+    assert outcome.metres == 30.0
+    assert outcome.active_s == pytest.approx((collected_s, 50.0))
+
+
+@pytest.mark.parametrize("is_asynchronous", [True, False])
+def test_one_for_whom_nobody_waits_goes_to_its_own_place_in_a_projection(is_asynchronous: bool) -> None:
+    model = replace(MODEL, docks=1, batch=1, is_asynchronous=is_asynchronous, exchanges_places=True)
+    held, other = replace(swimming(1, -20, 0, 1.0), dock_index=0), swimming(2, 30, 0, 1.0)
+    outcome = Projection(Situation(0, 0, (), (), (other, held), model), model, 60.0, 60.0).of(())
+    assert outcome.metres == 20.0
 
 
 def test_a_rollout_finds_the_best_plan_of_a_small_pool_by_its_own_model() -> None:

@@ -185,11 +185,31 @@ def test_texts_and_cost_follow_the_mission():
         "what": "collect",
         "strategy": "cautious",
         "steps": [[4, 0], [2, 1]],
+        "places": [],
         "done": 0,
     }
     assert stages[3]["plan"]["done"] == 1 and stages[3]["phase"] == "dock"
     assert data["cost"] == [0, 2.5, 2.5, 3.5]
     assert data["docks"][3] == [4, None, None, None]
+
+
+def test_a_plan_goes_to_the_places_that_are_the_aMussels_then_and_counts_its_own_steps():
+    """They exchanged places: 4 is brought back to where 2 was. A tour on which some leave has two collections left."""
+    homes, costs = [[2, 7.0, 8.0], [4, 1.0, 2.0]], {"distance_m": 1, "demand": 1, "distance_cost": 1}
+    plan = {"kind": "plan", "strategy": "any", "costs": costs, "beliefs": []}
+    steps = [{"agent": 4, "dock": 0}, {"agent": 2, "dock": 1}]
+    tour = [["collect", 4, 0], ["deploy", 5, 1], ["collect", 2, 1], ["deploy", 6, 2]]
+    lines = [
+        {"t": 0, **plan, "what": "collect", "steps": steps},
+        {"t": 0, "kind": "mission", "phase": "go", "snapshot": {"plan": tour, "cost_m": 0, "homes": homes}},
+        apad(0, 1.0),
+        {"t": 1000, **plan, "what": "redeploy", "steps": steps},
+        apad(1000, 1.0),
+    ]
+    data = data_of(run_line(2, 4), *lines)
+    first, second = [data["stages"][n]["plan"] for n in data["stage"]]
+    assert first["done"] == 0 and first["places"] == []
+    assert second["places"] == [[1.0, 2.0], [7.0, 8.0]]
 
 
 def test_without_truth_the_page_shows_what_was_believed():

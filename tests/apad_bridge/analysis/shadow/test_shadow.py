@@ -28,7 +28,7 @@ from apad_bridge.commands import main
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, with_overrides, write_resolved
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Places, Scenario
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State
@@ -38,16 +38,22 @@ Told = dict[str, Any]
 COLLECT_7, COLLECT_3 = Move(StepKind.COLLECT, 7), Move(StepKind.COLLECT, 3)
 
 
+TWENTY_MINUTES = replace(POOL, duration_s=1200.0)
+EXCHANGED = replace(
+    POOL, mission=replace(POOL.mission, batch=3, charge_to=0.9, places=Places.EXCHANGED), duration_s=1800.0
+)
+
+
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, Path]]:
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[Path, Path]]:
     """A run of ours by a strategy: its scenario and its bag."""
     made: dict[str, tuple[Path, Path]] = {}
 
-    def fly(strategy: str) -> tuple[Path, Path]:
+    def fly(strategy: str, flies: Scenario = TWENTY_MINUTES) -> tuple[Path, Path]:
         if strategy not in made:
             folder = tmp_path_factory.mktemp(strategy)
             fleet = replace(POOL.fleet, hosting=Hosting.ONE_PROCESS)
-            scenario = with_overrides(replace(POOL, duration_s=1200.0, fleet=fleet), strategy=strategy)
+            scenario = with_overrides(replace(flies, fleet=fleet), strategy=strategy)
             write_resolved(folder / "flown.yaml", scenario)
             out = folder / "run"
             words = ["run", str(folder / "flown.yaml"), "--time", "asap", "--out", str(out), "--json"]
@@ -72,7 +78,11 @@ def plans_of(bag: Path) -> list[tuple[str, int]]:
         line = json.loads(text)
         if line["kind"] == "plan":
             kind = "collect" if line["what"] == "collect" else "deploy"
-            steps += [(kind, step["agent"]) for step in line["steps"]]
+            releases = {it["collected"]: it["released"] for it in line.get("exchanged", ())}
+            for step in line["steps"]:
+                steps.append((kind, step["agent"]))
+                if step["agent"] in releases:
+                    steps.append(("deploy", releases[step["agent"]]))
     return steps
 
 
@@ -84,6 +94,17 @@ def test_a_run_of_ours_agrees_with_its_own_strategy_in_every_decision(
     told = shadowed(files, strategy, capsys)
     theirs = [(it["theirs"]["kind"], it["theirs"]["agent_id"]) for it in told["decisions"]]
     assert theirs == plans_of(files[1])[: len(theirs)] and len(theirs) >= 12
+    assert told["agreed"] == len(theirs), [it for it in told["decisions"] if not it["agrees"]]
+
+
+def test_a_run_of_ours_that_exchanges_places_agrees_with_itself_too(
+    flown: Callable[..., tuple[Path, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = flown("blend", EXCHANGED)
+    told = shadowed(files, "blend", capsys)
+    theirs = [(it["theirs"]["kind"], it["theirs"]["agent_id"]) for it in told["decisions"]]
+    assert theirs == plans_of(files[1])[: len(theirs)]
+    assert [kind for kind, _ in theirs[:11]] == [*3 * ["collect"], *4 * ["collect", "deploy"]]
     assert told["agreed"] == len(theirs), [it for it in told["decisions"] if not it["agrees"]]
 
 

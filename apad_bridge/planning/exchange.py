@@ -1,0 +1,48 @@
+"""Exchange of places: a charged aMussel takes the place of one that is collected, so that one way serves both.
+
+All aMussels measure alike, so the mission's places stay covered whoever is where. The paper brings each back to its own
+place, and names other redeployments as possible (section V).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.solution import Solution, Step, StepKind
+
+
+def tour(collection: Solution, situation: Situation) -> Solution:
+    """The steps of a collection and of `situation.leaving`: at each stop one is collected and the next one is released.
+
+    A free dock takes the collected one first. Without one the release comes first. The steps get their docks anew. Those
+    who find no place leave last.
+    """
+    releases = [Step(StepKind.DEPLOY, it.agent_id, _dock(it.dock_index)) for it in situation.leaving]
+    leaves_empty = {it.dock_index for it in releases}
+    free = [dock_index for dock_index in situation.free_docks if dock_index not in leaves_empty]
+    steps: list[Step] = []
+    for step in collection.steps:
+        release = releases.pop(0) if releases else None
+        if release is not None and not free:
+            steps.append(release)
+            free.append(release.dock_index)
+            release = None
+        steps.append(replace(step, dock_index=free.pop(0)))
+        if release is not None:
+            steps.append(release)
+            free.append(release.dock_index)
+    return Solution((*steps, *releases))
+
+
+def exchanges(collection: Solution, situation: Situation) -> list[tuple[int, int]]:
+    """The pairs (released, collected) of a tour, who exchange places."""
+    return [
+        (leaving.agent_id, step.agent_id)
+        for leaving, step in zip(situation.leaving, collection.steps, strict=False)
+    ]
+
+
+def _dock(dock_index: int | None) -> int:
+    assert dock_index is not None  # who leaves is docked
+    return dock_index

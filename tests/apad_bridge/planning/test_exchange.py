@@ -1,0 +1,91 @@
+"""The tour on which some are released and others collected: every dock, every aMussel and every place once."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.mission.state import with_exchanged_homes
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.exchange import exchanges, tour
+from apad_bridge.planning.solution import Solution, Step, StepKind
+
+COLLECT, DEPLOY = StepKind.COLLECT, StepKind.DEPLOY
+
+
+def low(agent_id: int) -> Candidate:
+    return Candidate(agent_id, agent_id, 0.0, agent_id / 100, 1.0, agent_id, 0.0)
+
+
+def docked(agent_id: int, dock_index: int) -> Candidate:
+    return Candidate(agent_id, 0.0, 0.0, 1.0, 1.0, -agent_id, 0.0, dock_index)
+
+
+@st.composite
+def situations(draw: st.DrawFn) -> Situation:
+    """Up to four docks: some of their aMussels leave, some stay, and some docks are free."""
+    fates = draw(st.lists(st.sampled_from(("leaves", "stays", "free")), max_size=4))
+    held = {index: docked(100 + index, index) for index, fate in enumerate(fates) if fate != "free"}
+    leaving = draw(st.permutations([it for index, it in held.items() if fates[index] == "leaves"]))
+    others = tuple(it for index, it in held.items() if fates[index] == "stays")
+    free = tuple(index for index, fate in enumerate(fates) if fate != "stays")
+    pool = tuple(low(agent_id) for agent_id in range(1, draw(st.integers(1, 7))))
+    return Situation(0.0, 0.0, pool, free, others, None, tuple(leaving))
+
+
+@given(situations())
+def test_no_dock_holds_two_and_nobody_is_forgotten(situation: Situation) -> None:
+    collection = Cautious().plan(situation, 4)
+    held = {it.dock_index: it.agent_id for it in (*situation.others, *situation.leaving)}
+    steps = tour(collection, situation).steps
+    for step in steps:
+        if step.kind is COLLECT:
+            assert step.dock_index not in held
+            held[step.dock_index] = step.agent_id
+        else:
+            assert held.pop(step.dock_index) == step.agent_id
+    assert [it.agent_id for it in steps if it.kind is COLLECT] == [it.agent_id for it in collection.steps]
+    assert [it.agent_id for it in steps if it.kind is DEPLOY] == [it.agent_id for it in situation.leaving]
+
+
+def test_a_free_dock_takes_the_collected_one_before_the_release() -> None:
+    situation = Situation(0, 0, (low(1), low(2)), (0, 1, 3), (), None, (docked(11, 1), docked(10, 0)))
+    assert tour(Cautious().plan(situation, 4), situation).steps == (
+        *(Step(COLLECT, 1, 3), Step(DEPLOY, 11, 1)),
+        *(Step(COLLECT, 2, 1), Step(DEPLOY, 10, 0)),
+    )
+
+
+def test_without_a_free_dock_the_release_comes_first_and_who_finds_no_place_leaves_last() -> None:
+    situation = Situation(0, 0, (low(1),), (0, 1), (), None, (docked(11, 1), docked(10, 0)))
+    collection = Cautious().plan(situation, 4)
+    assert tour(collection, situation).steps == (
+        *(Step(DEPLOY, 11, 1), Step(COLLECT, 1, 1)),
+        Step(DEPLOY, 10, 0),
+    )
+    assert exchanges(collection, situation) == [(11, 1)]
+
+
+def test_a_collection_on_which_nobody_leaves_is_flown_as_it_was_planned() -> None:
+    situation = Situation(0, 0, (low(1), low(2)), (2, 0))
+    collection = Solution((Step(COLLECT, 2, 2), Step(COLLECT, 1, 0)))
+    assert tour(collection, situation) == collection and exchanges(collection, situation) == []
+
+
+@given(
+    st.dictionaries(st.integers(1, 9), st.tuples(st.floats(-9, 9), st.floats(-9, 9))),
+    st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), max_size=6),
+)
+def test_every_place_stays_somebody_s(
+    places: dict[int, tuple[float, float]], pairs: list[tuple[int, int]]
+) -> None:
+    homes = tuple((agent_id, *place) for agent_id, place in sorted(places.items()))
+    exchanged = with_exchanged_homes(homes, pairs)
+    assert [it[0] for it in exchanged] == [it[0] for it in homes]
+    assert sorted(it[1:] for it in exchanged) == sorted(it[1:] for it in homes)
+
+
+def test_two_exchange_their_places() -> None:
+    homes = ((1, 1.0, 0.0), (2, 2.0, 0.0), (3, 3.0, 0.0))
+    assert with_exchanged_homes(homes, [(1, 3)]) == ((1, 3.0, 0.0), (2, 2.0, 0.0), (3, 1.0, 0.0))
