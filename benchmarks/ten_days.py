@@ -53,6 +53,20 @@ TO_FULL: dict[str, Any] = {
     "dispatch": "asynchronous",
     "pool_threshold": 0.7,
 }
+EXCHANGED: dict[str, Any] = {
+    "name": "blend, partial, exchanged",
+    "collection": "blend",
+    "costs": {"distance_per_m": 1.0, "energy_per_charge": 50.0},
+    "dispatch": "asynchronous",
+    "places": "exchanged",
+    "pool_threshold": 0.5,
+    "charge_to": 0.9,
+}
+EXCHANGED_TO_FULL = {
+    **{key: value for key, value in EXCHANGED.items() if key != "charge_to"},
+    "name": "blend, to full, exchanged",
+    "pool_threshold": 0.6,
+}
 """The parameters were chosen on the seeds 301 to 303."""
 FIRST_HELD_OUT = 20_001
 FEW = 20
@@ -79,7 +93,7 @@ class Setting:
     theta: int
     counts: list[int]
     surfacing: float
-    strategies: list[dict[str, Any]] = field(default_factory=lambda: [BATCH, PARTIAL])
+    strategies: list[dict[str, Any]] = field(default_factory=lambda: [BATCH, PARTIAL, EXCHANGED])
     is_declared: bool = False
     """A comparison that was declared before it was flown: with every configuration."""
     home: dict[str, Any] | None = None
@@ -111,7 +125,7 @@ class Setting:
 SETTINGS = [
     Setting("theta30-5", 30, [12], 0.05, is_declared=True),
     Setting("theta30-0", 30, [12], 0.0, is_declared=True),
-    Setting("theta1-5", 1, [13], 0.05, [BATCH, PARTIAL, TO_FULL], is_declared=True),
+    Setting("theta1-5", 1, [13], 0.05, [BATCH, PARTIAL, TO_FULL, EXCHANGED_TO_FULL], is_declared=True),
     Setting("theta1-home", 1, [12], 0.05, [TO_FULL], home=HOME),
     Setting("capacity-0", 1, [14, 15, 16], 0.0, [PARTIAL, TO_FULL]),
     Setting("capacity-2", 1, [14, 15], 0.02, [PARTIAL, TO_FULL]),

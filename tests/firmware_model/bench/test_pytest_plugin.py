@@ -1,5 +1,6 @@
 """The plugin in a pytest of its own: the page's tests pass, and a failing test shows the board's actions."""
 
+import os
 import re
 import subprocess
 import sys
@@ -27,6 +28,8 @@ def run_pytest(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
         text=True,
         timeout=120,
         cwd=folder,
+        # A person's options for the whole suite are none of this one's.
+        env={key: value for key, value in os.environ.items() if key != "PYTEST_ADDOPTS"},
     )
 
 
