@@ -21,7 +21,7 @@ import resource
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from math import sqrt
 from pathlib import Path
@@ -165,6 +165,18 @@ CONDITIONS = {
 FIGURES = ("uptime_paper_mean", "uptime_paper_min", "metres")
 """Whose differences are tested."""
 PLANNED = {"pool of 24": 24, "pool of 120": 120}
+_LEADING: dict[str, Any] = {"pool_threshold": 0.95, "charge_lead": 0.45}
+PLANNERS: dict[str, dict[str, Any]] = {
+    **{name: {} for name in ("cautious", "blend", "rollout", "rollout-fair")},
+    "rollout-fair, lead": _LEADING,
+    "rollout-fair, lead, exchanged": {**_LEADING, "exchanges_places": True},
+    "rollout-fair, one by one, lead, exchanged": {
+        **_LEADING,
+        "exchanges_places": True,
+        "is_asynchronous": True,
+    },
+}
+"""Strategies whose plans are timed, and the rules that their energy model follows."""
 PLANS = 20
 """Situations that are planned for each fleet."""
 
@@ -204,10 +216,11 @@ def measure(tries: int = 200) -> dict[str, Any]:
 
 def plan_times_ms() -> dict[str, dict[str, float]]:
     """The slowest of some plans of four aMussels, by strategy and fleet, in processor time; all are in the pool."""
-    model = energy_model(load(SCENARIOS / "bay-24.yaml"))
+    nominal = energy_model(load(SCENARIOS / "bay-24.yaml"))
     found: dict[str, dict[str, float]] = {}
-    for name in ("cautious", "blend", "rollout", "rollout-fair"):
-        strategy = registry.collection(name, CostScales(**COSTS))
+    for name, rules in PLANNERS.items():
+        strategy = registry.collection(name.partition(",")[0], CostScales(**COSTS))
+        model = replace(nominal, **rules)
         for fleet, count in PLANNED.items():
             chance = Random(count)
             took = []

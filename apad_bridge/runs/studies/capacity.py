@@ -28,9 +28,17 @@ idle load i, and would have drawn d. So its e is that of two runs of the motors 
 in a dock: asleep, and for `report_s` after each alarm. Its d is a mean over whole cycles. A mission may end just before an
 alarm, so its u has the charge of one wake added.
 
+A board that never sleeps samples under water alone. Each service takes it away for its time in the dock and for w minutes
+more: its ways up and down, and the closing of a virtual dock, while it draws d. With the best x and y it gains at most
+g = max (y - x - e - d w) / (t + w) a minute away. So beside a <= the bound above, its minutes of samples a obey
+
+    d a <= u + g z  and  a + z <= T    for z minutes away, so  a <= T - (d T - u) / (g + d)
+
+without regard to docks. One that is docked at the end has its way down before it: u and T have that way added.
+
 Alarms find the board in the water, on its way or in a dock in proportion to time, as they do where nobody plans for them: a
-service that is timed to skip a wake saves that wake. Travel, docking, waiting and the time afloat are left out, so flights
-stay below.
+service that is timed to skip a wake saves that wake. Travel, waiting and the rest of the time afloat are left out, so
+flights stay below.
 """
 
 from __future__ import annotations
@@ -43,8 +51,8 @@ from statistics import fmean
 from apad_bridge.assembly.energy_model import drain_per_min_of
 from apad_bridge.assembly.estimator import schedules
 from apad_bridge.scenario.firmware_config import board_config, sinking_of, spread_of, takes_samples
-from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.schema import DockingProfile, Scenario
+from apad_bridge.scenario.starts import Start, starts_of
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, rails_of
@@ -65,6 +73,10 @@ class Rates:
     """The greatest gain a docked minute over whole services, less the cost of surfacing and sinking; at least 0."""
     full_charge_min: float
     """The minutes from empty to full."""
+    charge_away: float
+    """The greatest gain a minute away: in the dock, on the ways and in a closing dock, less what these draw; at least 0."""
+    down_min: float
+    """The minutes of a way down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +125,9 @@ def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) ->
         docks,
         100 * active / amussels,
         active,
-        _samples(scenario, active, mission_s),
+        _samples(
+            scenario, min(active, fmean(_sampling_minutes(it, minutes) for it in fleets) / minutes), mission_s
+        ),
         docks / fmean(it.drain / (it.charge + it.drain) for it in each),
         docks / fmean(it.drain / (1 / it.full_charge_min + it.drain) for it in each),
         100 * active_minutes(without_start, 1.0, docks) / amussels,
@@ -140,6 +154,15 @@ def active_minutes(fleet: Sequence[Rates], minutes: float, docks: int) -> float:
         docked = min(left, max(0.0, (it.drain * minutes - it.start) / (it.charge + it.drain)))
         left -= docked
         total += min(minutes - docked, (it.start + it.charge * docked) / it.drain)
+    return total
+
+
+def _sampling_minutes(fleet: Sequence[Rates], minutes: float) -> float:
+    """The largest sum of the time under water of boards that never sleep, in agent minutes, if docks are always free."""
+    total = 0.0
+    for it in fleet:
+        away = max(0.0, (it.drain * minutes - it.start) / (it.charge_away + it.drain))
+        total += min(minutes, minutes + it.down_min - away)
     return total
 
 
@@ -175,7 +198,10 @@ def rates_of(scenario: Scenario) -> list[Rates]:
         up, down = _ways_of(board, sinking, drain)
         gain = _best_gain(per_min, max(0.0, up + down))
         unspent = max(0.0, down) + _wake_of(board, ids)
-        found.append(Rates(start.primary + unspent, drain, gain, _full_min(per_min)))
+        away_min = (sinking.surfacing_ms + sinking.sinking_ms) / _MS_PER_MIN + _closing_min(scenario, start)
+        gain_away = _best_gain(per_min, max(0.0, up + down) + drain * away_min, away_min)
+        down_min = sinking.sinking_ms / _MS_PER_MIN
+        found.append(Rates(start.primary + unspent, drain, gain, _full_min(per_min), gain_away, down_min))
     return found
 
 
@@ -229,8 +255,18 @@ def _full_min(per_min: Sequence[tuple[float, float]]) -> float:
     return sum((end - low) / rate for (end, rate), low in zip(per_min, starts, strict=False))
 
 
-def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float) -> float:
-    """The greatest (y - x - `surfacing`) / t(x, y) of the curve, whose segments are (end, rate a minute); at least 0."""
+def _closing_min(scenario: Scenario, start: Start) -> float:
+    """The agent minutes in which a dock closes around the aMussel, which is afloat; at least 0 where a vehicle docks it."""
+    docking = scenario.mission.docking
+    is_virtual = docking.profile_of(start.agent_id) is DockingProfile.VIRTUAL
+    return docking.dock_s * scenario.theta / 60 if is_virtual else 0.0
+
+
+def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float, besides_min: float = 0.0) -> float:
+    """The greatest (y - x - `surfacing`) / (t(x, y) + `besides_min`) of the curve, at least 0.
+
+    The curve's segments are (end, rate a minute).
+    """
     starts = [0.0, *(end for end, _ in per_min)]
     found = [0.0]
     for first in range(len(per_min)):
@@ -240,7 +276,7 @@ def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float) -> floa
             if rate <= 0:
                 break
             minutes += (end - starts[index]) / rate
-            found.append((end - starts[first] - surfacing) / minutes)
+            found.append((end - starts[first] - surfacing) / (minutes + besides_min))
     return max(found)
 
 

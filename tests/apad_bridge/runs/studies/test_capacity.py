@@ -84,7 +84,7 @@ def test_no_charge_between_two_levels_gains_more_than_the_best(
 
 def test_a_mission_by_hand() -> None:
     """Two aMussels, 1000 minutes: one begins full and lasts; the other begins at half, and the one dock serves it."""
-    full, half = Rates(1.0, 0.001, 0.003, 500.0), Rates(0.5, 0.001, 0.003, 500.0)
+    full, half = (Rates(start, 0.001, 0.003, 500.0, 0.0, 0.0) for start in (1.0, 0.5))
     # It is docked for y minutes with 0.5 + 0.003 y = 0.001 (1000 - y): y = 125, active for 875.
     assert active_minutes([full, half], 1000.0, 1) == pytest.approx(1000 + 875)
     assert active_minutes([full, half], 1000.0, 0) == pytest.approx(1000 + 500)
@@ -92,6 +92,26 @@ def test_a_mission_by_hand() -> None:
     assert active_minutes([half] * 5, 1000.0, 1) == pytest.approx(5 * 875)
     # Sixteen could use 2000: each docked minute adds three active ones.
     assert active_minutes([half] * 16, 1000.0, 1) == pytest.approx(16 * 500 + 3 * 1000)
+
+
+@pytest.mark.parametrize("surfacing", [0.0, 0.05])
+def test_a_board_that_never_sleeps_takes_no_samples_on_its_ways_and_in_a_closing_dock_by_hand(
+    surfacing: float,
+) -> None:
+    """12 from a charge of 0.6 for 20 hours of theirs at theta 30, which the docks serve as they like.
+
+    A service above the knee takes 150 min in the dock, and 9.5 more: the ways 1 each, and 15 s of closing 7.5.
+    """
+    data = resolve(pool())
+    data["fleet"]["start"] = {"charge": [0.6, 0.6]}
+    data["board"]["motor_run_charge"] = surfacing / 2
+    scenario = from_data(data, "test")
+    away_min = 0.4366 / C + 9.5
+    gain = (0.4366 - surfacing - 9.5 * D) / away_min
+    away = (1200 * D - 0.6 - surfacing / 2) / (gain + D)
+    found = bounds_of([scenario])
+    assert found.samples == pytest.approx(12 * (1201 - away) * 2, rel=1e-4)  # a sample every 30 s of theirs
+    assert found.samples < found.active * scenario.duration_s
 
 
 def test_few_services_by_hand() -> None:
@@ -110,7 +130,9 @@ def test_few_services_by_hand() -> None:
 
 
 fleets = st.lists(
-    st.builds(Rates, st.floats(0, 1), st.floats(1e-4, 1e-2), st.floats(1e-4, 1e-2), st.just(500.0)),
+    st.builds(
+        Rates, st.floats(0, 1), *[st.floats(1e-4, 1e-2)] * 2, st.just(500.0), st.just(0.0), st.just(0.0)
+    ),
     min_size=1,
     max_size=6,
 )
@@ -143,12 +165,24 @@ def test_the_closed_form_is_the_linear_programme(fleet: list[Rates], minutes: fl
     theta=st.sampled_from([30, 120]),
     surfacing=st.sampled_from([0.0, 0.02, 0.09]),
     horizon=st.sampled_from(["open", "end"]),
+    rules=st.sampled_from(
+        [{}, {"dispatch": "asynchronous", "places": "exchanged", "pool_threshold": 0.5, "charge_to": 0.9}]
+    ),
 )
 def test_no_flight_exceeds_the_bounds(
-    seed: int, strategy: str, count: int, batch: int, theta: int, surfacing: float, horizon: str
+    seed: int,
+    strategy: str,
+    count: int,
+    batch: int,
+    theta: int,
+    surfacing: float,
+    horizon: str,
+    rules: dict[str, Any],
 ) -> None:
     board = {**resolve(pool())["board"], "motor_run_charge": surfacing / 2}
-    scenario = pool(seed, count, collection=strategy, batch=batch, theta=theta, board=board, horizon=horizon)
+    scenario = pool(
+        seed, count, collection=strategy, batch=batch, theta=theta, board=board, horizon=horizon, **rules
+    )
     bounds, flown = bounds_of([scenario]), fly(scenario, Model.EVENT_DRIVEN)
     tick = 1 / scenario.duration_s
     assert flown.uptime_paper_mean <= bounds.uptime_percent + 100 * tick
