@@ -33,7 +33,7 @@ class EnergyModel:
     docks: int
     batch: int
     is_asynchronous: bool
-    exchanges_places: bool = False
+    exchanges_places: bool
     """A released aMussel takes the place of one that is collected, while one is."""
 
     def charging_s(self, charge: float, to: float) -> float:
