@@ -62,6 +62,7 @@ class Bench:
         known_end: KnownEnd | None = None,
     ) -> None:
         self.told = Told()
+        self.config = config
         self.now_ms = 0
         self.orders: list[Order] = []
         self.mission = EnergyExchange(
@@ -987,6 +988,29 @@ def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
     assert isinstance(there, GoToPoint) and (there.north_m, there.east_m) == (40.0, 0.0)
     assert isinstance(bench.succeed(), UndockMussel) and TellClear(2) in bench.orders
     assert bench.mission.docks == (1, None, 4, None)
+    homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
+    assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
+
+
+def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
+    bench = exchanging()
+    bench.tick()
+    for step in bench.mission.state.plan.steps:
+        told, now_ms, place = bench.told, bench.now_ms, bench.mission.pose
+        assert place is not None
+        state = MissionState.from_json(bench.mission.state.to_json())
+        bench = Bench(agents=0, state=state, place=place, config=bench.config)
+        bench.told.update(told)
+        bench.now_ms = now_ms
+        bench.tick()
+        if step.kind is StepKind.COLLECT:
+            bench.collect(step.agent_id)
+        else:
+            bench.succeed()
+            assert isinstance(bench.succeed(), UndockMussel)
+            bench.told.say(step.agent_id, bench.now_ms, State.ACTIVE, 0.99)
+    assert bench.mission.state.phase is Phase.CHARGE
+    assert {it for it in bench.mission.docks if it} == {3, 4}
     homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
     assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
 
