@@ -37,7 +37,7 @@ def counted_charge(belief: Belief, config: Mission) -> float:
 class ChargingWatch:
     """Gives an aMussel up after the scenario's `silence_timeout_s` without a gain in believed charge.
 
-    The time begins with `begin`, and anew after `restart`.
+    The time begins with `begin`, and anew after `restart`, which has to follow each change of a dock.
     """
 
     def __init__(self, config: Mission) -> None:
@@ -51,7 +51,7 @@ class ChargingWatch:
             self._best.setdefault(agent_id, (-1.0, now_ms))
 
     def restart(self, agent_id: int) -> None:
-        """Watches an aMussel anew, as one that was docked just now."""
+        """Forgets an aMussel that was docked or released, or whose dock did not open: it is watched anew."""
         self._best.pop(agent_id, None)
         self._given_up.discard(agent_id)
 

@@ -133,6 +133,7 @@ class EnergyExchange(OrderBook):
         self.note_outcome(outcome)
         if isinstance(outcome, DockChanged):
             self._called_up.discard(outcome.agent_id)
+            self._charging.restart(outcome.agent_id)
             if not outcome.closed:
                 self._forget_failed_undockings(outcome.agent_id)
             return self.take_orders()

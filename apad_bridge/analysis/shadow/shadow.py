@@ -304,6 +304,7 @@ class Shadow:
             self._resolve(move)
         if self._pending is not None and self._pending.theirs is not None:
             self._choose()  # as the docks were before
+        self._charging.restart(agent_id)
         if is_held:
             free = set(range(self._state.dock_count)) - set(docked.values())
             if not free:

@@ -302,6 +302,19 @@ def bring_home(bench: Bench, agent_ids: tuple[int, ...], charge: float) -> None:
     assert bench.mission.state.phase is Phase.IDLE
 
 
+def test_one_that_is_docked_a_second_time_is_watched_anew() -> None:
+    """It comes with less charge than it left with, long after it gained some; nobody else was docked meanwhile."""
+    bench = Bench(agents=1)
+    for _ in range(2):
+        bench.told.say(1, bench.now_ms, State.ACTIVE, 0.5)
+        bench.tick(3 * int(MISSION.silence_timeout_s))
+        bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+        bench.collect(1)
+        bench.tick()
+        assert bench.mission.state.phase is Phase.CHARGE and not bench.notes("given_up")
+        bring_home(bench, (1,), charge=0.995)
+
+
 def test_one_that_never_gains_charge_is_left_alone() -> None:
     """An aMussel whose charge does not rise in the dock would be fetched for ever."""
     bench = Bench(agents=1)
