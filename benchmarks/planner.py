@@ -165,16 +165,11 @@ CONDITIONS = {
 FIGURES = ("uptime_paper_mean", "uptime_paper_min", "metres")
 """Whose differences are tested."""
 PLANNED = {"pool of 24": 24, "pool of 120": 120}
-_LEADING: dict[str, Any] = {"pool_threshold": 0.95, "charge_lead": 0.45}
 PLANNERS: dict[str, dict[str, Any]] = {
     **{name: {} for name in ("cautious", "blend", "rollout", "rollout-fair")},
-    "rollout-fair, lead": _LEADING,
-    "rollout-fair, lead, exchanged": {**_LEADING, "exchanges_places": True},
-    "rollout-fair, one by one, lead, exchanged": {
-        **_LEADING,
-        "exchanges_places": True,
-        "is_asynchronous": True,
-    },
+    "rollout-fair, lead": LEAD,
+    "rollout-fair, lead, exchanged": {**LEAD, "exchanges_places": True},
+    "rollout-fair, one by one, lead, exchanged": {**LEAD, "exchanges_places": True, "is_asynchronous": True},
 }
 """Strategies whose plans are timed, and the rules that their energy model follows."""
 PLANS = 20
