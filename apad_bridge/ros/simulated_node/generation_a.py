@@ -90,27 +90,36 @@ class Server(LegacyServer[GenerationAVehicle]):
         )
 
     def _offer_services(self, apad: str) -> None:
-        """Enabling, configuring and anchoring succeed without an effect: this vehicle always holds its position."""
+        """Anchoring and `DEPTH_enable` succeed without an effect: this vehicle floats, and holds by itself."""
         services: list[tuple[str, Any, Callable[[Any], Any]]] = [
             ("check_docking_availability", GetDockingInfo, self._answer_docks),
             ("change_docking_status", ChangeDockingStatus, self._change_dock),
             ("get_battery_level", GetChargeInfo, self._answer_battery),
             ("charge_info", GetChargeInfo, self._answer_battery),
             ("anchor", Trigger, lambda _: TriggerResponse(True, "it holds its position by itself")),
-            ("FADP_enable", EnableControl, lambda _: EnableControlResponse()),
+            ("FADP_enable", EnableControl, self._enables(GenerationAVehicle.enable_position_control)),
             ("DEPTH_enable", EnableControl, lambda _: EnableControlResponse()),
             ("send_energy", SendEnergy, self._send_energy),
-            ("VelCon_enable", EnableControl, lambda _: EnableControlResponse()),
-            (
-                "ConfigureVelocityController",
-                ConfigureVelocityController,
-                lambda _: ConfigureVelocityControllerResponse(),
-            ),
+            ("VelCon_enable", EnableControl, self._enables(GenerationAVehicle.enable_velocity_control)),
+            ("ConfigureVelocityController", ConfigureVelocityController, self._configure_axes),
         ]
         for name, kind, answer in services:
             rospy.Service(of_apad(apad, name), kind, answer)
         for name, sign in (("charging", 1), ("draining", -1)):
             rospy.Subscriber(of_apad(apad, name), Float64, self._change_battery, sign)
+
+    def _enables(
+        self, act: Callable[[GenerationAVehicle, bool, int], list[Published]]
+    ) -> Callable[[Any], Any]:
+        def answer(request: Any) -> Any:
+            self._do(lambda it: act(it, request.enable, it.now_ms))
+            return EnableControlResponse()
+
+        return answer
+
+    def _configure_axes(self, request: Any) -> Any:
+        self._do(lambda it: it.configure_axes(request.desired_mode, it.now_ms))
+        return ConfigureVelocityControllerResponse()
 
     def _take_goal(self, handle: Any) -> None:
         message, key = handle.get_goal(), handle.get_goal_id().id

@@ -5,16 +5,30 @@ and takes the first free dock, a perch without a free dock succeeds and does not
 goal of an unknown kind stays active for ever. A goal of generation A carries neither speed nor victory
 radius: both are settings of this vehicle. One behaviour is ours: with `misses`, a perch may abort because the
 mechanism missed.
+
+The controllers are copied by their source, not from a running graph. `FADP` turns a place into a velocity, and the
+velocity controller turns a velocity into thrust on each axis that is set to control. With either off there is no
+thrust: drag stops the vehicle, and the water carries it along. `VelCon_enable` false disables every axis, true changes
+nothing; `ConfigureVelocityController` sets the axes. A go-to turns both controllers on.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    CloseDock,
+    CommandFailed,
+    GoTo,
+    Hold,
+    OpenDock,
+    VehicleFact,
+)
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     PERCH,
@@ -28,6 +42,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.simulated.motion import Coast
 from apad_bridge.vehicle.simulated_stack import SimulatedStack
 from apad_bridge.vehicle.stack_messages import PosePublished
 
@@ -35,6 +50,8 @@ HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100
 SLOW_PERIOD_MS = 1000
 """Period of battery, feedback and goal status."""
+CONTROL_AXIS, KEEP_AXIS = 2, -1
+"""Modes of an axis of the velocity controller: controlled, and left as it is."""
 _AGENT_NUMBER = re.compile(r"\d+$", re.ASCII)
 
 
@@ -57,6 +74,11 @@ class GenerationAVehicle(SimulatedStack[Published]):
         self._misses = misses
         self._goal: Goal | None = None
         self._start_distance_m = 0.0
+        self._reference: GoTo | Hold = Hold(0, apad.pose.north_m, apad.pose.east_m)
+        """The place to which the controllers steer, whether a goal runs or not."""
+        self._has_position_control = True
+        self._axes = [CONTROL_AXIS, CONTROL_AXIS]
+        """The modes of surge and sway."""
         self._docks: dict[int, tuple[str, int]] = {}
         """(object, serial of its perch) by dock index."""
 
@@ -93,6 +115,34 @@ class GenerationAVehicle(SimulatedStack[Published]):
             published += self._end(Outcome.PREEMPTED, "cancelled")
         return published
 
+    def enable_position_control(self, enabled: bool, now_ms: int) -> list[Published]:
+        """`FADP_enable`."""
+        published, had_thrust = self.advance(now_ms), self.has_thrust
+        self._has_position_control = enabled
+        return published + self._change_thrust(had_thrust)
+
+    def enable_velocity_control(self, enabled: bool, now_ms: int) -> list[Published]:
+        """`VelCon_enable`: false disables every axis; true changes nothing."""
+        return self.advance(now_ms) if enabled else self.configure_axes([0, 0], now_ms)
+
+    def configure_axes(self, modes: Sequence[int], now_ms: int) -> list[Published]:
+        """`ConfigureVelocityController`. `modes` begin with surge and sway."""
+        published, had_thrust = self.advance(now_ms), self.has_thrust
+        self._axes = [old if new == KEEP_AXIS else new for old, new in zip(self._axes, modes, strict=False)]
+        return published + self._change_thrust(had_thrust)
+
+    @property
+    def has_thrust(self) -> bool:
+        """True while the controllers steer to the reference."""
+        return self._has_position_control and self._axes == [CONTROL_AXIS, CONTROL_AXIS]
+
+    def _change_thrust(self, had_thrust: bool) -> list[Published]:
+        """Controllers that go off leave a running goal active; controllers that come on steer to the old reference."""
+        if self.has_thrust is had_thrust:
+            return []
+        command = self._reference if self.has_thrust else Coast()
+        return self._goal_end(self._apad.receive(command, self._apad_ms))
+
     def set_dock(self, dock_index: int, closed: bool, now_ms: int) -> list[Published]:
         """A person operates a mechanism. A refusal is a ValueError with its reason and changes nothing."""
         if dock_index not in self.dock_indices:
@@ -117,10 +167,11 @@ class GenerationAVehicle(SimulatedStack[Published]):
         self._start_distance_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
         if self._fault is Fault.STUCK:
             return []
-        command = GoTo(
+        self._has_position_control, self._axes = True, [CONTROL_AXIS, CONTROL_AXIS]
+        self._reference = GoTo(
             self._next_serial(), goal.north_m, goal.east_m, self._speed_m_s, self._victory_radius_m
         )
-        published = self._goal_end(self._apad.receive(command, self._apad_ms))
+        published = self._goal_end(self._apad.receive(self._reference, self._apad_ms))
         if self._fault is Fault.SERVER_DIES:
             self.has_crashed, self._goal = True, None
         return published

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -87,6 +88,58 @@ def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving() -> None:
     published = apad.advance(30_000)
     assert ends(published) == []
     assert apad.pose.north_m == pytest.approx(NORTH_M + 5)
+
+
+def under_way(drift_m_s: tuple[float, float] = (0.0, 0.0)) -> GenerationAVehicle:
+    """Ten seconds into a long go-to to the north, at 0.5 m/s."""
+    apad = GenerationAVehicle(SimulatedAPad(replace(POOL.apad, drift_m_s=drift_m_s)), 0.5, 0.5)
+    apad.receive(go_to("far", NORTH_M + 1_000), 0)
+    apad.advance(10_000)
+    assert apad.pose.north_m_s == pytest.approx(0.5)
+    return apad
+
+
+@pytest.mark.parametrize("way", ["velocity", "position", "axes"])
+def test_controllers_off_let_it_coast_by_its_drag_and_then_drift_with_the_water(way: str) -> None:
+    """Quadratic drag from v to w takes m/k ln(v/w) metres; below 0.02 m/s the vehicle counts as at rest."""
+    apad = under_way(drift_m_s=(0.03, -0.1))
+    off = {
+        "velocity": lambda: apad.enable_velocity_control(False, 10_000),
+        "position": lambda: apad.enable_position_control(False, 10_000),
+        "axes": lambda: apad.configure_axes([0, -1, 0, 0, 0, 0], 10_000),
+    }
+    begin = apad.pose
+    assert ends(off[way]()) == [] and not apad.has_thrust
+    apad.advance(310_000)
+    coasted_m = POOL.apad.mass_kg / POOL.apad.drag_n_per_m2_s2 * math.log(0.5 / 0.02)
+    assert apad.pose.north_m - begin.north_m == pytest.approx(coasted_m + 300 * 0.03, rel=0.05)
+    assert apad.pose.east_m - begin.east_m == pytest.approx(-300 * 0.1, abs=1e-6)
+    assert apad.pose.speed_m_s == 0.0
+
+
+def test_a_goal_without_controllers_stays_active_and_the_next_go_to_turns_both_on() -> None:
+    apad = under_way()
+    apad.enable_velocity_control(False, 10_000)
+    apad.enable_position_control(False, 10_000)
+    assert ends(apad.advance(100_000)) == []
+    here_m = apad.pose.north_m
+    apad.enable_velocity_control(True, 100_000)  # by its source this sets no axis
+    apad.advance(130_000)
+    assert apad.pose.north_m == pytest.approx(here_m)
+    published = apad.receive(go_to("next", here_m + 5), 130_000) + apad.advance(160_000)
+    assert apad.has_thrust
+    assert ends(published) == [("far", Outcome.PREEMPTED), ("next", Outcome.SUCCEEDED)]
+
+
+def test_controllers_that_come_on_again_steer_to_the_old_reference_though_its_goal_is_cancelled() -> None:
+    apad = under_way()
+    apad.cancel("far", 10_000)
+    apad.enable_velocity_control(False, 10_000)
+    apad.advance(60_000)
+    here_m = apad.pose.north_m
+    apad.configure_axes([2, 2, 0, 0, 0, 0], 60_000)
+    assert ends(apad.advance(80_000)) == []
+    assert apad.pose.north_m > here_m + 5
 
 
 def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock() -> None:
