@@ -32,6 +32,8 @@ class Fault(StrEnum):
     """Its services answer that they refuse the order."""
     HANGS = "hangs"
     """Its services never answer."""
+    BLOCKS = "blocks"
+    """Its services wait while the servo of a docking turns; then the calls of open connections run in their order."""
     DROPS = "drops"
     """A primitive is accepted and pre-empted at once."""
     LIES = "lies"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Self
 
@@ -48,12 +51,68 @@ from musselbed_msgs.msg import DockAlert  # noqa: E402
 Conversion = Callable[[Any], Order]
 
 
+class CallQueue:
+    """Runs the calls of all services one after another, as roscpp's one thread does.
+
+    roscpp drops a call whose connection has closed before its turn. rospy runs it: each connection has a thread of its own.
+    """
+
+    def __init__(self, blocks: Callable[[], bool]) -> None:
+        self._blocks = blocks
+        self._turn = threading.Condition()
+        self._waiting: deque[object] = deque()
+
+    def look(self) -> None:
+        """Time has passed: the vehicle may no longer block."""
+        with self._turn:
+            self._turn.notify_all()
+
+    def run(self, transport: Any, handle: Callable[[], None]) -> None:
+        call = object()
+        with self._turn:
+            self._waiting.append(call)
+            self._turn.wait_for(lambda: self._waiting[0] is call and not self._blocks())
+        try:
+            if not _has_closed(transport.socket):
+                handle()
+        finally:
+            self.let_next(call)
+
+    def let_next(self, call: object = None) -> None:
+        """Ends the turn of `call`, or of whichever has it: one that never ends keeps nobody waiting."""
+        with self._turn:
+            if self._waiting and call in (None, self._waiting[0]):
+                self._waiting.popleft()
+            self._turn.notify_all()
+
+
+def _has_closed(sock: Any) -> bool:
+    with contextlib.suppress(BlockingIOError):
+        try:
+            return not sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+        except ConnectionError:
+            return True
+    return False
+
+
+class QueuedService(rospy.Service):  # type: ignore[misc]
+    """A service whose calls wait in `calls`."""
+
+    def __init__(self, name: str, kind: Any, answer: Callable[[Any], Any], calls: CallQueue) -> None:
+        self._calls = calls
+        super().__init__(name, kind, answer)
+
+    def _handle_request(self, transport: Any, request: Any) -> None:
+        self._calls.run(transport, lambda: rospy.Service._handle_request(self, transport, request))
+
+
 class Server(LegacyServer[GenerationBVehicle]):
     """Serves the aPad called `name`. The action server's lock guards the vehicle. The node is initialised before."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
         self._go2point = Go2Point(name, self._order, lambda: self._do(lambda it: it.stop(it.now_ms)))
         super().__init__(name, make_vehicle, self._go2point.lock)
+        self._calls = CallQueue(lambda: self._vehicle is not None and self._vehicle.blocks)
         self._ended = threading.Event()
         """Never set before the process ends: a service that hangs waits for it."""
         kinds: dict[str, Any] = {
@@ -90,15 +149,20 @@ class Server(LegacyServer[GenerationBVehicle]):
         ]
         for name, known, convert in services:
             kind = service_to_offer(known, convert)
-            rospy.Service(
-                of_apad(apad, f"commander/{name}"), kind, self._takes(convert, kind._response_class)
-            )
+            self._offer(apad, name, kind, self._takes(convert, kind._response_class))
         for name, act in (
             ("stop_mission", GenerationBVehicle.stop),
             ("pause_mission", GenerationBVehicle.pause),
             ("continue_mission", GenerationBVehicle.go_on),
         ):
-            rospy.Service(of_apad(apad, f"commander/{name}"), Trigger, self._commands(act))
+            self._offer(apad, name, Trigger, self._commands(act))
+
+    def _offer(self, apad: str, name: str, kind: Any, answer: Callable[[Any], Any]) -> None:
+        QueuedService(of_apad(apad, f"commander/{name}"), kind, answer, self._calls)
+
+    def advance_to(self, now_ms: int) -> None:
+        super().advance_to(now_ms)
+        self._calls.look()
 
     def _listen(self, apad: str) -> None:
         def listen(name: str, kind: Any, take: Callable[[GenerationBVehicle, Any], list[Published]]) -> None:
@@ -126,6 +190,7 @@ class Server(LegacyServer[GenerationBVehicle]):
                 self._running()
                 taken = self._order(convert(request))
             if taken is None:
+                self._calls.let_next()
                 self._ended.wait()
             # It answers at once, before the outcome is known.
             return response(status=bool(taken))

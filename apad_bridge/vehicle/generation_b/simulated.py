@@ -117,6 +117,11 @@ class GenerationBVehicle(SimulatedStack[Published]):
         """The services' answer to an order; None when they never answer."""
         return {Fault.REFUSES: False, Fault.HANGS: None}.get(self._fault, True)
 
+    @property
+    def blocks(self) -> bool:
+        """True while calls of its services wait: `commander` in one thread with the docking, as the fault has it."""
+        return self._fault is Fault.BLOCKS and self._stage is Stage.SERVO
+
     def receive(self, order: Order, now_ms: int) -> list[Published]:
         """Takes an order, whatever is under way. The stack takes an impossible order too, and aborts it."""
         if not self.takes:

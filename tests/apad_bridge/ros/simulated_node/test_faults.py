@@ -437,6 +437,20 @@ def test_a_vehicle_that_does_otherwise_than_it_was_told(fault: Fault, after_ms: 
     assert at_ms == pytest.approx(begun_ms + after_ms, abs=1_000)
 
 
+def test_a_vehicle_that_blocks_takes_no_call_for_the_27_s_in_which_its_servo_turns() -> None:
+    """By the row it is the call that waits: the vehicle itself would take the order."""
+    vehicle = GenerationBVehicle(SimulatedAPad(POOL.apad), 0, Fault.BLOCKS)
+    dock = shown_b.DockingOrder(True, 0, 0.1, 0.3, 0.2, 0.2)
+    assert not vehicle.blocks
+    vehicle.receive(dock, 0)
+    blocked = []
+    for now_ms in range(0, 60_000, 1_000):
+        vehicle.advance(now_ms)
+        blocked.append(vehicle.blocks)
+    assert blocked == [True] * 27 + [False] * 33
+    assert documented(Fault.BLOCKS) == documented(Fault.HANGS)
+
+
 def test_a_vehicle_that_wanders_is_told_again() -> None:
     bench = Bench(WithB(Fault.WANDERS, drift_m_s=(0.3, 0.0)))
     bench.order(HoldPosition(1, NORTH_M, EAST_M))
