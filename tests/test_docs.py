@@ -266,7 +266,7 @@ def test_the_page_of_commands_has_every_command_and_no_other() -> None:
     page = (ROOT / "docs" / "commands.md").read_text()
     table = "\n".join(re.findall(r"^\| (.*?) \|", page.partition("## Exit codes")[0], re.MULTILINE))
     first = {each.prog.split()[1] for each in PARSERS if len(each.prog.split()) > 1}
-    assert set(re.findall(r"`(?:musselbed )?([a-z]\w*)[ `]", table)) == first
+    assert set(re.findall(r"`(?:musselbed )?([a-z][\w-]*)[ `]", table)) == first
 
 
 def test_the_page_of_commands_has_the_exit_codes_of_every_help() -> None:

@@ -95,7 +95,7 @@ def test_no_road_to_a_vehicle_goes_around_its_guards() -> None:
     """A flight commands its GuardedVehicle; that one alone commands a link, and a link that wraps another passes on."""
     assert callers_of("command", {"vehicle", "link", "tasks", "core", "self"}) == {
         ("apad_bridge/supervisor/loop.py", "self._vehicle"),
-        ("apad_bridge/vehicle/guards/gate.py", "self._link"),
+        ("apad_bridge/vehicle/guards/guarded_vehicle.py", "self._link"),
         ("apad_bridge/vehicle/faulty_link.py", "self._link"),
         ("apad_bridge/ros/links/laboratory.py", "self._vehicle"),
         ("apad_bridge/ros/links/generation_a.py", "self._core"),

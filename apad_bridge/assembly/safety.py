@@ -30,16 +30,19 @@ from apad_bridge.vehicle.guards.monitor import (
     EndsInTime,
     IsInWaters,
     KeepsClearOfAPads,
+    MakesProgress,
     Monitor,
     PositionIsGood,
     Reaction,
     SpeedIsAllowed,
 )
-from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
+from apad_bridge.vehicle.guards.position_watch import NEVER_MS, SETTLED_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.simulated.thrusters import allocate, electrical_w
 
 _S_PER_HOUR = 3600
+CLOCK_STEP_MS = 1_000
+"""Stamps of a real vehicle that jump ahead by more belong to a clock that was set."""
 _PULLED_BACK_M = PULL_BACK_M_S * PULL_BACK_MS / 1000
 
 
@@ -55,14 +58,17 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
             jump_m=options.jump_m,
             speed_m_s=2 * scenario.apad.max_speed_m_s,
             frozen_ms=round(options.frozen_s * 1000),
+            clock_step_ms=CLOCK_STEP_MS if needs_person else NEVER_MS,
+            settled_ms=None if needs_person else SETTLED_MS,
         )
     )
     return Safety(
-        Gate(_guards(scenario, options, waters), watch),
+        Gate(_guards(scenario, options, waters), watch, waters),
         Monitor(_checks(scenario, options, waters)),
         waters,
         scenario.mission.speed_m_s,
         needs_person=needs_person,
+        current_m_s=scenario.apad.drift_m_s,
     )
 
 
@@ -105,6 +111,7 @@ def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[C
         IsInWaters(waters, outside),
         CanStopInWaters(waters, scenario.apad.max_acceleration_m_s2),
         EndsInTime(options.leg_s or math.inf),
+        MakesProgress(),
         KeepsClearOfAPads(options.bodies_m, scenario.apad.max_acceleration_m_s2),
     ]
     if options.speed_limit_m_s is not None:

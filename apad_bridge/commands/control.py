@@ -1,10 +1,12 @@
-"""`musselbed stop`, `continue`, `abort` and `remark`: a person's orders to a flying run, from any terminal."""
+"""A person's orders to a flying run, from any terminal: stop, hands, continue, back-in, abort, remark."""
 
 from __future__ import annotations
 
 import argparse
 import getpass
 import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +26,28 @@ from apad_bridge.vehicle.errors import PeerFailed
 _NO_EMERGENCY_STOP = "This is no emergency stop: it needs a live supervisor and a link to the vehicle."
 _COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
     Act.STOP: (
-        "The aPad holds its position and the mission waits. The order does not stop a moving dock half-way. "
-        f"{_NO_EMERGENCY_STOP}",
-        ("musselbed stop runs/pool-12-1", "musselbed stop runs/bay-120-1/apad2 --by Anna"),
+        "The aPad holds its position where it may: a position that is believed, inside the fence. Else its controllers go "
+        "off, and it drifts. A second stop switches them off. The command says `taken` only when the vehicle has accepted "
+        f"the stop; nothing moves the aPad before `musselbed continue`. {_NO_EMERGENCY_STOP}",
+        ("musselbed stop runs/pool-12-1", "musselbed stop runs/bay-120-1/apad2 --off --by Anna"),
+    ),
+    Act.HANDS: (
+        "For hands at the docks, mooring, and the crane: the controllers go off, and no arm of a dock moves, until "
+        f"`musselbed continue`. {_NO_EMERGENCY_STOP}",
+        ("musselbed hands runs/pool-12-1", "musselbed hands runs/bay-120-1/apad2 --by Anna"),
     ),
     Act.CONTINUE: (
-        "The mission plans anew from the aPad's place. A script, or a flight by hand, continues where it stopped.",
-        ("musselbed continue runs/pool-12-1", "musselbed continue runs/bay-120-1/apad2 --by Anna"),
+        "The mission plans anew from the aPad's place. A script, or a flight by hand, continues where it stopped. The word "
+        "counts for the newest stop, and says that the position is right.",
+        ("musselbed continue runs/pool-12-1", "musselbed continue runs/pool-12-1 --stop 3 --by Anna"),
+    ),
+    Act.BACK_IN: (
+        "Sends an aPad that lies at most 5 m outside the fence straight back inside, across no keep-out zone, where it "
+        "holds. An aPad of generation A obeys no speed: bring it back by joystick.",
+        (
+            "musselbed back-in runs/pool-12-1 --lookout Bo",
+            "musselbed back-in runs/pool-12-1 --lookout Bo --by Anna",
+        ),
     ),
     Act.ABORT: (
         f"The run ends in order, with its summary, and exit code 0. {_NO_EMERGENCY_STOP}",
@@ -49,18 +66,36 @@ _COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
 def add_parser(commands: Any) -> None:
     for act, (description, examples) in _COMMANDS.items():
         parser = commands.add_parser(
-            act.value,
+            act.value.replace(" ", "-"),
             description=description,
             epilog=ending(*examples),
         )
         parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
         if act is Act.REMARK:
             parser.add_argument("text", metavar="TEXT", help=f"at most {LONGEST_REMARK} characters")
+        if act is Act.STOP:
+            parser.add_argument(
+                "--off", action="store_true", help="switch the controllers off, so that the aPad drifts"
+            )
+        if act is Act.CONTINUE:
+            parser.add_argument(
+                "--stop",
+                type=int,
+                metavar="N",
+                help="the stop's number; refused for one that is not the newest",
+            )
+            parser.add_argument(
+                "--pilot-left",
+                action="store_true",
+                help="you have seen that no pilot steers, though the pilot's flag was never taken back",
+            )
+        if act is Act.BACK_IN:
+            parser.add_argument("--lookout", required=True, metavar="NAME", help="who watches the water")
         if act is Act.ABORT:
             parser.add_argument(
                 "--motors-off",
                 action="store_true",
-                help="then switch the aPad's controllers off, so that it drifts; generation A cannot do that",
+                help="first switch the aPad's controllers off, so that it drifts",
             )
         parser.add_argument(
             "--by", default=None, metavar="NAME", help="your name for the records (default: the user's name)"
@@ -70,40 +105,75 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    request = _request(arguments)
+    requests = _requests(arguments)
     answers: dict[str, Answer] = {}
     silent: list[str] = []
-    for name, directory in _supervised(arguments.directory).items():
-        try:
-            answers[name] = ask(directory, request)
-        except NobodyListens:
-            silent.append(name)
-        except PeerFailed as error:  # the other aPads of the run are asked all the same
-            answers[name] = Answer(False, str(error))
+    # At once: the stop of one aPad does not wait until another has taken its own.
+    supervised = _supervised(arguments.directory)
+    with ThreadPoolExecutor(len(supervised)) as threads:
+        for name, answer in zip(
+            supervised, threads.map(lambda it: _asked(it, requests), supervised.values()), strict=True
+        ):
+            if answer is None:
+                silent.append(name)
+            else:
+                answers[name] = answer
     if not answers:
         raise UserError(
             f"no supervisor of {arguments.directory} takes orders: {_why_nobody(arguments.directory)}"
         )
     if arguments.json:
-        print(
-            json.dumps(
-                {name: {"accepted": it.accepted, "message": it.message} for name, it in answers.items()}
-            )
-        )
+        print(json.dumps({name: asdict(it) for name, it in answers.items()}))
     else:
         for name, answer in answers.items():
-            print(f"{name}: {answer.message or 'done'}" if len(answers) > 1 else answer.message or "done")
+            print(f"{name}: {_line(answer)}" if len(answers) > 1 else _line(answer))
         for name in silent:
             print(f"{name}: its supervisor takes no orders")
     return Exit.DONE if all(it.accepted for it in answers.values()) and not silent else Exit.PEER_FAILED
 
 
-def _request(arguments: argparse.Namespace) -> Request:
+def _asked(directory: Path, requests: list[Request]) -> Answer | None:
+    """The answer to the last of the requests, or the first refusal; None where no supervisor takes orders."""
+    answer = None
+    for request in requests:
+        try:
+            answer = ask(directory, request)
+        except NobodyListens:
+            return answer
+        except PeerFailed as error:  # the other aPads of the run are asked all the same
+            return Answer(False, str(error))
+        if not answer.accepted:
+            return answer
+    return answer
+
+
+def _line(answer: Answer) -> str:
+    if answer.stop is None:
+        return answer.message or "done"
+    states = "".join(f", {state} after {after_s:.1f} s" for state, after_s in answer.after_s.items())
+    told = f"stop {answer.stop} ({answer.mode}): ordered{states}"
+    if answer.accepted:
+        return f"{told}\ndone: the aPad has taken the stop; to move it again: musselbed continue"
+    return f"{told}\nNOT DONE: {answer.message}"
+
+
+def _requests(arguments: argparse.Namespace) -> list[Request]:
     by = arguments.by or getpass.getuser()
     text = getattr(arguments, "text", "")
     if len(text) > LONGEST_REMARK or len(by) > 100:
         raise UserError(f"a remark has at most {LONGEST_REMARK} characters, and a name 100")
-    return Request(arguments.act, by, text, getattr(arguments, "motors_off", False))
+    request = Request(
+        arguments.act,
+        by,
+        text,
+        off=getattr(arguments, "off", False),
+        stop=getattr(arguments, "stop", None),
+        pilot_left=getattr(arguments, "pilot_left", False),
+        lookout=getattr(arguments, "lookout", ""),
+    )
+    if getattr(arguments, "motors_off", False):
+        return [Request(Act.STOP, by, off=True), request]
+    return [request]
 
 
 def _supervised(directory: Path) -> dict[str, Path]:

@@ -31,8 +31,10 @@ if TYPE_CHECKING:
 COMMANDS = {
     "run": "fly a scenario: a fleet, the supervisor's mission, and an aPad",
     "resume": "continue a run whose supervisor died",
-    "stop": "hold the aPad where it is, until `continue`",
+    "stop": "hold the aPad where it is, or switch it off, until `continue`",
+    "hands": "controllers off and arms still, for hands at the docks",
     "continue": "continue a run that was stopped or taken over",
+    "back-in": "send an aPad just outside the fence back inside, with a lookout",
     "abort": "end the mission of a run; the aPad holds its position",
     "remark": "write a remark into the records of a run",
     "fleet": "fly simulated aMussels on the master at ROS_MASTER_URI, without a mission",
@@ -63,7 +65,7 @@ COMMANDS = {
 }
 """The commands, and their lines in the list of all. A module is loaded for its own command alone."""
 
-_OF_CONTROL = ("stop", "continue", "abort", "remark")
+_OF_CONTROL = ("stop", "hands", "continue", "back-in", "abort", "remark")
 """The commands of the module `control`; each other module has the command of its own name."""
 _NS = "__ns:="
 _YOUNG_OBJECTS = 200_000

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from apad_bridge.mission.ending import MissionEnd
-from apad_bridge.mission.orders import Order
+from apad_bridge.mission.orders import AllowMotion, Order
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.vehicle.primitives import GoToPoint
 
@@ -83,7 +83,9 @@ class FlightMission(Protocol):
         """The aPad holds its position until `go_on`; a commanded mechanism is not stopped half-way."""
         ...
 
-    def go_on(self) -> str: ...
+    def go_on(self, allowed: AllowMotion) -> str:
+        """Goes on after a stop; `allowed` goes to the vehicle first. Refused where it cannot go on."""
+        ...
 
 
 class _Call:
@@ -117,11 +119,19 @@ class CallQueue:
 
         return self._call(by_hand, timeout_s)
 
-    def call_mission(self, act: Callable[[FlightMission], T], timeout_s: float = ANSWER_S) -> T:
-        """Like `call`, but also while a plan flies the aPad."""
-        return self._call(lambda flown, _: act(flown), timeout_s)
+    def call_mission(
+        self, act: Callable[[FlightMission], T], timeout_s: float = ANSWER_S, *, stays: bool = False
+    ) -> T:
+        """Like `call`, but also while a plan flies the aPad. A call that `stays` is run by a later tick all the same."""
+        return self._call(lambda flown, _: act(flown), timeout_s, stays=stays)
 
-    def _call(self, act: Callable[[FlightMission, ManualMission | None], T], timeout_s: float) -> T:
+    def _call(
+        self,
+        act: Callable[[FlightMission, ManualMission | None], T],
+        timeout_s: float,
+        *,
+        stays: bool = False,
+    ) -> T:
         call = _Call(act)
         with self._lock:
             if self._closed is not None:
@@ -129,9 +139,11 @@ class CallQueue:
             self._calls.append(call)
         if not call.done.wait(timeout_s):
             with self._lock:
-                call.withdrawn = not call.done.is_set()
-            if call.withdrawn:
-                raise Refused(f"no mission tick came within {timeout_s:g} s: nothing was ordered")
+                is_late = not call.done.is_set()
+                call.withdrawn = is_late and not stays
+            if is_late:
+                what = "it goes out with the next tick" if stays else "nothing was ordered"
+                raise Refused(f"no mission tick came within {timeout_s:g} s: {what}")
         if isinstance(call.answer, Exception):
             raise call.answer
         answer: T = call.answer

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from agents.packet_medium import Medium
 from apad_bridge.mission.ending import MissionEnd
-from apad_bridge.mission.orders import AllowMotion, Note, SwitchMotorsOff
+from apad_bridge.mission.orders import Note, VehicleOrder
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.value import value
@@ -90,4 +90,4 @@ class KeepSamples:
     samples: tuple[PlacedSample, ...]
 
 
-SupervisorAction = VehicleCommand | Send | Ping | Note | KeepSamples | AllowMotion | SwitchMotorsOff
+SupervisorAction = VehicleCommand | Send | Ping | Note | KeepSamples | VehicleOrder

@@ -143,7 +143,7 @@ class ManualMission(OrderBook):
         """Changes nobody's part here. A person's word lets a vehicle move again that a guard or a pilot had stopped."""
         if by == "person":
             self.note("override", taken=True, by=by)
-            self.order(AllowMotion())
+            self.order(AllowMotion(by, keeps_stop=True))
         return "no mission plans in this flight: orders are taken without it"
 
     def give_back(self) -> str:
@@ -289,10 +289,13 @@ class ManualMission(OrderBook):
         return True
 
     def stop(self) -> str:
-        """Like `pause`, which it calls; a message when it was paused already."""
+        """Like `pause`, which it calls where the aPad's place is known; a message when it was paused already."""
         if self.paused:
-            return "the aPad holds its position already"
-        self.pause()
+            return "the mission waits already"
+        if self.pose is None:
+            self.paused, self._paused_ms = True, self.now_ms
+        else:
+            self.pause()
         return ""
 
     def forget_stopped(self) -> None:
@@ -307,8 +310,9 @@ class ManualMission(OrderBook):
             self.events.record(self.now_ms, "goto", status=self.goto, reason=PRE_EMPTED)
         self.snapshot()
 
-    def go_on(self) -> str:
-        """Like `resume`; a message when nothing was paused."""
+    def go_on(self, allowed: AllowMotion) -> str:
+        """Like `resume`, after a person's word to the vehicle; a message when nothing was paused."""
+        self.order(allowed)
         return "" if self.resume() else "nothing was stopped"
 
     def go_on_with(self, mechanism: DockMussel | UndockMussel | None) -> None:

@@ -30,15 +30,33 @@ class TellClear:
 
 
 @dataclass(frozen=True, slots=True)
-class AllowMotion:
-    """A person lets the vehicle move again, whatever stopped it."""
+class StopVehicle:
+    """A person, named `by`, stops the vehicle: it holds its place where it may, else its controllers go off."""
+
+    by: str
+    off: bool = False
+    """Controllers off, wherever it is."""
+    hands: bool = False
+    """Controllers off, and no arm moves: somebody has hands at the docks."""
 
 
 @dataclass(frozen=True, slots=True)
-class SwitchMotorsOff:
-    """A person, named `by`, wants the vehicle's controllers off."""
+class AllowMotion:
+    """A person lets the vehicle move again, whatever stopped it."""
 
     by: str
+    pilot_left: bool = False
+    """The person says that no pilot steers any more, whatever the pilot's flag says."""
+    keeps_stop: bool = False
+    """A guard's stop and an OFF stay in force: the person only decides who commands the vehicle."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoBackIn:
+    """A person sends a vehicle that lies just outside the fence straight back in, while `lookout` watches the water."""
+
+    by: str
+    lookout: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,4 +67,6 @@ class Note:
     data: dict[str, Any]
 
 
-Order = Primitive | PermitSurfacing | PingAgent | TellClear | AllowMotion | SwitchMotorsOff | Note
+VehicleOrder = StopVehicle | AllowMotion | GoBackIn
+"""A person's words to the vehicle itself, past the docking port."""
+Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder | Note

@@ -20,6 +20,8 @@ from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
 from apad_bridge.vehicle.primitives import GoToPoint, Outcome
 
+FLIES_ALREADY = "the mission flies the aPad already"
+
 
 class Takeover:
     """`planned` makes the mission that plans, `by_hand` the mission that follows calls, each from a state."""
@@ -101,15 +103,22 @@ class Takeover:
         Like `give_back`, it returns a message when nothing changes, else an empty text. `by` is for the journal: `person`,
         or `vehicle` when another party steers it; that becomes a person's word when a person takes it over too.
         """
-        planned = self._flying
-        if isinstance(planned, ManualMission):
+        if by == "person":
+            self.order(AllowMotion(by, keeps_stop=True))
+        if self.by_hand is not None:
             if by == "person":
-                self._note_override(taken=True, by=by)
+                self.note("override", taken=True, by=by)
             return "the aPad was taken over already"
+        self._leave_to(by)
+        return ""
+
+    def _leave_to(self, by: str) -> None:
+        """The mission by hand flies from now on, where the plan did."""
+        planned = self._flying
+        assert isinstance(planned, EnergyExchange)
         manual = self._by_hand(self.state)
         manual.go_on_with(planned.docking_routine.mechanism)
         self._change(manual, taken=True, by=by)
-        return ""
 
     def go_to_target(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> GoToPoint:
         """Acts as `ManualMission.go_to_target`, also while the plan flies."""
@@ -127,11 +136,16 @@ class Takeover:
 
     def give_back(self) -> str:
         """Refused while a docking is under way. The mission then tries aMussels again that it had left alone."""
+        return self._give_back(AllowMotion("person", keeps_stop=True))
+
+    def _give_back(self, allowed: AllowMotion) -> str:
         manual = self.by_hand
         if manual is None:
-            return "the mission flies the aPad already"
+            self.order(allowed)
+            return FLIES_ALREADY
         if manual.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
+        self.order(allowed)
         self._change(
             self._planned(
                 replace(
@@ -147,16 +161,19 @@ class Takeover:
         """Takes the aPad over, or pauses a person's order that is under way. It returns a message when nothing changes."""
         manual = self.by_hand
         if manual is None:
-            return self.take_over()
+            self._leave_to("person")
+            return ""
         if manual.is_busy:
             return manual.stop()
-        return "the aPad holds its position already"
+        return "the mission waits already"
 
-    def go_on(self) -> str:
+    def go_on(self, allowed: AllowMotion) -> str:
         """Goes on with a person's order that was stopped, or else gives the aPad back."""
-        if self.by_hand is not None and self.by_hand.resume():
+        if self.by_hand is not None and self.by_hand.paused:
+            self.order(allowed)
+            self.by_hand.resume()
             return "a person still flies the aPad: continue again to give it back"
-        return self.give_back()
+        return self._give_back(allowed)
 
     def _taken_over(self) -> ManualMission:
         if self.by_hand is None:
@@ -174,12 +191,6 @@ class Takeover:
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)
-        self._note_override(taken=taken, by=by)
+        self.note("override", taken=taken, by=by)
         # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self.now_ms)
-
-    def _note_override(self, *, taken: bool, by: str) -> None:
-        """A person who decides who flies the aPad also lets it move again."""
-        self.note("override", taken=taken, by=by)
-        if by == "person":
-            self.order(AllowMotion())

@@ -22,6 +22,7 @@ from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import MAX_DOCKS
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.roster import Presence
+from apad_bridge.vehicle.guards.stops import StopKind, StopState
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Flow
 from firmware_model.states import State
@@ -50,6 +51,11 @@ class EventKind(StrEnum):
     REFUSED = "refused"
     GUARD = "guard"
     GUARD_OVER = "guard_over"
+    STOP = "stop"
+    CONTINUED = "continued"
+    BACK_IN = "back_in"
+    DRIFT = "drift"
+    OTHERS = "others"
     STANDS_DOWN = "stands_down"
     HANDED_ON = "handed_on"
     TOOK_ON = "took_on"
@@ -398,7 +404,7 @@ KINDS: tuple[Kind, ...] = (
                 "order",
                 _one_of(
                     (
-                        *("stop", "continue", "abort", "motors off", "go to", "hold"),
+                        *("stop", "hands", "continue", "back in", "abort", "go to", "hold"),
                         *("ping", "permit to surface"),
                     )
                 ),
@@ -459,6 +465,46 @@ KINDS: tuple[Kind, ...] = (
         ),
     ),
     Kind(EventKind.GUARD_OVER, "that danger is over", (Field("cause", TEXT, "as above"),)),
+    Kind(
+        EventKind.STOP,
+        "a stop of the aPad, by a person or a guard, came to a state; it is in force until `continued`",
+        (
+            Field("number", INTEGER, "the stop's number in this run"),
+            Field("mode", _values(StopKind), "`hold`: the thrusters keep the place; `off`: no thrust"),
+            Field("by", TEXT, "the person, or `guard: CAUSE`"),
+            Field("state", _values(StopState), "only `taken` means that the vehicle has accepted it"),
+            _optional(_REASON),
+        ),
+    ),
+    Kind(
+        EventKind.CONTINUED,
+        "a person let the aPad move again",
+        (Field("number", INTEGER, "the stop that ended"), Field("by", TEXT, "the person")),
+    ),
+    Kind(
+        EventKind.BACK_IN,
+        "a person sent the aPad, which lay just outside the fence, back inside",
+        (Field("by", TEXT, "the person"), Field("lookout", TEXT, "who watches the water")),
+    ),
+    Kind(
+        EventKind.DRIFT,
+        "the course of an aPad whose controllers a stop switched off; at once, and every 10 s",
+        (
+            Field("speed_m_s", NUMBER, "its last speed, or the known current's", "m/s"),
+            Field("towards_rad", NUMBER, "its direction, clockwise from north", "rad"),
+            Field(
+                "fence_s", _or_null(NUMBER), "the time to the fence or a keep-out zone, if it drifts on", "s"
+            ),
+            _optional(Field("north_m", NUMBER, "its last place, north", "m")),
+            _optional(Field("east_m", NUMBER, "its last place, east", "m")),
+            _optional(Field("is_believed", BOOLEAN, "false for a place that is not to be believed")),
+        ),
+    ),
+    Kind(
+        EventKind.OTHERS,
+        "another client, which is no pilot, gave the aPad an order",
+        (Field("client", TEXT, "its node; empty where the stack does not tell"),),
+    ),
     Kind(EventKind.STANDS_DOWN, "one of several aPads leaves its aMussels to the others", (_REASON,)),
     Kind(
         EventKind.HANDED_ON,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -23,6 +24,15 @@ _REACTIONS = {
 }
 """The reaction to a danger, by the `reaction` of the event `guard`."""
 
+_STOP_STATES = {
+    "ordered": "is ordered",
+    "sent": "is sent",
+    "taken": "is taken by the aPad",
+    "at rest": "has brought the aPad to rest",
+    "not taken": "is NOT TAKEN by the aPad",
+    "refused": "is refused",
+}
+
 
 def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
     """Tells whether an event is a failure, which a person is told of at once."""
@@ -39,10 +49,13 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
                 | EventKind.LEFT_ALONE
                 | EventKind.STUCK
                 | EventKind.GUARD
+                | EventKind.OTHERS
                 | EventKind.LEFT_WATER
             ),
             _,
         ):
+            return True
+        case EventKind.STOP, {"state": "not taken" | "refused"}:
             return True
         case _:
             return False
@@ -103,6 +116,20 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return f"{'PILOT, TAKE IT: ' if calls_pilot else ''}{_REACTIONS[reaction]}: {reason}"
         case EventKind.GUARD_OVER, {"cause": cause}:
             return f"no longer in danger ({cause})"
+        case EventKind.STOP, {"number": number, "mode": mode, "by": by, "state": state}:
+            why = f": {reason}" if reason else ""
+            alarm = "USE THE VEHICLE'S SWITCH: " if state == "not taken" else ""
+            return f"{alarm}stop {number} ({mode}, by {by}) {_STOP_STATES.get(state, state)}{why}"
+        case EventKind.CONTINUED, {"number": number, "by": by}:
+            return f"{by} continues after stop {number}"
+        case EventKind.BACK_IN, {"by": by, "lookout": lookout}:
+            return f"{by} sends the aPad back inside the fence, {lookout} watches the water"
+        case EventKind.DRIFT, {"speed_m_s": speed_m_s, "towards_rad": towards_rad, "fence_s": fence_s}:
+            degrees = round(math.degrees(towards_rad)) % 360
+            limit = "" if fence_s is None else f", at the fence or a keep-out zone in {fence_s:.0f} s"
+            return f"the aPad drifts without thrust, {speed_m_s:.2f} m/s towards {degrees} degrees{limit}"
+        case EventKind.OTHERS, {"client": client}:
+            return f"{client or 'a client that this stack does not name'} commands the aPad"
         case EventKind.STANDS_DOWN, _:
             return f"the aPad stands down: {reason}"
         case EventKind.MASTER_GONE, _:

@@ -107,12 +107,12 @@ def open_flight_context(
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
-            heartbeat = Heartbeat()
             safety = safety_for(scenario, options)
             others = OtherAPads([it for it in options.apads if it != scenario.apad.name])
             stack.callback(others.close)
             vehicle, watches = _vehicle(scenario, options, safety.gate, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
+            heartbeat = Heartbeat(safety.gate.stops, lambda: vehicle.can_stop)
             relayed = _open_relay(options, scenario, vehicle, presences, allocation, laboratory)
             stack.callback(relayed.close)
             if not isinstance(vehicle, ContactsLink):

@@ -41,5 +41,7 @@ class GuardOptions:
     """Greatest distance that a visual docking may move in its search."""
     battery_reserve: Fraction | None = None
     """The charge that must be left at the end of the way home."""
+    pilots: tuple[str, ...] = ()
+    """Nodes by which a pilot steers, where the aPad tells nobody of a pilot: nothing is ordered against their goals."""
     amussel_depth_m: Positive | None = None
     """The greatest depth for which the aMussels are rated."""

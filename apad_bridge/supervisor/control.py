@@ -11,30 +11,36 @@ import os
 import socket
 import socketserver
 import threading
+import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, assert_never
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
 from apad_bridge.mission.ending import EndReason, MissionEnd
-from apad_bridge.mission.orders import AllowMotion, SwitchMotorsOff
+from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
+from apad_bridge.mission.takeover import FLIES_ALREADY
 from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.guards.stops import StopRecord, StopState
 
 if TYPE_CHECKING:
     from apad_bridge.vehicle.guards.gate import Gate
 
 SOCKET_NAME = "control.sock"
-_MOTORS_OFF = "motors off"
+TICK_S = 3.0
+"""A person who stops is told after so many wall seconds that no tick came, and that only the vehicle's switch helps."""
+TOLD_S = 6.0
+"""A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s."""
 LONGEST_REMARK = 2000
 """Characters."""
 LONGEST_LINE = 16_384
@@ -44,7 +50,11 @@ _CLIENT_S = 5.0
 
 class Act(StrEnum):
     STOP = "stop"
+    HANDS = "hands"
+    """Somebody has hands at the docks: controllers off, and no arm moves."""
     CONTINUE = "continue"
+    BACK_IN = "back in"
+    """Straight back inside the fence, from at most 5 m outside."""
     ABORT = "abort"
     REMARK = "remark"
     GO_TO = "go to"
@@ -58,8 +68,14 @@ class Request:
     """The person's name."""
     text: Annotated[str, Field(max_length=LONGEST_REMARK)] = ""
     """The remark."""
-    motors_off: bool = False
-    """After an abort the controllers of the aPad go off, where it has an order for that; else a pilot is called."""
+    off: bool = False
+    """A stop switches the controllers off, wherever the aPad is."""
+    stop: int | None = None
+    """The number of the stop after which to continue; None: the newest."""
+    pilot_left: bool = False
+    """The person who continues says that no pilot steers any more, whatever the pilot's flag says."""
+    lookout: Annotated[str, Field(max_length=100)] = ""
+    """The person who watches the water on the way back inside the fence."""
     goal_m: tuple[FiniteFloat, FiniteFloat] | None = None
     """The goal (north, east) of a go-to or a hold, which need one."""
     speed_m_s: FiniteFloat | None = None
@@ -71,6 +87,14 @@ class Answer:
     accepted: bool
     message: str
     """Why it was refused, or that it changed nothing; empty for an order that was carried out."""
+    stop: int | None = None
+    """The number of the stop that was ordered."""
+    mode: str = ""
+    """`hold` or `off`, of a stop."""
+    state: str = ""
+    """The state of a stop: `taken`, `at rest`, `not taken`, `refused`, or how far it came in time."""
+    after_s: dict[str, float] = field(default_factory=dict)
+    """Mission seconds from the order of a stop to each state that it reached."""
 
 
 class NobodyListens(Exception):
@@ -95,6 +119,9 @@ def carry_out(
         except Refused as refused:
             return Answer(False, str(refused))
 
+    if request.act in (Act.STOP, Act.HANDS):
+        return _stop(request, calls, gate)
+
     def act(mission: FlightMission) -> str:
         if request.act is Act.REMARK:
             mission.note("remark", text=request.text, by=request.by)
@@ -102,26 +129,80 @@ def carry_out(
         if request.act is Act.GO_TO or request.act is Act.HOLD:
             _move(request, mission, gate)
             return ""
+        if request.act is Act.CONTINUE:
+            return _continue(request, mission, gate)
+        if request.act is Act.BACK_IN:
+            return _back_in(request, mission, gate)
+        assert request.act is Act.ABORT
         mission.note("operator", order=request.act.value, by=request.by)
-        match request.act:
-            case Act.STOP:
-                return mission.stop()
-            case Act.CONTINUE:
-                mission.order(AllowMotion())
-                return mission.go_on()
-            case Act.ABORT:
-                mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
-                if request.motors_off:  # after the hold with which every mission ends
-                    mission.note("operator", order=_MOTORS_OFF, by=request.by)
-                    mission.order(SwitchMotorsOff(request.by))
-                return ""
-            case _:
-                assert_never(request.act)
+        mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
+        return ""
 
     try:
         return Answer(True, calls.call_mission(act))
     except Refused as refused:
         return Answer(False, str(refused))
+
+
+def _stop(request: Request, calls: CallQueue, gate: Gate) -> Answer:
+    """Stops the vehicle, and waits until it has taken that. The stop does not need the mission's leave, or a position."""
+
+    def act(mission: FlightMission) -> int:
+        before = 0 if gate.stops.newest is None else gate.stops.newest.number
+        mission.note("operator", order=request.act.value, by=request.by)
+        mission.order(StopVehicle(request.by, off=request.off, hands=request.act is Act.HANDS))
+        with suppress(Refused):  # the vehicle stops, whatever the mission says
+            mission.stop()
+        return before
+
+    try:
+        before = calls.call_mission(act, TICK_S, stays=True)
+    except Refused as refused:
+        return Answer(False, str(refused))
+    until_s = time.monotonic() + TOLD_S
+    while (stop := gate.stops.newest) is None or stop.number <= before or not _is_decided(stop):
+        left_s = until_s - time.monotonic()
+        if left_s <= 0 or calls.ended_by is not None:
+            break
+        calls.wait(left_s)
+    if stop is None or stop.number <= before:
+        return Answer(
+            False, "the stop did not reach the vehicle: no mission tick came, or the mission has ended"
+        )
+    return _told(stop)
+
+
+def _is_decided(stop: StopRecord) -> bool:
+    return stop.state in (StopState.TAKEN, StopState.AT_REST, StopState.NOT_TAKEN, StopState.REFUSED)
+
+
+def _told(stop: StopRecord) -> Answer:
+    is_taken = stop.taken_ms is not None
+    why = stop.refused or stop.not_taken
+    times_ms = {"sent": stop.sent_ms, "taken": stop.taken_ms, "at rest": stop.rest_ms}
+    after_s = {name: (at - stop.ordered_ms) / 1000 for name, at in times_ms.items() if at is not None}
+    message = "" if is_taken else why or "the vehicle has not taken the stop yet"
+    return Answer(is_taken, message, stop.number, stop.kind.value, stop.state.value, after_s)
+
+
+def _continue(request: Request, mission: FlightMission, gate: Gate) -> str:
+    if why_not := gate.why_not_continue(request.stop, mission.now_ms, pilot_left=request.pilot_left):
+        raise Refused(why_not)
+    had_stop = bool(gate.awaits_person)
+    told = mission.go_on(AllowMotion(request.by, pilot_left=request.pilot_left))
+    mission.note("operator", order=request.act.value, by=request.by)
+    return "" if had_stop and told == FLIES_ALREADY else told
+
+
+def _back_in(request: Request, mission: FlightMission, gate: Gate) -> str:
+    if not request.lookout.strip():
+        raise Refused("the way back inside needs a lookout: name the person who watches the water")
+    _, why_not = gate.way_back(mission.now_ms)
+    if why_not:
+        raise Refused(why_not)
+    mission.note("operator", order=request.act.value, by=request.by)
+    mission.order(GoBackIn(request.by, request.lookout))
+    return ""
 
 
 def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
@@ -133,9 +214,10 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
     command: GoTo | Hold = Hold(0, north_m, east_m)
     if request.act is Act.GO_TO:
         command = GoTo(0, north_m, east_m, target.speed_m_s, target.victory_radius_m)
-    if (refusal := gate.refusal(command, mission.now_ms)) is not None:
+    if (refusal := gate.refusal(command, mission.now_ms, is_persons=True)) is not None:
         gate.note_refused(command, refusal)
         raise Refused(f"refused: {refusal.reason}")
+    mission.order(AllowMotion(request.by, keeps_stop=True))
     mission.note("operator", order=request.act.value, by=request.by, north_m=north_m, east_m=east_m)
     if request.act is Act.GO_TO:
         mission.go_to(north_m, east_m, request.speed_m_s)
@@ -179,8 +261,8 @@ def listens(run_dir: Path) -> bool:
 def ask(run_dir: Path, request: AnyRequest) -> Answer:
     """The supervisor's answer. NobodyListens without a supervisor; PeerFailed if it does not answer in time."""
     try:
-        # The supervisor itself answers within ANSWER_S, so silence for longer is not the mission's.
-        with _connected(run_dir, ANSWER_S + _CLIENT_S) as link:
+        # The supervisor itself answers within these, so silence for longer is not the mission's.
+        with _connected(run_dir, ANSWER_S + TOLD_S + _CLIENT_S) as link:
             link.sendall(_REQUEST.dump_json(request) + b"\n")
             line = link.makefile("rb").readline(LONGEST_LINE)
             return _ANSWER.validate_json(line)

@@ -26,11 +26,12 @@ from apad_bridge.mission.events import (
 )
 from apad_bridge.mission.orders import (
     AllowMotion,
+    GoBackIn,
     Note,
     Order,
     PermitSurfacing,
     PingAgent,
-    SwitchMotorsOff,
+    StopVehicle,
     TellClear,
 )
 from apad_bridge.mission.role import Mission
@@ -45,6 +46,8 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    GoalOfOthers,
+    PilotReported,
     PoseReported,
     VehicleCommand,
 )
@@ -78,6 +81,8 @@ _PRIORITY: dict[type, int] = {
     Arrived: 2,
     CommandFailed: 2,
     CommandedByOthers: 2,
+    PilotReported: 2,
+    GoalOfOthers: 2,
     SoundHeard: 3,
     RangeHeard: 3,
     WifiHeard: 3,
@@ -332,7 +337,7 @@ class Supervisor:
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))
-                case Note() | AllowMotion() | SwitchMotorsOff():
+                case Note() | StopVehicle() | AllowMotion() | GoBackIn():
                     actions.append(order)
                 case _:
                     self._named[order.primitive_id] = order

@@ -43,14 +43,14 @@ from apad_bridge.mission.events import (
     SoundHeard,
     WifiHeard,
 )
-from apad_bridge.mission.orders import AllowMotion, Note, SwitchMotorsOff
+from apad_bridge.mission.orders import AllowMotion, GoBackIn, Note, StopVehicle
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
-from apad_bridge.vehicle.guards.gate import GuardedVehicle
+from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
 from firmware_model.actions import Buoyancy
 from firmware_model.packets.wire import EVERYONE
@@ -121,10 +121,10 @@ class Flight:
         self.dropped: Counter[str] = Counter()
         self.now_ms = start_ms
         self._context = context
-        can_stop = context.capabilities is None or context.capabilities.can_stop
+        obeys_speed = context.capabilities is None or context.capabilities.obeys_speed
         self._faults = context.faults
         faulty = self._faults.behind(context.vehicle)
-        self._vehicle = GuardedVehicle(faulty, context.safety, can_stop=can_stop)
+        self._vehicle = GuardedVehicle(faulty, context.safety, obeys_speed=obeys_speed)
         self._recorder = recorder
         self._fleet = context.fleet
         self._relay = context.relay
@@ -222,10 +222,12 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
-                case AllowMotion():
-                    self._vehicle.allow_motion()
-                case SwitchMotorsOff(by):
-                    self._vehicle.switch_off(f"a person wants the motors off: {by}", now_ms)
+                case StopVehicle(by, off, hands):
+                    self._vehicle.stop(by, now_ms, off=off, hands=hands)
+                case AllowMotion(by, pilot_left, keeps_stop):
+                    self._vehicle.allow_motion(by, now_ms, pilot_left=pilot_left, keeps_stop=keeps_stop)
+                case GoBackIn(by, lookout):
+                    self._vehicle.go_back_in(by, lookout, now_ms)
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
                 case KeepSamples(agent_id, samples):

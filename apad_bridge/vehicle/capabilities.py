@@ -62,8 +62,6 @@ class Capabilities:
     """A go-to carries speed and victory radius. Without them, both are settings of the vehicle."""
     moves_arms: bool
     """It has an order that moves a dock's arm and catches nothing."""
-    can_stop: bool
-    """It has an order that switches its controllers off, for a position that is not fit to hold."""
 
 
 _PUBLISHED_M = ((-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1))
@@ -92,5 +90,4 @@ def of_simulated_apad(docks: int = PAPER_DOCKS) -> Capabilities:
         reports_contact=True,
         obeys_speed=True,
         moves_arms=False,
-        can_stop=True,
     )

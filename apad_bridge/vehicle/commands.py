@@ -29,6 +29,8 @@ class Hold:
     north_m: float
     east_m: float
     heading_rad: float | None = None
+    pre_empts: bool = False
+    """It takes the vehicle from every other client: a person's stop, or a guard's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,15 +75,23 @@ class MoveArm:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Switch the controllers off, without a position to hold: the water takes the vehicle. It gets no answer.
+    """Switch the controllers off, without a position to hold: the water takes the vehicle.
 
-    Only for a vehicle whose `Capabilities` say that it `can_stop`.
+    It takes the vehicle from every other client. `CommandAccepted` or `CommandFailed` repeat `command_id`. A link repeats
+    the order until the vehicle has taken it, or until another command comes.
     """
 
     command_id: int
 
 
-VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm | Stop
+@dataclass(frozen=True, slots=True)
+class PilotLeft:
+    """A person says that no pilot steers any more, whatever the pilot's flag said last. It gets no answer."""
+
+    command_id: int
+
+
+VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm | Stop | PilotLeft
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +102,10 @@ class PoseReported:
     heading_rad: float
     stamp_ms: int | None = None
     """The position's own time, by the vehicle's clock: only differences count. None from a vehicle that gives none."""
+    speed_m_s: float | None = None
+    """The speed over ground that the vehicle itself measures; None from a vehicle that gives none."""
+    publisher: str = ""
+    """The node that published the position; empty where that is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +162,26 @@ class CommandedByOthers:
     """Another party commands a vehicle that is a person's to give back: the mission should stand aside."""
 
     at_ms: int
+    client: str = ""
+    """The node that gave the order; empty where the stack does not tell."""
+
+
+@dataclass(frozen=True, slots=True)
+class PilotReported:
+    """A pilot steers, or steers no more. None: nobody publishes the pilot's flag any more, so that nobody can tell."""
+
+    at_ms: int
+    steers: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class GoalOfOthers:
+    """Another client's go-to, where the stack shows it. Guards judge it like our own."""
+
+    at_ms: int
+    client: str
+    north_m: float
+    east_m: float
 
 
 VehicleFact = (
@@ -159,4 +193,6 @@ VehicleFact = (
     | DockClosed
     | DockOpened
     | CommandedByOthers
+    | PilotReported
+    | GoalOfOthers
 )

@@ -34,10 +34,12 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    GoalOfOthers,
     GoTo,
     Hold,
     MoveArm,
     OpenDock,
+    PilotReported,
     PoseReported,
     VehicleCommand,
     VehicleFact,
@@ -257,7 +259,7 @@ class DockingPort:
                 )
             case DockClosed() | DockOpened():
                 self._take_dock(stimulus, now_ms, actions)
-            case BatteryReported() | CommandedByOthers():
+            case BatteryReported() | CommandedByOthers() | PilotReported() | GoalOfOthers():
                 pass  # the supervisor takes them from the vehicle directly
         return actions
 

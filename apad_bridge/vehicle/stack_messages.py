@@ -21,6 +21,10 @@ class PoseReceived:
     heading_rad: float
     stamp_ms: int | None = None
     """The message's own stamp, by whatever clock; None for none."""
+    speed_m_s: float | None = None
+    """The speed over ground that the message states; None for none."""
+    publisher: str = ""
+    """The node that published the message; empty where that is not known."""
 
 
 @dataclass(frozen=True, slots=True)

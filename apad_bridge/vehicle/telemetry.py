@@ -14,11 +14,14 @@ from typing import Generic, Protocol, TypeVar
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 
 SILENT_MS = 5_000
 """Positions come at 10 Hz: fifty of them missing are no jitter."""
+INVALID_COUNT = 3
+"""So many unusable positions in a row, or no other since the last tick, are no glitch."""
 FAR_M = 5.0
 """More than a mission's victory radius plus the drift meanwhile; a docking from here is a mistake."""
 Sight = Callable[[int], Mapping[int, tuple[float, float]]]
@@ -41,6 +44,8 @@ class Readings:
         """The newest pose, taken or not."""
         self._pose: PoseReported | None = None
         self._battery: BatteryReported | None = None
+        self._invalid: tuple[int, int, str] | None = None
+        """The count of unusable positions since the last good one; time of the newest, and why it is unusable."""
 
     def receive(self, message: PoseReceived | StateRefReceived | BatteryReceived) -> None:
         match message:
@@ -55,14 +60,23 @@ class Readings:
         reason = out_of_range(north_m=message.north_m, east_m=message.east_m, yaw_rad=message.heading_rad)
         if reason is not None:
             self.dropped[f"position: {reason}"] += 1
+            count = 0 if self._invalid is None else self._invalid[0]
+            self._invalid = count + 1, message.at_ms, reason
         elif message.at_ms < self.position_ms:
             self.dropped["position: a newer one overtook it"] += 1
         else:
             if self.position_ms >= 0 and message.at_ms - self.position_ms >= SILENT_MS:
                 self.heard_since_ms = message.at_ms
             self.position_ms = message.at_ms
+            self._invalid = None
             self.pose = self._pose = PoseReported(
-                message.at_ms, message.north_m, message.east_m, message.heading_rad, message.stamp_ms
+                message.at_ms,
+                message.north_m,
+                message.east_m,
+                message.heading_rad,
+                message.stamp_ms,
+                message.speed_m_s,
+                message.publisher,
             )
 
     def _receive_battery(self, message: BatteryReceived) -> None:
@@ -73,10 +87,13 @@ class Readings:
         voltage_v = self._empty_v + fraction * (self._full_v - self._empty_v)
         self._battery = BatteryReported(message.at_ms, voltage_v, fraction)
 
-    def take(self) -> list[LinkFact]:
-        """The newest readings since the last call."""
+    def take(self, gate: Gate) -> list[LinkFact]:
+        """The newest readings since the last call, which the gate observes."""
+        if self._invalid is not None and (self._invalid[0] >= INVALID_COUNT or self._pose is None):
+            gate.watch.take_invalid(self._invalid[1], self._invalid[2])
         newest: list[LinkFact] = [it for it in (self._pose, self._battery) if it is not None]
         self._pose = self._battery = None
+        gate.observe(newest)
         return newest
 
 

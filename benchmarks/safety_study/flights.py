@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from two_machines import Link, Programs, linked_machines, master_uri, why_no_two_machines
+from wire_observer import Observer, Place
 
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.runs.children import supervisor_of
@@ -33,7 +34,6 @@ from apad_bridge.scenario.loader import from_data, resolve, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import Act, Request, ask
 from apad_bridge.vehicle.stack_messages import PoseReceived
-from benchmarks.safety_study.observer import Observer, Place
 
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]

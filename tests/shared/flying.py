@@ -65,8 +65,9 @@ class Flying:
 
     @property
     def is_asked(self) -> bool:
-        """Another thread waits for a tick."""
-        return bool(self.calls._calls)
+        """Another thread waits for a tick, or until the vehicle has taken a stop."""
+        stop = self.gate.stops.in_force
+        return bool(self.calls._calls) or (stop is not None and stop.taken_ms is None)
 
     @property
     def gate(self) -> Gate:

@@ -20,6 +20,7 @@ from apad_bridge.vehicle.commands import PoseReported, VehicleCommand
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import DocksReceived, GoalStatusReceived, HeldPositionReceived
 from apad_bridge.vehicle.generation_a.server_watch import ServerWatch
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo, LinkFact
 from apad_bridge.vehicle.stack_messages import UNSTAMPED, PoseReceived
 from apad_bridge.vehicle.telemetry import Readings
@@ -98,9 +99,14 @@ class ContactsLink:
     def _apad_seen(self) -> list[LinkFact]:
         return [
             APadSeen(it.at_ms, it.north_m, it.east_m)
-            for it in self._readings.take()
+            for it in self._readings.take(Gate.without_guards())
             if isinstance(it, PoseReported)
         ]
+
+    @property
+    def can_stop(self) -> bool:
+        """A fleet alone stops no vehicle, and whoever commands the vehicle has the watchdog's ear."""
+        return False
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")

@@ -17,37 +17,43 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import rospy
-from actionlib_msgs.msg import GoalStatusArray
+from actionlib_msgs.msg import GoalID, GoalStatusArray
 
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
+from apad_bridge.ros.links.service_calls import CallFailed, ServiceCalls
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
-from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, Stop, VehicleCommand
+from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
     GoalOrder,
+    GoalSeen,
     GoalStatusEntry,
     GoalStatusReceived,
     HeldPositionReceived,
+    OffAnswered,
     Received,
 )
 from apad_bridge.vehicle.generation_a.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Sight
 
 use_generated_messages()
 
 from apad.msg import aPadActionGoal, aPadActionResult  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
+from navcon_msgs.srv import EnableControl  # noqa: E402
 
 _STATUS = ("header.stamp", "status_list")
+_GOAL = ("goal_id.id", "goal.id", "goal.pose.position.x", "goal.pose.position.y")
 _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
 
 
@@ -59,6 +65,7 @@ class Subscribers(LegacySubscribers):
         super().__init__(name, inbox, stamped=stamped, pose_fields=(*POSE_FIELDS, "status"))
         server = of_apad(name, "action_server")
         self._listen(f"{server}/status", GoalStatusArray, _STATUS, self._take_status, is_vital=True)
+        self._listen(f"{server}/goal", aPadActionGoal, _GOAL, self._take_goal)
         self._listen(f"{server}/result", aPadActionResult, _RESULT, self._take_result, is_vital=True)
         self._known: set[int] = set()
         self.listen_to(agent_ids)
@@ -87,6 +94,12 @@ class Subscribers(LegacySubscribers):
         self._inbox.put(
             GoalStatusReceived(self._stamp(message), self._statuses(message.status_list), whole=True)
         )
+
+    def _take_goal(self, message: Any) -> None:
+        """A goal on its way to the server: actionlib itself would tell neither its place nor who sent it."""
+        place, key, header = message.goal.pose.position, message.goal_id.id, message._connection_header
+        client = str(header.get("callerid", "")) if isinstance(header, dict) else ""
+        self._inbox.put(GoalSeen(UNSTAMPED, key, message.goal.id, place.x, place.y, client), always=True)
 
     def _take_result(self, message: Any) -> None:
         result = GoalStatusReceived(self._stamp(message), self._statuses([message.status]), whole=False)
@@ -126,12 +139,23 @@ class GenerationALink(LegacyLink[GenerationACore]):
         now_ms: int = 0,
         sight: Sight = lambda now_ms: {},
         dock_count: int = PAPER_DOCKS,
+        pilots: frozenset[str] = frozenset(),
     ) -> None:
         ids, nonce = list(agent_ids), f"musselbed-{secrets.token_hex(4)}"
         prefix = rospy.resolve_name(AMUSSEL)[1:]
         places = STACK.capabilities(dock_count).docks
         core = GenerationACore(
-            ids, battery_v, nonce, docked, now_ms, prefix, sight, places, takes_back=our_clock, gate=gate
+            ids,
+            battery_v,
+            nonce,
+            docked,
+            now_ms,
+            prefix,
+            sight,
+            places,
+            takes_back=our_clock,
+            gate=gate,
+            pilots=pilots,
         )
         super().__init__(name, core, now_ms, dock_count)
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
@@ -140,6 +164,9 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._inquiry = DockInquiry(name, self._inbox)
         self._goals = rospy.Publisher(of_apad(name, "action_server") + "/goal", aPadActionGoal, queue_size=20)
         """Twenty: never more goals than that are on their way, and a server that reads none loses nothing by the limit."""
+        self._cancels = rospy.Publisher(of_apad(name, "action_server") + "/cancel", GoalID, queue_size=20)
+        self._calls = ServiceCalls()
+        self._switches = [of_apad(name, it) for it in ("VelCon_enable", "FADP_enable")]
 
     def serve(self, agent_ids: Iterable[int]) -> None:
         self._subscribers.listen_to(agent_ids)
@@ -155,32 +182,70 @@ class GenerationALink(LegacyLink[GenerationACore]):
         goal_types = {self._goals.resolved_name: self._goals.data_class}
         return [*unreadable_topics(self._subscribers.needed), *differing_listeners(goal_types)]
 
+    @property
+    def can_stop(self) -> bool:
+        return self._calls.are_connected(self._switches)
+
+    def _prepare(self) -> None:
+        """A vehicle without these services can be stopped by a go-to alone; a real one should not fly so."""
+        try:
+            self._calls.prepare(dict.fromkeys(self._switches, EnableControl))
+        except CallFailed as failed:
+            self._inbox.drop(f"controllers cannot be switched off: {failed}")
+
+    def _send(self, order: GoalOrder) -> None:
+        if order.pre_empts:
+            self._cancels.publish(GoalID())  # of every client
+        self._goals.publish(_goal_message(order))
+
+    def _switch_off(self) -> None:
+        """Cancels every client's goal, then ends the thrust, then the controller that would ask for it."""
+        if (off := self._core.take_off_order()) is None:
+            return
+        self._cancels.publish(GoalID())
+        request = EnableControl._request_class(enable=False)
+        thrust, controller = self._switches
+
+        def controller_is_off(_: Any, refused: str | None) -> None:
+            self._inbox.put(OffAnswered(UNSTAMPED, off.number, refused), always=True)
+
+        def thrust_is_off(_: Any, refused: str | None) -> None:
+            if refused is not None:
+                controller_is_off(None, refused)
+            else:
+                self._calls.send(controller, EnableControl, request, controller_is_off, is_stop=True)
+
+        self._calls.send(thrust, EnableControl, request, thrust_is_off, is_stop=True)
+
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts up to `now_ms`. At the tick of a mechanism's command it waits up to `ANSWER_S` for the answer."""
         self._now_ms = now_ms
+        self._keep_open(now_ms)
         self._drain()
         if self._mechanism_ms == now_ms:
             self._mechanism_ms = None
             self._wait_while(lambda: self._core.awaited_mechanisms, self._answer_s)
         facts = self._core.advance(now_ms)
         for order in self._core.take_orders():
-            self._goals.publish(_goal_message(order))
+            self._send(order)
+        self._switch_off()
         if self._core.take_question():
             self._inquiry.ask()
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        assert not isinstance(command, MoveArm | Stop), (
-            "the stack has no such order, as its capabilities state"
-        )
+        assert not isinstance(command, MoveArm), "the stack has no such order, as its capabilities state"
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
         if (order := self._core.command(command, now_ms)) is not None:
-            self._goals.publish(_goal_message(order))
+            self._send(order)
+        self._switch_off()
 
     def close(self) -> None:
         self._subscribers.close()
+        self._calls.close()
         self._goals.unregister()
+        self._cancels.unregister()
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Waits until each topic has come up to `now_ms`, because ROS keeps no order between topics.
@@ -227,5 +292,8 @@ def open_link(
             now_ms=now_ms,
             sight=sight,
             dock_count=scenario.apad.docks,
+            pilots=frozenset(
+                () if scenario.guards is None else map(rospy.resolve_name, scenario.guards.pilots)
+            ),
         )
     )

@@ -83,8 +83,14 @@ class Subscribers(LegacySubscribers):
         self._listen(of_apad(name, "goto_status"), Int32, _DATA, self._take_status, False)
         self._listen(of_apad(name, "docking_status"), Int32, _DATA, self._take_status, True)
         self._listen(of_apad(name, "eventString"), String, _DATA, self._take_event)
-        self._listen(of_apad(name, "manual"), Bool, _DATA, self._take_manual)
+        self._manual = self._listen(of_apad(name, "manual"), Bool, _DATA, self._take_manual)
+        self._has_manual = False
         self._listen(of_apad(name, "dock_out"), Float32MultiArray, _DATA, self._take_arms)
+
+    def lost_pilot(self) -> bool:
+        """True, once, when the node that published the pilot's flag has left."""
+        had, self._has_manual = self._has_manual, self._manual.get_num_connections() > 0
+        return had and not self._has_manual
 
     def _take_status(self, message: Any, docking: bool) -> None:
         try:
@@ -159,6 +165,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         self._statuses_are_silent = False
         self._services = dict(SERVICES)
         self._calls = ServiceCalls()
+        self._stop_service = of_apad(name, "commander/stop_mission")
         self._camera = camera
         self._arms = rospy.Publisher(of_apad(name, "dock_out"), Float32MultiArray, queue_size=4)
 
@@ -188,10 +195,21 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
             lines += [f"{name} has no field {it} there" for it in _FIELDS[primitive] if not has(request, it)]
         return lines
 
+    @property
+    def can_stop(self) -> bool:
+        return self._calls.are_connected([self._stop_service])
+
+    def _prepare(self) -> None:
+        kinds = {self._service_name(primitive): kind for primitive, kind in self._services.items()}
+        self._calls.prepare({self._stop_service: Trigger, **kinds})
+
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts up to `now_ms`. The orders that the core makes of them are sent."""
         self._now_ms = now_ms
+        self._keep_open(now_ms)
         self._drain()
+        if self._subscribers.lost_pilot():
+            self._core.receive(ManualReceived(now_ms, None), now_ms)
         facts = self._core.advance(now_ms)
         self._send()
         return facts
@@ -209,6 +227,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     def close(self) -> None:
         self._subscribers.close()
+        self._calls.close()
         self._arms.unregister()
         if self._camera is not None:
             self._camera.close()
@@ -244,15 +263,18 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
     def _send(self) -> None:
         for call in self._core.take_calls():
             if isinstance(call.order, StopOrder):
-                stop = of_apad(self.name, "commander/stop_mission")
-                self._calls.send(stop, Trigger, Trigger._request_class(), self._answer_to(call))
+                request = Trigger._request_class()
+                self._calls.send(self._stop_service, Trigger, request, self._answer_to(call), is_stop=True)
                 continue
             primitive, fields = _fields(call.order)
             kind = self._services[primitive]
             request = kind._request_class()
             for path, value in fields.items():
                 write(request, path, value)
-            self._calls.send(self._service_name(primitive), kind, request, self._answer_to(call))
+            is_stop = isinstance(call.order, PositionOrder) and call.order.pre_empts
+            self._calls.send(
+                self._service_name(primitive), kind, request, self._answer_to(call), is_stop=is_stop
+            )
 
     def _answer_to(self, call: Call) -> Any:
         def answered(response: Any, refused: str | None) -> None:

@@ -6,15 +6,18 @@ has a time-out in wall seconds.
 
 from __future__ import annotations
 
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import rospy
 
+from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
@@ -24,6 +27,9 @@ from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack import Stack
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Readings, Sight
+
+REOPEN_MS = 2_000
+"""Lost connections to services are opened again so often, in mission time."""
 
 
 class Docks(Protocol):
@@ -72,6 +78,9 @@ class LegacyLink(ABC, Generic[Core]):
         self._core = core
         self._now_ms = now_ms
         self._inbox: Inbox[Any] = Inbox()
+        self._opened_ms = now_ms
+        self._opening: threading.Thread | None = None
+        """Opens lost connections."""
         self._excused: set[str] = set()
         """Names waited for once in vain: a flight does not wait for them again."""
 
@@ -109,6 +118,30 @@ class LegacyLink(ABC, Generic[Core]):
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Waits until each topic has come up to `now_ms`. Returns those that have not."""
 
+    @property
+    @abstractmethod
+    def can_stop(self) -> bool:
+        """A stop can go out now, without the master."""
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Connects to the services that orders need. CallFailed where one cannot be reached."""
+
+    def _keep_open(self, now_ms: int) -> None:
+        """Opens lost connections again, every `REOPEN_MS`, in a thread: it may take seconds."""
+        if self.can_stop or now_ms - self._opened_ms < REOPEN_MS:
+            return
+        if self._opening is not None and self._opening.is_alive():
+            return
+        self._opened_ms = now_ms
+
+        def prepare() -> None:
+            with suppress(CallFailed):  # the next try tells
+                self._prepare()
+
+        self._opening = threading.Thread(target=prepare, name="open services", daemon=True)
+        self._opening.start()
+
     @abstractmethod
     def _missing(self) -> list[str]:
         """A line for a person about each part that a flight needs and that is not connected or not offered."""
@@ -134,6 +167,12 @@ class LegacyLink(ABC, Generic[Core]):
             # rospy has no event for a new connection.
             time.sleep(0.02)
         self._refuse_other_definitions()
+        try:
+            self._prepare()
+        except CallFailed as failed:
+            raise VehicleNotReady(
+                f"{rospy.resolve_name(self.name)} offers no service to stop it by: {failed}"
+            ) from None
 
     def _refuse_other_definitions(self) -> None:
         if lines := self._differences():

@@ -6,7 +6,9 @@ reference of the vehicle's controllers, and `position` is where the vehicle is. 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import rospy
@@ -64,7 +66,7 @@ class LegacySubscribers:
         take: Callable[..., None],
         *arguments: Any,
         is_vital: bool = False,
-    ) -> None:
+    ) -> rospy.Subscriber:
         """Calls `take(message, *arguments)` in rospy's thread. Without `fields` the definition is not checked before."""
         subscriber = self._listener.listen(topic, kind, take, *arguments)
         self._subscribers.append(subscriber)
@@ -72,6 +74,7 @@ class LegacySubscribers:
             self._vital.append(subscriber)
         if fields:
             self.needed[subscriber.resolved_name] = (kind, fields)
+        return subscriber
 
     def _stamp(self, message: Any) -> int:
         return to_ms(message.header.stamp) if self._stamped else UNSTAMPED
@@ -79,10 +82,23 @@ class LegacySubscribers:
     def _take_pose(self, message: Any) -> None:
         position, yaw = message.position, message.orientation.yaw
         stamp_ms = to_ms(message.header.stamp) or None  # 0 is no time
-        self._inbox.put(PoseReceived(self._stamp(message), position.north, position.east, yaw, stamp_ms))
+        pose = PoseReceived(self._stamp(message), position.north, position.east, yaw, stamp_ms)
+        self._inbox.put(replace(pose, speed_m_s=_speed_m_s(message), publisher=_publisher(message)))
 
     def _take_state(self, message: Any) -> None:
         self._inbox.put(StateRefReceived(self._stamp(message)))
 
     def _take_battery(self, message: Any) -> None:
         self._inbox.put(BatteryReceived(UNSTAMPED, message.data))
+
+
+def _speed_m_s(message: Any) -> float | None:
+    """The speed over ground, by `gbody_velocity`; None where the message has none, or no number."""
+    velocity = getattr(message, "gbody_velocity", None)
+    speed_m_s = math.hypot(getattr(velocity, "x", math.nan), getattr(velocity, "y", math.nan))
+    return speed_m_s if math.isfinite(speed_m_s) else None
+
+
+def _publisher(message: Any) -> str:
+    header = getattr(message, "_connection_header", None)
+    return str(header.get("callerid", "")) if isinstance(header, dict) else ""

@@ -28,8 +28,10 @@ class AnyListener:
                     message = raw
                 elif raw._connection_header["md5sum"] == ours._md5sum:
                     message = ours().deserialize(raw._buff)
+                    message._connection_header = raw._connection_header
                 else:
                     message = self._messages.decode(raw)
+                    message._connection_header = raw._connection_header
                 take(message, *arguments)
             except genpy.DeserializationError:
                 self._failed(f"{topic}: bytes that are not of its definition")

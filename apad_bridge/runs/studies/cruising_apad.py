@@ -22,6 +22,7 @@ from apad_bridge.vehicle.commands import (
     Hold,
     MoveArm,
     OpenDock,
+    PilotLeft,
     PoseReported,
     Stop,
     VehicleCommand,
@@ -120,7 +121,7 @@ class CruisingAPad:
                 self._set_load()
             case MoveArm():
                 pass  # arms cost nothing here
-            case Stop():
+            case Stop() | PilotLeft():
                 raise AssertionError("no guard stops this aPad: model_gap names guards")
             case _:
                 assert_never(command)

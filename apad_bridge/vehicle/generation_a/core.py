@@ -26,12 +26,17 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    GoalOfOthers,
     GoTo,
     Hold,
     OpenDock,
+    PilotLeft,
+    PilotReported,
     PoseReported,
+    Stop,
 )
 from apad_bridge.vehicle.docking import GoToProgress
+from apad_bridge.vehicle.generation_a.controllers_off import ControllersOff
 from apad_bridge.vehicle.generation_a.docks import PAPERS_PLACES, ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     ENDS,
@@ -41,9 +46,12 @@ from apad_bridge.vehicle.generation_a.messages import (
     DocksReceived,
     GoalCode,
     GoalOrder,
+    GoalSeen,
     GoalStatusEntry,
     GoalStatusReceived,
     HeldPositionReceived,
+    OffAnswered,
+    OffOrder,
     Received,
 )
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS, ServerWatch
@@ -113,12 +121,15 @@ class GenerationACore:
         *,
         takes_back: bool = True,
         gate: Gate | None = None,
+        pilots: frozenset[str] = frozenset(),
     ) -> None:
         self._gate = gate or Gate.without_guards()
         self._now_ms = now_ms
         self.readings = Readings(battery_v)
         self.docks = ReportedDocks(agent_ids, docked or {}, now_ms, places, object_prefix)
-        self._server = ServerWatch(nonce)
+        self._server = ServerWatch(nonce, pilots)
+        self._off = ControllersOff()
+        self._pilot_runs = False
         self._takes_back = takes_back
         self._sight = sight
         self._nonce = nonce
@@ -160,15 +171,28 @@ class GenerationACore:
         """Keys of the unfinished goals to docking mechanisms."""
         return [key for key, sent in self._goals.items() if isinstance(sent.command, CloseDock | OpenDock)]
 
-    def command(self, command: Command, now_ms: int) -> GoalOrder | None:
-        """The goal to send; None for a perch or release from afar, which the vehicle would report as done."""
+    def command(self, command: Command | Stop | PilotLeft, now_ms: int) -> GoalOrder | None:
+        """The goal to send; None for a stop, and for a perch or release from afar, which the vehicle would call done."""
+        if isinstance(command, PilotLeft):
+            return None  # nothing but a pilot's own goals tells of a pilot here
+        self._orders = []
+        self._off.forget()
+        if isinstance(command, Stop):
+            self._post, self._away_ms, self._goals = None, None, {}
+            self._off.order(command.command_id, now_ms)
+            return None
         if (
             isinstance(command, CloseDock | OpenDock)
             and (why := self._why_from_afar(command, now_ms)) is not None
         ):
             self._facts.append(CommandFailed(now_ms, command.command_id, why))
             return None
-        if isinstance(command, Hold) and not self._takes_back and self._server.others_run:
+        if (
+            isinstance(command, Hold)
+            and not command.pre_empts
+            and not self._takes_back
+            and self._server.others_run
+        ):
             self._post, self._goals = None, {}
             return None
         self._now_ms = now_ms
@@ -192,7 +216,8 @@ class GenerationACore:
         progress = None
         match command:
             case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
-                order = GoalOrder(key, GO_TO, north_m, east_m)
+                pre_empts = isinstance(command, Hold) and command.pre_empts
+                order = GoalOrder(key, GO_TO, north_m, east_m, pre_empts=pre_empts)
                 progress = GoToProgress(north_m, east_m, SERVER_SILENT_MS, now_ms, self.readings.pose)
                 self._post = command if isinstance(command, Hold) else None
                 self._away_ms = None
@@ -212,12 +237,18 @@ class GenerationACore:
         They are a goal to repeat, because the vehicle was silent when it was sent; a hold after another party's order; and
         the release by name of an aMussel that the vehicle may still hold, as soon as no goal of ours runs.
         """
-        if self.docks.unordered_releases and not self._goals and not self._server.others_run:
+        is_free = not self._goals and not self._server.others_run and not self._off.is_ordered
+        if self.docks.unordered_releases and is_free:
             agent_id = self.docks.unordered_releases.pop(0)
             name = f"{self._object_prefix}{agent_id}"
             self._orders.append(GoalOrder(self._own_key(), RELEASE, name=name, agent_id=agent_id))
         orders, self._orders = self._orders, []
         return [order for order in orders if self._goes_out(order)]
+
+    def take_off_order(self) -> OffOrder | None:
+        """The order that switches the controllers off, once each time that it must be sent."""
+        order = self._off.take_order()
+        return order if order is not None and self._gate.passes(Stop(0), self._now_ms) else None
 
     def take_question(self) -> bool:
         """True, once, when the vehicle should be asked what it holds (`check_docking_availability`)."""
@@ -248,7 +279,8 @@ class GenerationACore:
             return
         self._is_silent = changed.is_silent
         latest = self._goals.get(self._latest_key)
-        if not changed.is_silent and latest is not None and not latest.is_taken:
+        # A real vehicle that was silent waits for a person; the simulated one goes on.
+        if not changed.is_silent and latest is not None and not latest.is_taken and self._takes_back:
             latest.sent_ms = now_ms
             self._orders.append(latest.order)
 
@@ -264,6 +296,11 @@ class GenerationACore:
             case GoalStatusReceived():
                 self._server.receive(message)
                 self._receive_goals(message)
+            case GoalSeen():
+                self._see_goal(message)
+            case OffAnswered():
+                if (fact := self._off.receive(message)) is not None:
+                    self._facts.append(fact)
             case DocksReceived():
                 self._apply_dock_facts(
                     self.docks.receive_answer(message, server_lives=self._server.lives(self.readings))
@@ -279,13 +316,20 @@ class GenerationACore:
             self.docks.silent(self.readings, server_lives=self._server.lives(self.readings))
         )
         self._server.look(self.readings)
+        self._off.advance(now_ms)
         self._time_out_goals(now_ms)
         self._watch_others(now_ms)
         facts, self._facts = self._facts, []
         facts += self.docks.places(self.readings)
-        readings = self.readings.take()
-        self._gate.observe(readings)
+        readings = self.readings.take(self._gate)
         return facts + readings
+
+    def _see_goal(self, goal: GoalSeen) -> None:
+        """Takes a goal on its way to the server; another client's go-to is for the guards to judge."""
+        self._server.see(goal)
+        is_others = goal.kind == GO_TO and not self._takes_back and not self._server.is_ours(goal.key)
+        if is_others and out_of_range(north_m=goal.north_m, east_m=goal.east_m) is None:
+            self._facts.append(GoalOfOthers(goal.at_ms, goal.client, goal.north_m, goal.east_m))
 
     def _receive_held_position(self, message: HeldPositionReceived) -> None:
         if (reason := out_of_range(north_m=message.north_m, east_m=message.east_m)) is not None:
@@ -408,9 +452,13 @@ class GenerationACore:
 
     def _watch_others(self, now_ms: int) -> None:
         """Notices that another party sends the vehicle away from where it should stay, and that it is done."""
-        has_new = self._server.take_new()
-        if has_new and not self._takes_back:
-            self._facts.append(CommandedByOthers(now_ms))
+        new = self._server.take_new()
+        has_new = bool(new)
+        if not self._takes_back:
+            if self._server.pilot_runs != self._pilot_runs:
+                self._pilot_runs = self._server.pilot_runs
+                self._facts.append(PilotReported(now_ms, self._pilot_runs))
+            self._facts += [CommandedByOthers(now_ms, client) for client in dict.fromkeys(new)]
         runs_ours = any(it.pre_empted_ms is None for it in self._goals.values())
         for key, sent in list(self._goals.items()):
             if isinstance(sent.command, Hold) and sent.pre_empted_ms is not None:
@@ -435,7 +483,7 @@ class GenerationACore:
 def _as_command(order: GoalOrder) -> Command:
     """The command that guards judge. A goal names neither a speed nor a dock."""
     if order.kind == GO_TO:
-        return Hold(0, order.north_m, order.east_m)
+        return Hold(0, order.north_m, order.east_m, pre_empts=order.pre_empts)
     return CloseDock(0, 0, order.agent_id) if order.kind == PERCH else OpenDock(0, 0, order.agent_id)
 
 

@@ -56,6 +56,36 @@ class GoalOrder:
     name: str = ""
     agent_id: int = field(default=0, compare=False)
     """The aMussel that is called `name`; 0 for a go-to."""
+    pre_empts: bool = field(default=False, compare=False)
+    """A stop's: it takes the vehicle from every other client."""
+
+
+@dataclass(frozen=True, slots=True)
+class OffOrder:
+    """Ends every client's goal, and switches the controllers off; `number` comes back with the answer."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class OffAnswered:
+    """The vehicle has switched its controllers off; or the reason why it has not."""
+
+    at_ms: int
+    number: int
+    refused: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSeen:
+    """A go-to on its way to the action server, and the node that sent it."""
+
+    at_ms: int
+    key: str
+    kind: int
+    north_m: float
+    east_m: float
+    client: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +132,8 @@ Received = (
     | HeldPositionReceived
     | GoalStatusReceived
     | DocksReceived
+    | GoalSeen
+    | OffAnswered
 )
 
 

@@ -1,10 +1,10 @@
-"""Watches `action_server/status`: whether the server lives, and whether another party's goal runs on it."""
+"""Watches the action server: whether it lives, whether another party's goal runs on it, and which node sent that goal."""
 
 from __future__ import annotations
 
 from collections import Counter
 
-from apad_bridge.vehicle.generation_a.messages import ENDS, GoalStatusReceived
+from apad_bridge.vehicle.generation_a.messages import ENDS, GoalSeen, GoalStatusReceived
 from apad_bridge.vehicle.telemetry import Readings
 
 SERVER_SILENT_MS = 5_000
@@ -13,38 +13,63 @@ come, is dead."""
 
 
 class ServerWatch:
-    """Keys of our goals begin with `nonce`; every other goal is another party's."""
+    """Keys of our goals begin with `nonce`; every other goal is another party's. By the nodes `pilots` a pilot steers."""
 
-    def __init__(self, nonce: str) -> None:
+    def __init__(self, nonce: str, pilots: frozenset[str] = frozenset()) -> None:
         self.dropped: Counter[str] = Counter()
         self.status_ms = -1
         """The newest stamp of a whole status."""
         self._nonce = nonce
+        self._pilots = pilots
         self._others: set[str] | None = None
         """Goals of others in the newest status; None before the first."""
-        self._others_running = False
-        self._has_new = False
+        self._running: set[str] = set()
+        """Goals of others under way at the newest status."""
+        self._clients: dict[str, str] = {}
+        """The node of each goal that was seen on its way to the server, by key."""
+        self._new: list[str] = []
         self._was_silent = False
 
     @property
     def others_run(self) -> bool:
         """Another party's goal was under way at the newest status."""
-        return self._others_running
+        return bool(self._running)
+
+    @property
+    def pilot_runs(self) -> bool:
+        """A goal of a node by which a pilot steers was under way at the newest status."""
+        return any(self.client_of(key) in self._pilots for key in self._running)
+
+    def is_ours(self, key: str) -> bool:
+        return key.startswith(f"{self._nonce}-")
+
+    def client_of(self, key: str) -> str:
+        """The node that sent the goal: as seen, or by the form NODE-NUMBER-TIME that actionlib gives a key."""
+        if key in self._clients:
+            return self._clients[key]
+        parts = key.rsplit("-", 2)
+        return parts[0] if len(parts) == 3 and parts[0].startswith("/") else ""
+
+    def see(self, goal: GoalSeen) -> None:
+        """Takes a goal on its way to the server."""
+        if not self.is_ours(goal.key):
+            self._clients[goal.key] = goal.client
 
     def receive(self, message: GoalStatusReceived) -> None:
         if not message.whole:
             return
         self.status_ms = max(self.status_ms, message.at_ms)
-        others = {it.key: it.code for it in message.words if not it.key.startswith(f"{self._nonce}-")}
+        others = {it.key: it.code for it in message.words if not self.is_ours(it.key)}
         if self._others is not None:
-            self._has_new |= bool(set(others) - self._others)
+            self._new += [self.client_of(key) for key in others if key not in self._others]
         self._others = set(others)
-        self._others_running = any(code not in ENDS for code in others.values())
+        self._running = {key for key, code in others.items() if code not in ENDS}
+        self._clients = {key: node for key, node in self._clients.items() if key in self._others}
 
-    def take_new(self) -> bool:
-        """True, once, when another party has sent a goal."""
-        has_new, self._has_new = self._has_new, False
-        return has_new
+    def take_new(self) -> list[str]:
+        """The nodes of the goals that other parties have sent since the last call; empty names for unknown ones."""
+        new, self._new = self._new, []
+        return new
 
     def silent_for_ms(self, readings: Readings, since_ms: int = -1) -> int:
         """Time of the server's silence, from `since_ms` on, while the aPad's positions came."""

@@ -16,7 +16,6 @@ def capabilities(docks: int) -> Capabilities:
         reports_contact=True,
         obeys_speed=False,
         moves_arms=False,
-        can_stop=False,
     )
 
 

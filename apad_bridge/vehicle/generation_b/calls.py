@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.generation_b.messages import Call, Order, ServiceAnswered
+from apad_bridge.vehicle.generation_b.messages import Call, Order, ServiceAnswered, StopOrder
 
 ANSWER_MS = 5_000
 """A service without an answer for so long has failed: its node is gone, or its callback hangs."""
+STOP_ANSWER_MS = 3_000
+"""A stop without an answer for so long is ordered again by whoever ordered it."""
 RETRY_MS = 1_000
 TRIES = 3
 
@@ -17,6 +19,8 @@ class Pending:
     order: Order
     number: int
     sent_ms: int
+    first_number: int
+    """The number of the first call of this order: a stop that is ordered again may still be taken by an earlier call."""
     tries: int = 1
     answered_ms: int | None = None
     retry_ms: int | None = None
@@ -40,7 +44,9 @@ class Calls:
         return [f"order {pending.number}"]
 
     def order(self, order: Order, now_ms: int) -> None:
-        self.pending = Pending(order, self._send(order), now_ms)
+        before, number = self.pending, self._send(order)
+        is_again = before is not None and before.order == order == StopOrder() and before.answered_ms is None
+        self.pending = Pending(order, number, now_ms, before.first_number if is_again and before else number)
 
     def forget(self) -> None:
         self.pending, self._to_send = None, []
@@ -53,7 +59,11 @@ class Calls:
     def receive(self, answer: ServiceAnswered) -> bool:
         """Takes a service's answer; True when it has taken the order. Answers to replaced orders change nothing."""
         pending = self.pending
-        if pending is None or answer.number != pending.number or pending.answered_ms is not None:
+        if pending is None or pending.answered_ms is not None:
+            return False
+        if not pending.first_number <= answer.number <= pending.number:
+            return False
+        if answer.refused is not None and answer.number != pending.number:
             return False
         if answer.refused is None:
             pending.answered_ms = answer.at_ms
@@ -66,11 +76,13 @@ class Calls:
         pending = self.pending
         if pending is None or pending.answered_ms is not None:
             return None
-        if pending.retry_ms is None and now_ms - pending.sent_ms >= ANSWER_MS:
-            self._refuse(pending, f"its service did not answer within {ANSWER_MS / 1000:g} s", now_ms)
+        is_stop = isinstance(pending.order, StopOrder)
+        answer_ms = STOP_ANSWER_MS if is_stop else ANSWER_MS
+        if pending.retry_ms is None and now_ms - pending.sent_ms >= answer_ms:
+            self._refuse(pending, f"its service did not answer within {answer_ms / 1000:g} s", now_ms)
         if pending.retry_ms is None or now_ms < pending.retry_ms:
             return None
-        if pending.tries >= TRIES:
+        if pending.tries >= (1 if is_stop else TRIES):
             self.pending = None
             return pending.first_cause
         pending.tries += 1

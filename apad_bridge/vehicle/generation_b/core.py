@@ -129,8 +129,7 @@ class GenerationBCore:
             if changed is not None and not changed.is_silent:
                 self._tasks.resend(now_ms)
             self._tasks.watch(now_ms)
-        readings = self.readings.take()
-        self._gate.observe(readings)
+        readings = self.readings.take(self._gate)
         return [*self._tasks.take(), *self.docks.places(self.readings.pose, now_ms), *readings]
 
 
@@ -140,7 +139,7 @@ def _as_command(order: Order) -> VehicleCommand:
         case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
             return GoTo(0, north_m, east_m, speed_m_s, victory_radius_m)
         case PositionOrder(north_m, east_m, heading_rad):
-            return Hold(0, north_m, east_m, heading_rad)
+            return Hold(0, north_m, east_m, heading_rad, order.pre_empts)
         case DockingOrder():
             kind = CloseDock if order.docks else OpenDock
             return kind(0, order.dock_index, order.agent_id)

@@ -65,6 +65,8 @@ class PositionOrder:
     north_m: float
     east_m: float
     heading_rad: float | None = None
+    pre_empts: bool = field(default=False, compare=False)
+    """A stop's: it takes the vehicle from every other client."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +129,10 @@ class FinishedReceived:
 
 @dataclass(frozen=True, slots=True)
 class ManualReceived:
-    """`manual`: a person steers, or no longer does."""
+    """`manual`: a person steers, or no longer does. None: the node that published it has left the graph."""
 
     at_ms: int
-    steers: bool
+    steers: bool | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -167,7 +167,8 @@ class HoldTask:
 
 
 def hold_task_of(command: Hold, now_ms: int) -> HoldTask:
-    return HoldTask(PositionOrder(command.north_m, command.east_m, command.heading_rad), now_ms, command)
+    order = PositionOrder(command.north_m, command.east_m, command.heading_rad, command.pre_empts)
+    return HoldTask(order, now_ms, command)
 
 
 STAND_OFF_M = 2.0

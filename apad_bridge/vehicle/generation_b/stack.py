@@ -28,7 +28,6 @@ def capabilities(docks: int) -> Capabilities:
         reports_contact=False,
         obeys_speed=True,
         moves_arms=True,
-        can_stop=True,
     )
 
 

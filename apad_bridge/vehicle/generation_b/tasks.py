@@ -21,6 +21,8 @@ from apad_bridge.vehicle.commands import (
     Hold,
     MoveArm,
     OpenDock,
+    PilotLeft,
+    PilotReported,
     PoseReported,
     Stop,
     VehicleCommand,
@@ -88,6 +90,9 @@ class Tasks:
     ) -> None:
         self.calls = Calls()
         self.pilot_steers = False
+        """True until the vehicle, or a person, says that the pilot has let go."""
+        self._pilot_is_known = True
+        """False when nobody publishes the pilot's flag any more."""
         self._takes_back = takes_back
         """After a pilot it goes on with what it was ordered. Without that, a person gives the vehicle back."""
         self._docking = docking
@@ -98,9 +103,13 @@ class Tasks:
         self._go_to_task: GoToTask | None = None
         self._servo_task: ServoTask | None = None
         self._hold_task: HoldTask | None = None
+        self._stop: Stop | None = None
+        """The order that switched the controllers off, until another command."""
         self._goal_m: tuple[float, float] | None = None
         """The last go-to's goal: the believed place of the aMussel."""
         self._external = ExternalDocking()
+        self._is_quiet = False
+        """Controllers are off, and no go-to runs: a later go-to is another client's."""
 
     @property
     def dropped(self) -> Counter[str]:
@@ -113,13 +122,19 @@ class Tasks:
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         servo = self._servo_task
-        if servo is not None and servo.has_let_go and not isinstance(command, MoveArm | Stop):
+        if isinstance(command, PilotLeft):
+            self.receive_pilot(False, now_ms)
+            return
+        is_stop = isinstance(command, Stop) or (isinstance(command, Hold) and command.pre_empts)
+        if servo is not None and servo.has_let_go and not is_stop and not isinstance(command, MoveArm):
             servo.next_command = command
             return
         if self.pilot_steers and not self._takes_back:
-            if not isinstance(command, MoveArm | Stop):
+            if not isinstance(command, MoveArm):
                 self._facts.append(CommandFailed(now_ms, command.command_id, PILOT))
             return
+        if not isinstance(command, MoveArm):
+            self._stop = None
         match command:
             case GoTo(_, north_m, east_m):
                 self._goal_m = (north_m, east_m)
@@ -128,6 +143,7 @@ class Tasks:
                 self._hold(hold_task_of(command, now_ms))
             case Stop():
                 self._clear()
+                self._stop, self._is_quiet = command, False
                 self._order(StopOrder(), now_ms)
             case MoveArm():  # the link moves arms; they give no answer
                 pass
@@ -146,7 +162,8 @@ class Tasks:
             return
         if self._hold_task is not None:
             self._hold_task.ordered_ms = answer.at_ms
-        if isinstance(command := self._commanded, GoTo | Hold):
+        command = self._stop or self._commanded
+        if isinstance(command, GoTo | Hold | Stop):
             self._facts.append(CommandAccepted(answer.at_ms, command.command_id))
 
     def receive_status(self, docking: bool, status: Status, at_ms: int) -> None:
@@ -169,6 +186,11 @@ class Tasks:
             status, at_ms, answered=answered
         ):
             self._dropped["goto_status: another client sent the aPad away from its hold"] += 1
+            self._tell_of_others(at_ms)
+        elif self._stop is not None and answered:
+            if status is Status.RUNNING and self._is_quiet:
+                self._tell_of_others(at_ms)
+            self._is_quiet = status is not Status.RUNNING
 
     def _receive_external(self, status: Status, at_ms: int) -> None:
         """Lets a docking that nobody here ordered end; it then leaves the controllers off."""
@@ -191,9 +213,21 @@ class Tasks:
     def receive_dock_report(self, report: DockReport) -> None:
         self._facts += self._docks.apply_report(report, self._pose)
 
-    def receive_pilot(self, steers: bool, at_ms: int) -> None:
-        """A pilot takes or leaves the controls. The bridge never fights a pilot: it fails the running command and waits."""
-        if steers == self.pilot_steers:
+    def _tell_of_others(self, at_ms: int) -> None:
+        if not self._takes_back:
+            self._facts.append(CommandedByOthers(at_ms))
+
+    def receive_pilot(self, steers: bool | None, at_ms: int) -> None:
+        """A pilot takes or leaves the controls. The bridge never fights a pilot: it fails the running command and waits.
+
+        None: the node that published the flag is gone. A pilot who steered steers on, and of another nobody can tell.
+        """
+        was_known, self._pilot_is_known = self._pilot_is_known, steers is not None
+        if steers is None and not self.pilot_steers and was_known:
+            self._facts.append(PilotReported(at_ms, None))
+        if steers is False and not was_known and not self.pilot_steers:
+            self._facts.append(PilotReported(at_ms, False))
+        if steers is None or steers == self.pilot_steers:
             return
         self.pilot_steers = steers
         if not self._takes_back:
@@ -218,10 +252,16 @@ class Tasks:
         if (command := self._commanded) is not None:
             self._facts.append(CommandFailed(at_ms, command.command_id, PILOT))
         self._clear()
-        self._facts.append(CommandedByOthers(at_ms))
+        self._stop = None
+        self._facts += [PilotReported(at_ms, self.pilot_steers), CommandedByOthers(at_ms)]
 
     def resend(self, now_ms: int) -> None:
-        """Repeats an order that a rebooted vehicle may have forgotten. A docking has its own time-out."""
+        """Repeats an order that a rebooted vehicle may have forgotten. A docking has its own time-out.
+
+        A vehicle that is a person's to give back gets none: somebody may have hands on it by now.
+        """
+        if not self._takes_back:
+            return
         if self._go_to_task is not None:
             self._go(self._go_to_task.command, now_ms)
         elif self._hold_task is not None:
@@ -230,7 +270,9 @@ class Tasks:
     def watch(self, now_ms: int) -> None:
         """Ends tasks by time-out, by silence, or by the vehicle's position."""
         if (cause := self.calls.retry_or_fail(now_ms)) is not None:
-            if self._commanded is not None:
+            if self._stop is not None:
+                self._facts.append(CommandFailed(now_ms, self._stop.command_id, cause))
+            elif self._commanded is not None:
                 self._fail(cause, now_ms)
             else:
                 self._dropped[

@@ -6,6 +6,8 @@ waters.fault_of_way((0.0, 0.0), (30.0, 5.0))      # "" or the reason
 
 from __future__ import annotations
 
+import math
+
 import shapely
 import shapely.ops
 from shapely.geometry import LineString, Polygon
@@ -15,6 +17,8 @@ from apad_bridge.scenario.fence import Fence
 from apad_bridge.vehicle.guards.orders import Point
 
 _EPSILON_M = 1e-6
+_FAR_M = 1000.0
+"""A drift is followed so far."""
 
 
 class FencedWaters:
@@ -70,6 +74,39 @@ class FencedWaters:
     def nearest_inside(self, place_m: Point) -> Point | None:
         nearest = shapely.ops.nearest_points(self._clear, PlanePoint(place_m))[0]
         return nearest.x, nearest.y
+
+    def way_back(self, place_m: Point, most_m: float) -> tuple[Point, str]:
+        edge = shapely.ops.nearest_points(self._waters, PlanePoint(place_m))[0]
+        clear = shapely.ops.nearest_points(self._clear, PlanePoint(place_m))[0]
+        inside_m = (clear.x, clear.y)
+        if (way_m := math.dist(place_m, inside_m)) > most_m:
+            # Short of all the clearance, but inside: the next way may not come nearer to the edge still.
+            inside_m = _beyond(place_m, (edge.x, edge.y), most_m)
+            if not self._waters.covers(PlanePoint(inside_m)):
+                return (
+                    inside_m,
+                    f"the way back is {way_m:.1f} m long, the longest is {most_m:g} m: take it by hand",
+                )
+        way = LineString([place_m, inside_m])
+        if self._fence.difference(self._waters).intersects(way):
+            return inside_m, "the way back crosses a keep-out zone: take it by hand"
+        return inside_m, ""
+
+    def way_out_m(self, place_m: Point, towards: Point) -> float | None:
+        goal_m = _beyond(place_m, (place_m[0] + towards[0], place_m[1] + towards[1]), _FAR_M)
+        crossing = LineString([place_m, goal_m]).intersection(self._edge)
+        return None if crossing.is_empty else float(crossing.distance(PlanePoint(place_m)))
+
+
+def _beyond(start_m: Point, through_m: Point, way_m: float) -> Point:
+    """The place at the end of a straight way of this length from `start_m` through another place."""
+    length_m = math.dist(start_m, through_m)
+    if length_m == 0.0:
+        return start_m
+    return (
+        start_m[0] + (through_m[0] - start_m[0]) * way_m / length_m,
+        start_m[1] + (through_m[1] - start_m[1]) * way_m / length_m,
+    )
 
 
 def _text(place_m: Point) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
@@ -17,7 +17,7 @@ class Reaction(StrEnum):
     HOLD = "hold"
     """Hold the present position, which is good."""
     STOP = "stop"
-    """Switch the controllers off: the position is not fit to hold. Where no order does that, a pilot is called."""
+    """Switch the controllers off: the position is not fit to hold."""
     RETURN = "return"
     """Go to the nearest place inside the fence."""
 
@@ -28,9 +28,13 @@ class Cause(StrEnum):
     POSITION = "position"
     SPEED = "speed"
     LATE = "late"
+    NO_PROGRESS = "no progress"
     ANOTHER_APAD = "another aPad"
-    PERSON = "person"
-    """A person wants the motors off."""
+    OTHERS = "another client"
+
+
+PROGRESS_M = 0.5
+"""A go-to that gets nearer by so much makes progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,17 @@ class UnderWay:
 
     command: GoTo
     since_ms: int | None = None
+    nearest_m: float = math.inf
+    """The distance to the goal at the last progress."""
+    progress_ms: int | None = None
+    """The time of the last progress."""
+
+    def moved_to(self, place_m: Point, now_ms: int) -> UnderWay:
+        """The same go-to, with the vehicle at this place."""
+        away_m = math.dist(place_m, (self.command.north_m, self.command.east_m))
+        if self.since_ms is None or away_m > self.nearest_m - PROGRESS_M:
+            return self
+        return replace(self, nearest_m=away_m, progress_ms=now_ms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +179,34 @@ class EndsInTime:
         if since_ms is None or now_ms - since_ms <= self.duration_s * 1000:
             return None
         return Finding(self.cause, Reaction.HOLD, f"the go-to did not end within {self.duration_s:g} s")
+
+
+LEAST_WAIT_S = 10.0
+EXPECTED_WAITS = 5
+"""No progress is told after so many times the time that `PROGRESS_M` should take, and never before `LEAST_WAIT_S`."""
+
+
+@dataclass(frozen=True, slots=True)
+class MakesProgress:
+    """A go-to that gets no nearer, under a good position: a tether, weed, a current. The vehicle holds, and a person looks.
+
+    Within two victory radii of its goal a vehicle may turn and settle.
+    """
+
+    cause: Cause = Cause.NO_PROGRESS
+
+    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+        if under_way is None or under_way.progress_ms is None or situation.place_m is None:
+            return None
+        order = under_way.command
+        away_m = math.dist(situation.place_m, (order.north_m, order.east_m))
+        wait_s = max(LEAST_WAIT_S, EXPECTED_WAITS * PROGRESS_M / order.speed_m_s)
+        if away_m <= 2 * order.victory_radius_m or now_ms - under_way.progress_ms < wait_s * 1000:
+            return None
+        reason = (
+            f"the aPad came no {PROGRESS_M:g} m nearer to its goal within {wait_s:g} s, {away_m:.1f} m to go"
+        )
+        return Finding(self.cause, Reaction.HOLD, reason)
 
 
 @dataclass(frozen=True, slots=True)

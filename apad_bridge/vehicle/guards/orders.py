@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.commands import GoTo, Hold, MoveArm, Stop, VehicleCommand
+from apad_bridge.vehicle.commands import GoTo, Hold, PilotLeft, Stop, VehicleCommand
 
 Point = tuple[float, float]
 
@@ -44,6 +44,8 @@ class Situation:
     """The speed that the vehicle makes at least, by the error of its velocity."""
     position_fault: str = ""
     """The reason not to use the position; empty for a good one."""
+    outside: str = ""
+    """The reason why the vehicle may not be where it is; empty inside the waters."""
     battery_fraction: float | None = None
     bodies: tuple[Body, ...] = ()
     awaits_person: str = ""
@@ -66,15 +68,23 @@ def goal_of(order: GuardedOrder) -> Point | None:
     return (order.north_m, order.east_m) if isinstance(order, GoTo | Hold) else None
 
 
+def may_hold(situation: Situation) -> bool:
+    """True where the vehicle may hold its place: a position that is believed, inside the waters."""
+    return situation.place_m is not None and not situation.position_fault and not situation.outside
+
+
 def is_stop(order: GuardedOrder, situation: Situation) -> bool:
-    """True for an order that only ends a motion. A hold on a position that cannot be used is none: it would drive there."""
+    """True for an order that only ends a motion: controllers off, or a hold where the vehicle is and may hold.
+
+    An arm that closes is none: it moves something, and the hull goes on.
+    """
     match order:
-        case Stop() | MoveArm(_, _, False):
+        case Stop() | PilotLeft():
             return True
-        case Hold(_, north_m, east_m):
-            place_m = situation.place_m
-            is_here = place_m is not None and math.dist(place_m, (north_m, east_m)) <= HERE_M
-            return is_here and not situation.position_fault
+        case Hold(_, north_m, east_m) if may_hold(situation) and situation.place_m is not None:
+            is_here = math.dist(situation.place_m, (north_m, east_m)) <= HERE_M
+            # A stop that the vehicle has not taken yet is repeated, while it moves on.
+            return is_here or (order.pre_empts and is_meant_as_stop(order, situation))
         case _:
             return False
 

@@ -1,7 +1,11 @@
-"""Judges a vehicle's position: known, fresh, plausible, and moving when the vehicle is under way.
+"""Judges a vehicle's position: known, fresh, plausible, from one node, and moving when the vehicle is under way.
 
 A poor link delays positions, and delivers several at once. So ways are measured by the positions' own stamps, the
-vehicle's clock, and only the age by their arrival. A position without a stamp has its arrival alone.
+vehicle's clock. The age is the delay beyond the least delay of the last minutes, so that a lag that grows shows, and a
+clock that is off by a constant does not. A position without a stamp has its arrival alone.
+
+A doubt is a reason to believe no position any more: a jump, stamps that step, a second publisher, a frozen position. It
+ends after `settled_ms`, or with a person's word (`believe`).
 """
 
 from __future__ import annotations
@@ -9,6 +13,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import PoseReported
@@ -24,6 +29,8 @@ ARRIVAL_ERROR_MS = 1_000
 """The error of the time between two positions without stamps: it is the ticks of their arrival."""
 CLOCK_SET_MS = 5_000
 """Stamps and arrivals that differ by more tell that the vehicle's clock was set."""
+BACK_MS = 100
+"""Stamps that go back by more are no times of one clock. Positions keep their order on a connection."""
 LEAST_DELAY_MS = 60_000
 """The least delay of a position is that of the last one or two such spans."""
 
@@ -33,6 +40,18 @@ NEVER_MS = 10**15
 
 THERE_M = 1.0
 """Farther than this from its goal, a vehicle is under way."""
+WITNESS_MS = 5_000
+"""The vehicle's own speed, and the noise of its position, are compared with its ways of at most so long."""
+WITNESS_WAY_M = 1.0
+"""The least way that the vehicle's own speed must make, before a position that does not follow contradicts it."""
+WITNESS_SHARE = 0.3
+"""A position that makes less than this share of that way contradicts it."""
+STILL_SHARE = 0.2
+"""A position under way whose every step is below this share of the noise at rest is frozen."""
+LEAST_NOISE_M = 0.02
+"""Less noise at rest than this tells nothing about a position that stands still."""
+_NOISE_WEIGHT = 0.1
+"""The weight of the newest step at rest in the mean square of the noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +64,10 @@ class PositionLimits:
     """The speed that the vehicle can reach, for what it can have come."""
     frozen_ms: int = 2_000
     """A position that stays the same to the last bit for so long, while the vehicle is under way, is frozen."""
+    clock_step_ms: int = NEVER_MS
+    """Stamps that step ahead by more, or go back, belong to no clock. `NEVER_MS`: a clock that is set changes nothing."""
+    settled_ms: int | None = SETTLED_MS
+    """A doubt ends after so long. None: it ends with a person's word alone."""
 
 
 class _VehicleClock:
@@ -70,6 +93,16 @@ class _VehicleClock:
         span_ms = _span_ms(newest, pose)
         return span_ms < 0 or abs(span_ms - (pose.at_ms - newest.at_ms)) > CLOCK_SET_MS
 
+    def step_ms(self, pose: PoseReported) -> int:
+        """The step of the stamps beyond what delays explain: ahead above 0, back below 0."""
+        newest = self._newest
+        if newest is None or pose.stamp_ms is None or newest.stamp_ms is None:
+            return 0
+        if pose.stamp_ms < newest.stamp_ms - BACK_MS:
+            return pose.stamp_ms - newest.stamp_ms
+        known = [it for it in (self._least_ms, self._least_before_ms) if it is not None]
+        return max(0, min(known) - (pose.at_ms - pose.stamp_ms)) if known else 0
+
     def take(self, pose: PoseReported) -> None:
         if pose.stamp_ms is None:
             return
@@ -92,10 +125,17 @@ class PositionWatch:
         self._limits = limits
         self._poses: deque[PoseReported] = deque()
         """The poses of the last `VELOCITY_MS`, the newest last."""
+        self._witnesses: deque[PoseReported] = deque()
+        """The poses of the last `WITNESS_MS` since the vehicle is under way, the newest last."""
         self._clock = _VehicleClock()
-        self._jumped_ms: int | None = None
+        self._doubt = ""
+        self._doubted_ms = 0
+        self._invalid: tuple[int, str] | None = None
+        """Time and reason of a newest position that is no place at all."""
         self._frozen_ms = 0
         """Time under way with a position that stayed the same to the last bit."""
+        self._noise_m2: float | None = None
+        """The mean square of the steps of a tick at rest."""
         self._goal_m: Point | None = None
         self._under_way_ms = 0
         """The time at which the vehicle accepted the order by which it is under way."""
@@ -124,29 +164,44 @@ class PositionWatch:
 
     def take(self, pose: PoseReported) -> None:
         """Takes a pose; one that is older than the newest, or the same again, changes nothing."""
-        if out_of_range(north_m=pose.north_m, east_m=pose.east_m) is not None:
+        if (reason := out_of_range(north_m=pose.north_m, east_m=pose.east_m)) is not None:
+            self.take_invalid(pose.at_ms, reason)
             return
         newest = self._poses[-1] if self._poses else None
         if newest is not None and pose.at_ms <= newest.at_ms:
             return
+        self._invalid = None
+        if newest is not None and newest.publisher != pose.publisher and newest.publisher and pose.publisher:
+            self._doubt_it(f"two nodes publish it: {newest.publisher} and {pose.publisher}", pose.at_ms)
         if self._clock.stands_still(pose):
             pose = replace(pose, stamp_ms=None)
-        elif self._clock.was_set(pose):
-            self._clock = _VehicleClock()
-            self._poses.clear()  # no velocity across two clocks
-            newest = None if newest is None else replace(newest, stamp_ms=None)
+        elif self._limits.clock_step_ms == NEVER_MS:
+            if self._clock.was_set(pose):
+                newest = self._begin_anew(newest)
+        elif (step_ms := self._clock.step_ms(pose)) < 0 or step_ms > self._limits.clock_step_ms:
+            how = "ahead" if step_ms > 0 else "back"
+            self._doubt_it(f"its stamps went {how} by {abs(step_ms) / 1000:.1f} s", pose.at_ms)
+            newest = self._begin_anew(newest)
         self._clock.take(pose)
-        if newest is None or _bits(newest) != _bits(pose):
-            self._frozen_ms = 0
-        elif self._is_under_way(pose) and self._clock.earliest_ms(newest) >= self._under_way_ms:
-            # It adds up over orders, and stays when the vehicle is told to stop: only a motion ends it.
-            self._frozen_ms += _span_ms(newest, pose)
+        self._look_if_frozen(newest, pose)
         if newest is not None and self._is_jump(newest, pose):
-            self._jumped_ms = pose.at_ms
+            way_m = math.dist(_place(newest), _place(pose))
+            self._doubt_it(f"it has jumped by {way_m:.0f} m", pose.at_ms)
             self._poses.clear()  # no velocity across a jump
+            self._witnesses.clear()
         self._poses.append(pose)
         while len(self._poses) > 2 and _span_ms(self._poses[1], pose) >= VELOCITY_MS:
             self._poses.popleft()
+
+    def take_invalid(self, at_ms: int, reason: str) -> None:
+        """Takes a newest position that is no place: not a number, or beyond all waters."""
+        self._invalid = at_ms, reason
+
+    def believe(self) -> None:
+        """A person has looked at the position, and believes it: every doubt ends."""
+        self._doubt, self._frozen_ms = "", 0
+        self._witnesses.clear()
+        self._clock = _VehicleClock()
 
     def note_goal(self, goal_m: Point | None, at_ms: int = 0) -> None:
         """The place to which the vehicle goes, or where it stays, by an order accepted at `at_ms`; None for none."""
@@ -158,13 +213,86 @@ class PositionWatch:
         limits = self._limits
         if not self._poses:
             return "the aPad's position is not known"
-        age_ms = now_ms - self._poses[-1].at_ms
-        if age_ms > limits.age_ms:
-            return f"the aPad's position is older than {limits.age_ms / 1000:g} s"
-        if self._jumped_ms is not None and now_ms - self._jumped_ms < SETTLED_MS:
-            return f"the aPad's position has jumped within the last {SETTLED_MS / 1000:g} s"
+        if fault := self.fault_now(now_ms):
+            return fault
+        if self._doubt and (limits.settled_ms is None or now_ms - self._doubted_ms < limits.settled_ms):
+            since = "" if limits.settled_ms is None else f" within the last {limits.settled_ms / 1000:g} s"
+            return f"the aPad's position is not believed{since}: {self._doubt}"
         if self._frozen_ms >= limits.frozen_ms:
             return f"the aPad's position has not changed at all for {limits.frozen_ms / 1000:g} s under way"
+        return ""
+
+    def fault_now(self, now_ms: int) -> str:
+        """The reason that not even a person's word overrides: there is no place, or an old one."""
+        if self._invalid is not None:
+            return f"the aPad's position is no place: {self._invalid[1]}"
+        if not self._poses:
+            return "the aPad's position is not known"
+        age_ms = now_ms - self._clock.earliest_ms(self._poses[-1])
+        if age_ms > self._limits.age_ms:
+            return f"the aPad's position is older than {self._limits.age_ms / 1000:g} s"
+        return ""
+
+    def _begin_anew(self, newest: PoseReported | None) -> PoseReported | None:
+        """Forgets the vehicle's clock, which was set: no velocity goes across two clocks."""
+        self._clock = _VehicleClock()
+        self._poses.clear()
+        self._witnesses.clear()
+        return None if newest is None else replace(newest, stamp_ms=None)
+
+    def _doubt_it(self, reason: str, at_ms: int) -> None:
+        """The newest doubt begins the time to settle anew. The first reason stays where a person must look."""
+        if not self._doubt or self._limits.settled_ms is not None:
+            self._doubt = reason
+        self._doubted_ms = at_ms
+
+    def _look_if_frozen(self, newest: PoseReported | None, pose: PoseReported) -> None:
+        """Two witnesses: positions that do not change at all, or a speed or a noise that they contradict."""
+        latches = self._limits.settled_ms is None
+        if newest is None or _bits(newest) != _bits(pose):
+            self._frozen_ms = 0
+        elif self._is_under_way(pose) and self._clock.earliest_ms(newest) >= self._under_way_ms:
+            # It adds up over orders, and stays when the vehicle is told to stop: only a motion ends it.
+            self._frozen_ms += _span_ms(newest, pose)
+            if latches and self._frozen_ms >= self._limits.frozen_ms:
+                seconds = self._limits.frozen_ms / 1000
+                self._doubt_it(f"it has not changed at all for {seconds:g} s under way", pose.at_ms)
+        if self._limits.frozen_ms == NEVER_MS:
+            return
+        if not self._is_under_way(pose) or self._clock.earliest_ms(pose) < self._under_way_ms:
+            self._learn_noise(newest, pose)
+            self._witnesses.clear()
+            return
+        self._witnesses.append(pose)
+        while len(self._witnesses) > 2 and _span_ms(self._witnesses[1], pose) >= WITNESS_MS:
+            self._witnesses.popleft()
+        if reason := self._contradiction():
+            self._doubt_it(reason, pose.at_ms)
+
+    def _learn_noise(self, newest: PoseReported | None, pose: PoseReported) -> None:
+        if newest is None or self._goal_m is None or not 500 <= _span_ms(newest, pose) <= WITNESS_MS:
+            return
+        step_m2 = math.dist(_place(newest), _place(pose)) ** 2
+        before = step_m2 if self._noise_m2 is None else self._noise_m2
+        self._noise_m2 = before + _NOISE_WEIGHT * (step_m2 - before)
+
+    def _contradiction(self) -> str:
+        """The reason why the positions under way contradict the vehicle's own speed, or their own noise."""
+        poses = list(self._witnesses)
+        told_m = 0.0
+        for after, before in zip(reversed(poses), reversed(poses[:-1]), strict=False):
+            if before.speed_m_s is None or after.speed_m_s is None:
+                break
+            told_m += (before.speed_m_s + after.speed_m_s) / 2 * _span_ms(before, after) / 1000
+            made_m = math.dist(_place(before), _place(poses[-1]))
+            if told_m >= WITNESS_WAY_M and made_m < WITNESS_SHARE * told_m:
+                return f"it moved by {made_m:.1f} m while the vehicle measured a way of {told_m:.1f} m"
+        if len(poses) < 2 or _span_ms(poses[0], poses[-1]) < WITNESS_MS or self._noise_m2 is None:
+            return ""
+        noise_m = math.sqrt(self._noise_m2)
+        steps_m = [math.dist(_place(one), _place(next_one)) for one, next_one in pairwise(poses)]
+        if noise_m >= LEAST_NOISE_M and max(steps_m) < STILL_SHARE * noise_m:
+            return f"it moves by {max(steps_m):.3f} m a second under way, and by {noise_m:.2f} m at rest"
         return ""
 
     def _is_under_way(self, pose: PoseReported) -> bool:

@@ -26,6 +26,14 @@ class Waters(Protocol):
         """The nearest place with all the clearance; None where there is none."""
         ...
 
+    def way_back(self, place_m: Point, most_m: float) -> tuple[Point, str]:
+        """The nearest place inside, and the reason why the straight way there must not be taken; empty for none."""
+        ...
+
+    def way_out_m(self, place_m: Point, towards: Point) -> float | None:
+        """The distance to the edge of the waters in this direction; None where there is none within a kilometre."""
+        ...
+
 
 class OpenWaters:
     """Waters without a fence: no place and no way has a fault."""
@@ -40,4 +48,10 @@ class OpenWaters:
         return ""
 
     def nearest_inside(self, place_m: Point) -> Point | None:
+        return None
+
+    def way_back(self, place_m: Point, most_m: float) -> tuple[Point, str]:
+        return place_m, "these waters have no fence"
+
+    def way_out_m(self, place_m: Point, towards: Point) -> float | None:
         return None

@@ -20,6 +20,7 @@ from apad_bridge.vehicle.commands import (
     Hold,
     MoveArm,
     OpenDock,
+    PilotLeft,
     PoseReported,
     Stop,
     VehicleCommand,
@@ -119,8 +120,10 @@ class SimulatedAPad:
         if isinstance(command, Coast | Steer | Stop):
             if not self._battery.is_empty:
                 self._accept(Coast() if isinstance(command, Stop) else command)
-        elif isinstance(command, MoveArm):
-            pass  # arms cost nothing here
+            if isinstance(command, Stop):  # without power the controllers are off already
+                facts.append(CommandAccepted(now_ms, command.command_id))
+        elif isinstance(command, MoveArm | PilotLeft):
+            pass  # arms cost nothing here, and no pilot steers it
         elif self._battery.is_empty:
             facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
         elif isinstance(command, CloseDock):

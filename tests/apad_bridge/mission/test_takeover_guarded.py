@@ -13,8 +13,7 @@ from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import Act, Request, carry_out
-from apad_bridge.vehicle.capabilities import of_simulated_apad
-from apad_bridge.vehicle.commands import CommandedByOthers, Hold, Stop, VehicleCommand
+from apad_bridge.vehicle.commands import CommandedByOthers
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 
 
@@ -119,7 +118,7 @@ def test_a_mission_that_a_guard_stopped_gives_nothing_up_and_goes_on_when_a_pers
     flying = Flying(fenced, lambda it: replace(it, safety=replace(it.safety, needs_person=True)))
     flying.until(lambda: flying.phase is phase)
     mission, vehicle = flying.flight.supervisor.mission, flying.flight._vehicle
-    vehicle.switch_off("the test's reason", flying.now_ms)
+    vehicle.stop("the test", flying.now_ms, off=True)
     flying.seconds(20)  # a docking under way has ended
     steps, orders = mission.state.plan.steps, flying.events("primitive")
     done = len(mission.state.docked), mission.state.services
@@ -129,29 +128,6 @@ def test_a_mission_that_a_guard_stopped_gives_nothing_up_and_goes_on_when_a_pers
     continue_by_command(flying)
     flying.until(lambda: (len(mission.state.docked), mission.state.services) != done, limit_s=600)
     assert flying.events("given_up") == [] and vehicle.gate.awaits_person == ""
-
-
-@pytest.mark.parametrize("can_stop", [True, False])
-def test_an_abort_with_motors_off_ends_with_the_controllers_off_or_calls_a_pilot(
-    fenced: Scenario, can_stop: bool
-) -> None:
-    wire: list[VehicleCommand] = []
-
-    def watched(context: FlightContext) -> FlightContext:
-        link = Overheard(context.vehicle)
-        command = link.command
-        link.command = lambda order, now_ms: (wire.append(order), command(order, now_ms))[1]
-        capabilities = replace(of_simulated_apad(), can_stop=can_stop)
-        return replace(context, vehicle=link, capabilities=capabilities)
-
-    flying = Flying(fenced, watched)
-    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
-    request = Request(Act.ABORT, "Anna", motors_off=True)
-    assert flying.answered(lambda: carry_out(request, flying.calls, flying.gate)).accepted
-    assert flying.phase is Phase.ENDED
-    assert [type(it) for it in wire[-2:]][-1] is (Stop if can_stop else Hold)
-    (told,) = flying.events("guard")
-    assert (told["reaction"], told["calls_pilot"]) == ("stop", not can_stop)
 
 
 HAND_WORDS = {it: WORDS[it] for it in ("take_over", "continue")}
@@ -165,7 +141,7 @@ def test_without_a_mission_of_ours_a_person_s_word_lets_a_stopped_apad_move(
     flying = Flying.by_calls(fenced)
     flying.seconds(3)
     gate = flying.flight._vehicle.gate
-    gate.awaits_person = "a person must let the aPad go on"
+    gate.others = "a person must let the aPad go on"
     flying.call(lambda hand: hand.go_to(20.0, 12.0))
     flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
     assert flying.events("refused")[-1]["guard"] == "person"

@@ -24,7 +24,8 @@ from apad_bridge.supervisor.fleet import NoFleet
 from apad_bridge.supervisor.packet_relay import Source
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
-from apad_bridge.vehicle.guards.gate import Gate, GuardedVehicle
+from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from firmware_model.states import State
 
 OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1")
@@ -144,7 +145,7 @@ def test_a_fleet_alone_commands_nothing_when_the_aPad_is_out_of_reach(part: Part
     safety = context.safety_for(from_data(data, "guarded"), replace(OPTIONS, part=part))
     link = MagicMock()
     link.advance = lambda now_ms: [PoseReported(now_ms, 14.0, 10.5, 0.0)] if now_ms <= 2000 else []
-    vehicle = GuardedVehicle(link, safety, can_stop=True)
+    vehicle = GuardedVehicle(link, safety)
     for now_ms in range(0, 60_000, 1000):
         vehicle.advance(now_ms)
     assert link.command.called is is_stopped

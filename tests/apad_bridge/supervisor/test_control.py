@@ -53,13 +53,45 @@ def test_a_command_gives_an_order_and_prints_the_answer(
 ) -> None:
     assert flying.answered(lambda: main.main(["stop", str(run_dir), "--by", "Anna", "--json"])) == 0
     assert flying.phase is Phase.COMMANDED
-    assert json.loads(capsys.readouterr().out) == {run_dir.name: {"accepted": True, "message": ""}}
+    told = json.loads(capsys.readouterr().out)[run_dir.name]
+    assert (told["accepted"], told["stop"], told["mode"], told["state"]) == (True, 1, "hold", "taken")
+    assert [it["state"] for it in flying.events("stop")] == ["ordered", "sent", "taken"]
+    flying.seconds(5)
+    assert flying.events("stop")[-1]["state"] == "at rest"
     assert flying.answered(lambda: main.main(["stop", str(run_dir)])) == 0
-    assert capsys.readouterr().out == "the aPad holds its position already\n"
+    assert "stop 2 (off): ordered, sent after 0.0 s, taken" in capsys.readouterr().out
+    assert flying.answered(lambda: main.main(["continue", str(run_dir), "--stop", "1"])) == 3
+    assert "stop 1 is not in force: stop 2 (off" in capsys.readouterr().out
+    assert flying.answered(lambda: main.main(["continue", str(run_dir), "--stop", "2"])) == 0
+    assert [it["number"] for it in flying.events("continued")] == [2]
     assert flying.answered(lambda: main.main(["abort", str(run_dir)])) == 0
     flying.calls.close("the flight is over")
     assert main.main(["stop", str(run_dir)]) == 3
     assert "the mission is over" in capsys.readouterr().out
+
+
+def test_an_abort_with_motors_off_waits_until_the_controllers_are_off(flying: Flying, run_dir: Path) -> None:
+    assert flying.answered(lambda: main.main(["abort", str(run_dir), "--motors-off"])) == 0
+    assert flying.phase is Phase.ENDED
+    assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "taken")
+
+
+def test_a_stop_needs_no_position_and_hands_still_the_arms(pool: Scenario, run_dir: Path) -> None:
+    flying = Flying(pool)
+    with control_offered(run_dir, flying.calls, flying.gate):
+        assert flying.answered(lambda: main.main(["hands", str(run_dir)])) == 0
+    assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "taken")
+    assert flying.gate.stops.in_force is not None and flying.gate.stops.in_force.stills_arms
+
+
+def test_the_way_back_in_needs_a_lookout_and_a_place_outside(
+    flying: Flying, run_dir: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main.main(["back-in", str(run_dir)])
+    assert "--lookout" in capsys.readouterr().err
+    assert flying.answered(lambda: main.main(["back-in", str(run_dir), "--lookout", "Bo"])) == 3
+    assert "the aPad is inside the fence" in capsys.readouterr().out
 
 
 def test_only_this_user_may_connect_and_the_socket_goes_with_its_supervisor(
@@ -103,7 +135,7 @@ def test_a_dead_supervisors_socket_is_replaced_and_its_own_removed(run_dir: Path
 
 def test_a_client_that_says_nothing_delays_nobodys_stop(flying: Flying, run_dir: Path) -> None:
     silent = [connected(run_dir) for _ in range(20)]
-    assert flying.answered(lambda: ask(run_dir, Request(Act.STOP, "Anna"))) == Answer(True, "")
+    assert flying.answered(lambda: ask(run_dir, Request(Act.STOP, "Anna"))).accepted
     for link in silent:
         link.close()
 
@@ -142,17 +174,22 @@ def test_dropped_requests_are_counted_by_reason(run_dir: Path, pool: Scenario) -
         assert dropped == {"orders that cannot be read": 3}
 
 
-def test_a_supervisor_that_does_not_tick_is_told_of_and_the_order_withdrawn(
+def test_a_supervisor_that_does_not_tick_is_told_of_and_only_a_stop_stays(
     run_dir: Path, pool: Scenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flying = Flying(pool)
     call = flying.calls.call_mission
-    monkeypatch.setattr(flying.calls, "call_mission", lambda act: call(act, 0.05))
+    monkeypatch.setattr(
+        flying.calls, "call_mission", lambda act, timeout_s=0, stays=False: call(act, 0.05, stays=stays)
+    )
     with control_offered(run_dir, flying.calls, flying.gate):
-        answer = ask(run_dir, Request(Act.STOP, "Anna"))
-    assert answer == Answer(False, "no mission tick came within 0.05 s: nothing was ordered")
+        answer = ask(run_dir, Request(Act.CONTINUE, "Anna"))
+        assert answer == Answer(False, "no mission tick came within 0.05 s: nothing was ordered")
+        stop = ask(run_dir, Request(Act.STOP, "Anna"))
+        assert stop == Answer(False, "no mission tick came within 0.05 s: it goes out with the next tick")
     flying.seconds(3)
-    assert flying.phase is not Phase.COMMANDED and flying.events("operator") == []
+    assert [it["order"] for it in flying.events("operator")] == ["stop"]
+    assert "taken" in [it["state"] for it in flying.events("stop")]
 
 
 def connected(run_dir: Path) -> socket.socket:
@@ -220,7 +257,9 @@ def test_a_refused_go_to_leaves_the_mission_flying(
     flying = Flying(replace(pool, area=replace(pool.area, fence=fence)))
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     with control_offered(run_dir, flying.calls, flying.gate):
-        answer = flying.answered(lambda: ask(run_dir, Request(act, "Anna", "", False, goal_m, speed_m_s)))
+        answer = flying.answered(
+            lambda: ask(run_dir, Request(act, "Anna", goal_m=goal_m, speed_m_s=speed_m_s))
+        )
     assert not answer.accepted and why in answer.message
     assert flying.phase is Phase.GO_COLLECT
     assert flying.events("override") == [] and flying.events("operator") == []

@@ -20,6 +20,7 @@ from apad_bridge.vehicle.commands import (
     GoTo,
     Hold,
     OpenDock,
+    PilotReported,
     PoseReported,
 )
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
@@ -428,11 +429,15 @@ def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
     apad.goes(0, Status.RUNNING)
     apad.core.receive(ManualReceived(1_000, True), 1_000)
     apad.goes(1_000, Status.PREEMPTED)
-    assert apad.tells(1_000) == [CommandFailed(1_000, 1, PILOT), CommandedByOthers(1_000)]
+    assert apad.tells(1_000) == [
+        CommandFailed(1_000, 1, PILOT),
+        PilotReported(1_000, True),
+        CommandedByOthers(1_000),
+    ]
     apad.core.command(Hold(2, 7.0, 8.0), 2_000)
     assert apad.tells(20_000) == [CommandFailed(2_000, 2, PILOT)]
     apad.core.receive(ManualReceived(21_000, False), 21_000)
-    assert apad.tells(21_000) == [CommandedByOthers(21_000)]
+    assert apad.tells(21_000) == [PilotReported(21_000, False), CommandedByOthers(21_000)]
     for at_ms in range(22_000, 120_000, 1_000):
         apad.is_at(at_ms, 30.0, 30.0)  # far from anything that it was ever told
         apad.tells(at_ms)

@@ -5,29 +5,38 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stack_benches import FAULTS, ROOT, Bench, is_safe, truly
+from wire_observer import SIDE_M
 
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import (
     Arrived,
     CommandAccepted,
+    CommandedByOthers,
     CommandFailed,
+    GoalOfOthers,
     GoTo,
     Hold,
+    MoveArm,
+    PilotReported,
     PoseReported,
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.guards.gate import Gate, GuardedVehicle, Safety
+from apad_bridge.vehicle.guards.gate import Gate, Safety
+from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.guards import GoodPosition, InWaters, PersonsWord, SoundNumbers
 from apad_bridge.vehicle.guards.monitor import (
     CanStopInWaters,
     EndsInTime,
     IsInWaters,
+    MakesProgress,
     Monitor,
     PositionIsGood,
     Reaction,
@@ -37,17 +46,18 @@ from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWa
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 from apad_bridge.vehicle.stack_messages import PoseReceived
-from benchmarks.safety import FAULTS, ROOT, Bench, _is_safe, truly
-from benchmarks.safety_study.observer import SIDE_M
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 
 LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=2.0)
+REAL_LIMITS = replace(LIMITS, clock_step_ms=1_000, settled_ms=None)
 
 
 class Wire:
     """A link that keeps what goes out, and reports acceptance, and the positions that it is told to report."""
 
     def __init__(self) -> None:
+        self.takes = True
+        """The vehicle takes what goes out."""
         self.out: list[VehicleCommand] = []
         self.facts: list[LinkFact] = []
 
@@ -57,7 +67,7 @@ class Wire:
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         self.out.append(command)
-        if isinstance(command, GoTo | Hold):
+        if isinstance(command, GoTo | Hold | Stop) and self.takes:
             self.facts.append(CommandAccepted(now_ms, command.command_id))
 
     def close(self) -> None:
@@ -68,7 +78,7 @@ class Guarded:
     """A vehicle in the U of the guards' tests, which is wherever it is put."""
 
     def __init__(
-        self, *, can_stop: bool = True, is_real: bool = False, outside: Reaction = Reaction.HOLD
+        self, *, is_real: bool = False, outside: Reaction = Reaction.HOLD, obeys_speed: bool = True
     ) -> None:
         guards = [SoundNumbers(), PersonsWord(), GoodPosition(), InWaters(WATERS, outside is Reaction.RETURN)]
         checks = [
@@ -77,10 +87,12 @@ class Guarded:
             CanStopInWaters(WATERS, 0.5),
             SpeedIsAllowed(2.0),
             EndsInTime(100.0),
+            MakesProgress(),
         ]
         self.wire = Wire()
-        safety = Safety(Gate(guards, PositionWatch(LIMITS)), Monitor(checks), WATERS, 0.5, is_real)
-        self.vehicle = GuardedVehicle(self.wire, safety, can_stop=can_stop)
+        watch = PositionWatch(REAL_LIMITS if is_real else LIMITS)
+        safety = Safety(Gate(guards, watch, WATERS), Monitor(checks), WATERS, 0.5, is_real, (0.1, 0.0))
+        self.vehicle = GuardedVehicle(self.wire, safety, obeys_speed=obeys_speed)
         self.now_ms = 0
 
     def at(self, north_m: float, east_m: float, *, after_ms: int = 1_000) -> list[LinkFact]:
@@ -102,10 +114,25 @@ class Guarded:
         self.vehicle.command(command, self.now_ms)
         return self.wire.out
 
+    def stop(self, *, off: bool = False, hands: bool = False) -> list[VehicleCommand]:
+        """What goes out because a person stops the vehicle."""
+        self.wire.out = []
+        self.vehicle.stop("Anna", self.now_ms, off=off, hands=hands)
+        return self.wire.out
+
     def events(self) -> list[tuple[str, str]]:
         return [
             (kind, str(data.get("cause", data.get("guard"))))
             for kind, data in self.vehicle.gate.take_events()
+            if kind in ("guard", "guard_over", "refused")
+        ]
+
+    def states(self) -> list[str]:
+        """The states of stops since the last call, with number and mode."""
+        return [
+            f"{data['number']} {data['mode']} {data['state']}"
+            for kind, data in self.vehicle.gate.take_events()
+            if kind == "stop"
         ]
 
 
@@ -132,46 +159,246 @@ def test_a_refused_order_holds_a_vehicle_that_is_under_way() -> None:
     assert bench.command(GoTo(3, 45.0, 5.0, 0.5, 0.5)) == []  # it holds already
 
 
-@pytest.mark.parametrize("place", [(5.0, 5.0), (-3.0, 5.0), (0.5, 5.0)])
-def test_a_stop_goes_out_wherever_the_vehicle_is(place: tuple[float, float]) -> None:
+@pytest.mark.parametrize(("place", "kind"), [((5.0, 5.0), Hold), ((-3.0, 5.0), Stop), ((0.5, 5.0), Hold)])
+def test_a_persons_stop_holds_inside_the_waters_and_is_off_outside(
+    place: tuple[float, float], kind: type
+) -> None:
     bench = Guarded(is_real=True)
     bench.at(*place)
     bench.at(*place)
-    assert bench.command(Hold(1, *place)) == [Hold(1, *place)]
-    near = Hold(2, place[0] - 1.0, place[1])  # meant as a stop: it does not lead out, or farther out
-    (sent,) = bench.command(near)
-    assert sent in (near, Hold(2, *place))
-    assert place[0] > 2.0 or sent == Hold(2, *place)
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
+    (sent,) = bench.stop()
+    assert isinstance(sent, kind)
+    assert not isinstance(sent, Hold) or ((sent.north_m, sent.east_m) == place and sent.pre_empts)
 
 
-def test_on_a_bad_position_a_stop_switches_the_controllers_off_or_calls_a_pilot() -> None:
-    able, unable = Guarded(can_stop=True), Guarded(can_stop=False)
-    for bench in (able, unable):
+def test_a_stop_goes_through_its_states_and_only_then_is_the_vehicle_at_rest() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    bench.at(6.0, 5.0)
+    bench.vehicle.gate.take_events()
+    bench.stop()
+    assert bench.states() == ["1 hold ordered", "1 hold sent"]
+    facts = bench.at(6.8, 5.0)
+    assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
+    assert bench.states() == ["1 hold taken"]
+    for _ in range(3):
+        bench.at(7.0, 5.0)
+    assert bench.states() == ["1 hold at rest"]
+
+
+def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.stop()
+    bench.at(5.0, 5.0)
+    assert [type(it) for it in bench.stop()] == [Stop]
+    bench.at(5.0, 5.0)
+    for order in (GoTo(1, 6.0, 5.0, 0.5, 0.5), Hold(2, 5.0, 5.0), MoveArm(3, 0, False)):
+        assert bench.command(order) == []
+    gate = bench.vehicle.gate
+    assert "stop 1 is not in force: stop 2 (off, by Anna)" in gate.why_not_continue(1, bench.now_ms)
+    assert gate.why_not_continue(2, bench.now_ms) == gate.why_not_continue(None, bench.now_ms) == ""
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
+    assert [type(it) for it in bench.command(GoTo(4, 6.0, 5.0, 0.5, 0.5))] == [GoTo]
+
+
+def test_hands_at_the_docks_latch_off_and_no_other_word_than_continue_ends_that() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    assert [type(it) for it in bench.stop(hands=True)] == [Stop]
+    bench.vehicle.allow_motion("Anna", bench.now_ms, keeps_stop=True)
+    bench.at(5.0, 5.0)
+    assert bench.command(MoveArm(1, 0, True)) == [] and bench.vehicle.gate.awaits_person
+    assert [type(it) for it in bench.stop()] == [Stop]
+    assert bench.vehicle.gate.stops.in_force is not None and bench.vehicle.gate.stops.in_force.stills_arms
+
+
+def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_told() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.wire.takes = False
+    bench.vehicle.gate.take_events()
+    bench.stop()
+    for _ in range(6):
         bench.at(5.0, 5.0)
-        bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
-        bench.wire.out = []
-        facts = bench.silent(6)
-        assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
-        assert [data["calls_pilot"] for _, data in bench.vehicle.gate.events] == [bench is unable]
-    assert able.wire.out == [Stop(-1)] and unable.wire.out == []
-    assert able.command(Hold(2, 5.0, 5.0)) == [Stop(2)] and unable.command(Hold(2, 5.0, 5.0)) == []
-    for bench in (able, unable):
-        bench.wire.out = []
+    assert [type(it) for it in bench.wire.out] == [Hold, Stop]
+    assert bench.states() == [
+        "1 hold ordered",
+        "1 hold sent",
+        "1 hold not taken",
+        "1 off ordered",
+        "1 off sent",
+        "1 off not taken",
+    ]
+    bench.wire.facts.append(CommandAccepted(bench.now_ms, bench.wire.out[-1].command_id))
+    bench.at(5.0, 5.0)
+    assert bench.states() == ["1 off taken", "1 off at rest"]
+
+
+def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    bench.wire.facts.append(PilotReported(bench.now_ms, True))
+    facts = bench.at(5.5, 5.0)
+    assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
+    bench.wire.out = []
+    bench.vehicle.gate.take_events()
+    assert (bench.stop() == [] and bench.states() == ["1 off refused"]) or bench.stop(off=True) == []
+    bench.at(-3.0, 5.0)
+    bench.silent(6)
+    assert bench.wire.out == []
+    assert "the pilot has it" in bench.vehicle.gate.why_not_continue(None, bench.now_ms)
+    bench.wire.facts.append(PilotReported(bench.now_ms, False))
+    bench.at(5.0, 5.0)
+    assert bench.command(GoTo(2, 6.0, 5.0, 0.5, 0.5)) == []  # a pilot who lets go gives no word
+
+
+def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.wire.facts.append(PilotReported(bench.now_ms, None))
+    bench.at(5.0, 5.0)
+    assert bench.command(GoTo(1, 6.0, 5.0, 0.5, 0.5)) == []
+    assert [type(it) for it in bench.stop(off=True)] == [Stop]
+
+
+def test_a_bad_position_is_off_and_nothing_moves_when_it_is_back() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    bench.wire.out = []
+    facts = bench.silent(6)
+    assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
+    assert [type(it) for it in bench.wire.out] == [Stop]
+    bench.wire.out = []
+    for _ in range(30):
         bench.at(5.0, 5.0)
-        (held,) = bench.wire.out  # the position is back
-        assert isinstance(held, Hold) and (held.north_m, held.east_m) == (5.0, 5.0)
+    assert bench.wire.out == []
+    assert bench.command(Hold(2, 5.0, 5.0)) == [] and bench.command(GoTo(3, 6.0, 5.0, 0.5, 0.5)) == []
 
 
-def test_outside_the_fence_it_holds_and_a_pilot_is_called_and_both_ends_are_told() -> None:
+def test_a_jump_is_believed_on_a_persons_word_alone() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.at(5.0, 25.0)
+    for _ in range(60):
+        bench.at(5.0, 25.0)
+    assert "has jumped by 20 m" in bench.vehicle.gate.situation(bench.now_ms).position_fault
+    assert [type(it) for it in bench.stop()] == [Stop]
+    assert bench.vehicle.gate.why_not_continue(None, bench.now_ms) == ""
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
+    assert bench.vehicle.gate.situation(bench.now_ms).position_fault == ""
+
+
+def test_a_simulated_vehicle_goes_on_when_its_position_is_back() -> None:
+    bench = Guarded()
+    bench.at(5.0, 5.0)
+    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    bench.wire.out = []
+    bench.silent(6)
+    assert [type(it) for it in bench.wire.out] == [Stop]
+    bench.wire.out = []
+    bench.at(5.0, 5.0)
+    (held,) = bench.wire.out  # the position is back
+    assert isinstance(held, Hold) and (held.north_m, held.east_m) == (5.0, 5.0)
+
+
+def test_outside_the_fence_it_is_off_and_a_pilot_is_called_and_both_ends_are_told() -> None:
     bench = Guarded()
     bench.at(1.0, 5.0)
     bench.at(-1.0, 5.0)
     assert bench.events() == [("guard", "outside the fence")]
-    assert bench.wire.out == [Hold(-1, -1.0, 5.0)]
+    assert bench.wire.out == [Stop(-1)]
     assert bench.command(GoTo(1, 5.0, 5.0, 0.5, 0.5)) == []
     bench.at(-1.0, 5.0)
     bench.at(1.0, 5.0)
     assert bench.events() == [("refused", "fence"), ("guard_over", "outside the fence")]
+
+
+def test_just_outside_a_person_with_a_lookout_sends_it_back_in_where_it_holds() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(1.0, 5.0)
+    bench.at(-0.03, 5.0)
+    gate = bench.vehicle.gate
+    assert "bring it back first" in gate.why_not_continue(None, bench.now_ms)
+    goal_m, why_not = gate.way_back(bench.now_ms)
+    assert why_not == "" and math.dist(goal_m, (-0.03, 5.0)) <= 5.0 and WATERS.fault_of_place(goal_m) == ""
+    bench.wire.out = []
+    bench.vehicle.go_back_in("Anna", "Bo", bench.now_ms)
+    (back,) = bench.wire.out
+    assert isinstance(back, GoTo) and (back.north_m, back.east_m) == goal_m
+    bench.at(0.4, 5.0)
+    bench.wire.facts.append(Arrived(bench.now_ms, back.command_id))
+    bench.at(*goal_m)
+    assert [type(it) for it in bench.wire.out] == [GoTo, Stop]  # the stop that was in force
+    assert gate.why_not_continue(None, bench.now_ms) == "" and gate.awaits_person
+
+
+def test_an_aPad_far_outside_or_without_a_speed_is_brought_back_by_hand() -> None:
+    far, fast = Guarded(is_real=True), Guarded(is_real=True, obeys_speed=False)
+    far.at(-7.0, 5.0)
+    fast.at(-0.1, 5.0)
+    assert "the longest is 5 m" in far.vehicle.gate.way_back(far.now_ms)[1]
+    assert "by joystick" in fast.vehicle.gate.way_back(fast.now_ms)[1]
+    for bench in (far, fast):
+        bench.wire.out = []
+        bench.vehicle.go_back_in("Anna", "Bo", bench.now_ms)
+        assert bench.wire.out == []
+
+
+def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts() -> None:
+    bench = Guarded(is_real=True)
+    for east_m in (5.0, 5.5):
+        bench.at(5.0, east_m)
+    bench.stop(off=True)
+    for n in range(22):
+        bench.at(5.0, 5.5 + 0.5 * n)
+    told = [data for kind, data in bench.vehicle.gate.take_events() if kind == "drift"]
+    assert len(told) == 3
+    assert told[1]["speed_m_s"] == pytest.approx(0.5) and told[1]["towards_rad"] == pytest.approx(
+        math.pi / 2, abs=1e-3
+    )
+
+
+def test_a_go_to_that_comes_no_nearer_is_held_and_not_switched_off() -> None:
+    """A tether or weed: the position is good."""
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    noise = random.Random(1)
+    begun_ms = bench.now_ms
+    while bench.vehicle.gate.stops.in_force is None:
+        bench.at(5.2 + noise.gauss(0.0, 0.1), 5.0 + noise.gauss(0.0, 0.1))
+        assert bench.now_ms - begun_ms <= 12_000
+    assert bench.now_ms - begun_ms >= 10_000 and [type(it) for it in bench.wire.out] == [GoTo, Hold]
+    assert "no 0.5 m nearer" in bench.vehicle.gate.awaits_person
+
+
+def test_another_clients_goal_outside_the_fence_is_ended_and_its_node_named() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.wire.facts += [
+        CommandedByOthers(bench.now_ms, "/planner"),
+        GoalOfOthers(bench.now_ms, "/planner", 90.0, 5.0),
+    ]
+    bench.at(5.0, 5.0)
+    (held,) = bench.wire.out
+    assert isinstance(held, Hold) and held.pre_empts
+    assert "/planner ordered a go-to that leaves the waters" in bench.vehicle.gate.awaits_person
+    assert ("others", {"client": "/planner"}) in bench.vehicle.gate.take_events()
+
+
+def test_a_client_that_orders_again_after_a_persons_stop_is_stopped_again_and_named() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.stop()
+    bench.wire.out = []
+    bench.wire.facts.append(CommandedByOthers(bench.now_ms, "/planner"))
+    bench.at(5.0, 5.0)
+    assert [type(it) for it in bench.wire.out] == [Hold]
 
 
 def test_where_the_scenario_wants_it_it_returns_to_the_nearest_place_inside() -> None:
@@ -180,35 +407,6 @@ def test_where_the_scenario_wants_it_it_returns_to_the_nearest_place_inside() ->
     bench.at(-1.0, 5.0)
     (back,) = bench.wire.out
     assert isinstance(back, GoTo) and (back.north_m, back.east_m) == pytest.approx((1.0, 5.0))
-
-
-def test_a_real_vehicle_that_was_sent_back_inside_then_waits_for_a_person() -> None:
-    bench = Guarded(is_real=True, outside=Reaction.RETURN)
-    bench.at(1.0, 5.0)
-    bench.at(-1.0, 5.0)
-    (back,) = bench.wire.out
-    # What the mission orders meanwhile neither ends the way back nor goes out.
-    assert bench.command(GoTo(1, 5.0, 5.0, 0.5, 0.5)) == []
-    assert [it.command_id for it in bench.at(-0.5, 5.0) if isinstance(it, CommandFailed)] == [1]
-    assert isinstance(back, GoTo)
-    bench.wire.facts.append(Arrived(bench.now_ms, back.command_id))
-    bench.at(1.0, 5.0)
-    assert bench.command(GoTo(2, 6.0, 5.0, 0.5, 0.5)) == []
-    bench.vehicle.allow_motion()
-    assert bench.command(GoTo(3, 6.0, 5.0, 0.5, 0.5)) == [GoTo(3, 6.0, 5.0, 0.5, 0.5)]
-
-
-@pytest.mark.parametrize("ends", ["a stop", "a silence"])
-def test_whatever_ends_the_way_back_a_person_is_awaited(ends: str) -> None:
-    bench = Guarded(is_real=True, outside=Reaction.RETURN)
-    bench.at(1.0, 5.0)
-    bench.at(-1.0, 5.0)
-    if ends == "a stop":
-        assert bench.command(Hold(1, -1.0, 5.0)) == [Hold(1, -1.0, 5.0)]
-    else:
-        bench.silent(6)
-    bench.at(-0.9, 5.0)
-    assert "may continue" in bench.vehicle.gate.awaits_person
 
 
 @pytest.mark.parametrize("generation", [Generation.A, Generation.B])
@@ -226,7 +424,7 @@ def test_by_the_real_apad_s_limits_a_bad_position_ends_in_a_safe_state_within_3_
         bench.run(rng.randint(4, 12))
         begun_ms = bench.now_ms
         inflict(bench, rng)
-        while not _is_safe(bench, begun_ms):
+        while not is_safe(bench, begun_ms):
             bench.run(1)
             assert bench.now_ms <= begun_ms + 3_000
         assert bench.vehicle.gate.awaits_person
@@ -236,22 +434,20 @@ def test_a_stop_that_was_lost_on_the_way_is_given_again_until_it_is_taken() -> N
     bench = Guarded(is_real=True)
     bench.at(5.0, 5.0)
     bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    bench.wire.out, bench.wire.takes = [], False
     bench.silent(6)
-    bench.wire.out = []
-    bench.at(5.0, 5.0)  # the link is back
-    for lost in range(3):
-        (hold,) = bench.wire.out
-        assert isinstance(hold, Hold)
+    for _ in range(3):
+        (off,) = bench.wire.out
+        assert isinstance(off, Stop)
         bench.wire.out = []
-        bench.wire.facts.append(
-            CommandFailed(bench.now_ms, hold.command_id, "no action server took the goal")
-        )
-        bench.at(5.0, 5.0 + lost)
-    (hold,) = bench.wire.out
+        bench.wire.facts.append(CommandFailed(bench.now_ms, off.command_id, "its service did not answer"))
+        bench.at(5.0, 5.0)
+    (off,) = bench.wire.out
     bench.wire.out = []
-    bench.wire.facts.append(Arrived(bench.now_ms, hold.command_id))
+    assert isinstance(off, Stop)
+    bench.wire.facts.append(CommandAccepted(bench.now_ms, off.command_id))
     bench.at(5.0, 8.0)
-    assert bench.wire.out == []
+    assert bench.wire.out == [] and bench.states()[-1] == "1 off taken"
 
 
 def test_a_real_vehicle_that_had_to_be_stopped_waits_for_a_person() -> None:
@@ -261,7 +457,7 @@ def test_a_real_vehicle_that_had_to_be_stopped_waits_for_a_person() -> None:
     bench.at(1.0, 5.0)
     bench.at(5.0, 5.0)
     assert bench.command(GoTo(1, 6.0, 5.0, 0.5, 0.5)) == []
-    bench.vehicle.gate.awaits_person = ""
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
     assert bench.command(GoTo(2, 6.0, 5.0, 0.5, 0.5)) == [GoTo(2, 6.0, 5.0, 0.5, 0.5)]
 
 
@@ -287,7 +483,7 @@ def test_a_leg_that_lasts_too_long_is_ended() -> None:
     bench.command(GoTo(1, 5.0, 30.0, 0.5, 0.5))
     facts: list[LinkFact] = []
     for n in range(101):
-        facts += bench.at(5.0, 5.0 + n / 100)
+        facts += bench.at(5.0, 5.0 + n / 5)
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
     assert bench.events() == [("guard", "late")]
 
@@ -334,6 +530,57 @@ def test_no_sequence_of_orders_puts_on_the_wire_what_a_guard_refuses(
     bench.run(5)
     observer = bench.observer
     assert (observer.outside, observer.blind, observer.against_pilot) == ([], [], [])
+
+
+@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
+@settings(max_examples=60, deadline=None)
+@given(
+    acts=st.lists(
+        st.tuples(
+            st.sampled_from(sorted({*ACTS, "others", "lost", "found"})),
+            st.floats(-20, SIDE_M + 20),
+            st.floats(-20, SIDE_M + 20),
+        ),
+        max_size=20,
+    ),
+    off=st.booleans(),
+)
+def test_a_persons_stop_is_on_the_wire_within_a_tick_or_the_person_is_told_within_three_seconds(
+    generation: Generation, acts: list[tuple[str, float, float]], off: bool
+) -> None:
+    """Whatever went before. Nothing that moves the vehicle follows, until a person continues."""
+    bench = Bench(generation)
+    for name, x, y in acts:
+        if generation is Generation.A and "pilot" in name:
+            continue  # nobody tells a bench of a pilot there
+        STOP_ACTS[name](bench, x, y)
+        bench.run(1)
+    stops = bench.observer.stops
+    bench.vehicle.stop("Anna", bench.now_ms, off=off)
+    bench.run(1)
+    ordered = bench.vehicle.gate.stops.newest
+    assert ordered is not None
+    if bench.observer.pilot_steers:
+        assert "the pilot has it" in ordered.refused and bench.observer.stops == stops
+        return
+    if bench.link.is_lost:
+        bench.run(3)
+        told = bench.vehicle.gate.stops.newest
+        assert told is not None and told.taken_ms is None and told.not_taken
+        return
+    assert bench.observer.stops > stops
+    orders, stops = bench.observer.orders, bench.observer.stops
+    bench.go(30.0, 30.0)
+    bench.hold(10.0, 10.0)
+    bench.run(20)
+    assert bench.observer.orders - orders == bench.observer.stops - stops
+
+
+STOP_ACTS = ACTS | {
+    "others": lambda it, x, y: it.link.others_go(x, y),
+    "lost": lambda it, x, y: setattr(it.link, "is_lost", True),
+    "found": lambda it, x, y: setattr(it.link, "is_lost", False),
+}
 
 
 @pytest.mark.parametrize("generation", [Generation.A, Generation.B])

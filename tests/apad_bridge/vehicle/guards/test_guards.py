@@ -20,7 +20,6 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     PoseReported,
     Stop,
-    VehicleCommand,
 )
 from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
 from apad_bridge.vehicle.guards.gate import Gate
@@ -216,13 +215,18 @@ ALL: list[Guard] = [
     st.sampled_from(["", "a person must look"]),
     st.sampled_from([None, 0.0, 1.0]),
 )
-def test_no_guard_refuses_a_stop(place_m: Point, awaits: str, battery: float | None) -> None:
-    gate = Gate(ALL, PositionWatch(PositionLimits()))
-    gate.awaits_person = awaits
+def test_no_guard_refuses_a_stop_and_an_arm_that_closes_is_none(
+    place_m: Point, awaits: str, battery: float | None
+) -> None:
+    """A hold where the vehicle is stops it inside the waters alone."""
+    gate = Gate(ALL, PositionWatch(PositionLimits()), WATERS)
+    gate.others = awaits
     gate.bodies = (Body("beside", place_m, None),)
     gate.observe(_pose_and_battery(place_m, battery))
-    stops: list[VehicleCommand] = [Hold(1, *place_m), MoveArm(1, 2, False), Stop(1)]
-    assert [gate.refusal(it, 0) for it in stops] == [None, None, None]
+    assert gate.refusal(Stop(1), 0) is None
+    is_inside = WATERS.fault_of_place(place_m) == ""
+    assert (gate.refusal(Hold(1, *place_m), 0) is None) is is_inside
+    assert not awaits or gate.refusal(MoveArm(1, 2, False), 0) is not None
 
 
 def test_a_hold_on_a_position_that_cannot_be_used_is_no_stop() -> None:

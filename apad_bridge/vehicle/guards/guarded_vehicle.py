@@ -1,0 +1,410 @@
+"""A vehicle behind its gate, with a monitor that reacts between orders, and the one owner of its stops.
+
+Who comes first: a pilot, a person's stop, a guard's stop, other clients, the mission. While a pilot steers, nothing goes
+out. A stop in force is the only order until a person continues. A stop goes to the vehicle at once, and not by way of the
+mission: a mission that has ended, or hangs on a strategy, needs it most.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    CloseDock,
+    CommandAccepted,
+    CommandedByOthers,
+    CommandFailed,
+    GoalOfOthers,
+    GoTo,
+    Hold,
+    MoveArm,
+    OpenDock,
+    PilotLeft,
+    PilotReported,
+    Stop,
+    VehicleCommand,
+)
+from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
+from apad_bridge.vehicle.guards.monitor import Cause, Finding, Reaction, UnderWay
+from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
+from apad_bridge.vehicle.guards.stops import StopKind
+from apad_bridge.vehicle.link import LinkFact, VehicleLink
+
+_Answer = CommandAccepted | Arrived | CommandFailed
+RETURN_RADIUS_M = 1.0
+WAY_BACK_M_S = 0.3
+PILOT_HAD_IT = "a pilot has steered the aPad: continue, or take it over"
+REST_M = 0.5
+REST_MS = 3_000
+"""A vehicle that stays within `REST_M` for so long is at rest."""
+DRIFT_MS = 10_000
+"""So often the operator is told where a vehicle without thrust drifts."""
+
+
+class GuardedVehicle:
+    """A VehicleLink behind the gate. `advance` is called once a tick or more often, and looks once a tick.
+
+    A refused command fails at once, with the guard's reason. If the vehicle is under way then, it holds where it is,
+    because what it was doing has made way for that command. A refused hold near the vehicle is meant as a stop: it holds
+    right where it is, or its controllers go off where it may not hold.
+    """
+
+    def __init__(self, link: VehicleLink, safety: Safety, *, obeys_speed: bool = True) -> None:
+        self._link = link
+        self._safety = safety
+        self.gate = safety.gate
+        self.gate.goes_slowly = obeys_speed
+        self._stops = safety.gate.stops
+        self._facts: list[LinkFact] = []
+        self._under_way: UnderWay | None = None
+        self._ordered: GoTo | Hold | None = None
+        """The newest order where to go or stay. Until the vehicle has accepted it, it follows the one before."""
+        self._mechanism: CloseDock | OpenDock | None = None
+        """The newest order to a dock that the vehicle has not answered."""
+        self._own_id = 0
+        """Commands of the guards' own have ids below 0, which no port uses."""
+        self._looked_ms = -1
+        self._way_back: GoTo | None = None
+        """The way back inside the fence, which a person allowed."""
+        self._rest: tuple[int, Point] | None = None
+        """Since when, and where, the vehicle has been at one place."""
+        self._drift_ms: int | None = None
+        """The time of the newest message about the drift."""
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        """The link's facts, and the failures of refused commands. Once a tick the monitor looks, and reacts."""
+        facts = [*self._facts, *self._link.advance(now_ms)]
+        self._facts = []
+        had_pilot = bool(self.gate.pilot)
+        self.gate.observe(facts)
+        for fact in facts:
+            self._take(fact, now_ms)
+        if self.gate.pilot and not had_pilot:
+            self._leave_to_pilot(now_ms)
+        if now_ms > self._looked_ms:
+            self._looked_ms = now_ms
+            self._look(now_ms)
+        facts += self._facts
+        self._facts = []
+        return [it for it in facts if not (isinstance(it, _Answer) and it.command_id < 0)]
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        stop, situation = self._stops.in_force, self.gate.situation(now_ms)
+        if isinstance(command, Hold) and stop is not None and is_meant_as_stop(command, situation):
+            # The stop in force has done it: a second hold would only move the place.
+            if stop.kind is StopKind.HOLD:
+                self._facts.append(CommandAccepted(now_ms, command.command_id))
+            else:
+                self._facts.append(CommandFailed(now_ms, command.command_id, stop.text()))
+            return
+        refusal = self.gate.refusal(command, now_ms)
+        if refusal is None and not (isinstance(command, Hold) and self.gate.awaits_person):
+            self._send(command, now_ms)
+        elif refusal is None or self.gate.awaits_person or self.gate.pilot:
+            self._note_refusal(command, refusal or Refusal("person", self.gate.awaits_person), now_ms)
+        elif isinstance(command, Hold) and is_meant_as_stop(command, situation):
+            self._stop_here(command, now_ms)
+        else:
+            self._note_refusal(command, refusal, now_ms)
+            if self._under_way is not None:
+                self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
+
+    def close(self) -> None:
+        self._link.close()
+
+    # A person's words.
+
+    def stop(self, by: str, now_ms: int, *, off: bool = False, hands: bool = False) -> None:
+        """A person's stop: HOLD where that may be, else OFF. A second one, and one for `hands` at the docks, is OFF."""
+        before = self._stops.in_force
+        is_second = before is not None and before.is_persons and before.ordered_ms < now_ms
+        wants_off = off or hands or is_second or (before is not None and before.kind is StopKind.OFF)
+        kind = StopKind.OFF if wants_off or not may_hold(self.gate.situation(now_ms)) else StopKind.HOLD
+        if self.gate.pilot == PILOT_STEERS:
+            self._stops.refuse(kind, by, self.gate.pilot, now_ms)
+            return
+        reason = "hands at the docks" if hands else ""
+        self._begin_stop(kind, by, reason, now_ms, is_persons=True, stills_arms=hands)
+
+    def allow_motion(
+        self, by: str, now_ms: int, *, pilot_left: bool = False, keeps_stop: bool = False
+    ) -> None:
+        """A person lets the vehicle move again, whatever stopped it, and believes its position from now on.
+
+        `keeps_stop`: a guard's stop and an OFF stay in force, because the person has only said who commands the vehicle.
+        """
+        if pilot_left:
+            self.gate.pilot = ""
+            self._link.command(PilotLeft(self._take_id()), now_ms)
+        self.gate.others = ""
+        if keeps_stop and self._stops.in_force is not None and not self._stops.is_persons_hold:
+            return
+        self._way_back = self._drift_ms = None
+        self._stops.end(by)
+        self.gate.watch.believe()
+
+    def go_back_in(self, by: str, lookout: str, now_ms: int) -> None:
+        """Goes straight back inside the fence on a person's word, with a lookout, and then holds."""
+        goal_m, why_not = self.gate.way_back(now_ms)
+        if why_not:
+            return  # the person was told already
+        self.gate.events.append(("back_in", {"by": by, "lookout": lookout}))
+        self._way_back = GoTo(self._take_id(), *goal_m, WAY_BACK_M_S, RETURN_RADIUS_M)
+        self._send(self._way_back, now_ms)
+
+    # The link's facts.
+
+    def _take(self, fact: LinkFact, now_ms: int) -> None:
+        match fact:
+            case CommandAccepted(_, command_id) if self._stops.is_sent_by(command_id):
+                self._stops.taken(now_ms)
+                self._note_acceptance(fact)
+            case CommandAccepted():
+                self._note_acceptance(fact)
+            case CommandFailed(_, command_id, reason) if self._stops.is_sent_by(command_id):
+                self._stop_failed(reason, now_ms)
+            case Arrived(_, command_id) | CommandFailed(_, command_id):
+                self._note_end(command_id)
+                if self._way_back is not None and command_id == self._way_back.command_id:
+                    self._way_back = None
+                    self._send_stop(now_ms)
+            case CommandedByOthers(_, client):
+                self._others_command(client, now_ms)
+            case GoalOfOthers(_, client, north_m, east_m):
+                self._judge_others(client, (north_m, east_m), now_ms)
+            case PilotReported() if (
+                not self.gate.pilot and self._safety.needs_person and self.gate.others == ""
+            ):
+                # A pilot who lets go has not said that the mission may go on.
+                self.gate.others = PILOT_HAD_IT
+
+    def _others_command(self, client: str, now_ms: int) -> None:
+        if not self._safety.needs_person:
+            return
+        who = client or "another client, which this stack does not name,"
+        self.gate.events.append(("others", {"client": client}))
+        stop = self._stops.in_force
+        if stop is not None and stop.is_persons and not self.gate.pilot:
+            self._send_stop(now_ms)  # a person's stop comes before other clients
+        elif stop is None and self.gate.others == "":
+            self.gate.others = f"{who} commands the aPad: continue, take it over, or give it back"
+
+    def _judge_others(self, client: str, goal_m: Point, now_ms: int) -> None:
+        """Ends another client's go-to that a guard would refuse us."""
+        situation = self.gate.situation(now_ms)
+        if self.gate.pilot or situation.place_m is None or situation.position_fault:
+            return
+        if fault := self._safety.waters.fault_of_way(situation.place_m, goal_m):
+            reason = f"{client or 'another client'} ordered a go-to that leaves the waters: {fault}"
+            self._react(Finding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
+
+    def _leave_to_pilot(self, now_ms: int) -> None:
+        """Fails the order under way: the pilot ends every order of ours."""
+        self._fail_present(self.gate.pilot, now_ms)
+        self._under_way = self._ordered = self._way_back = None
+        self.gate.watch.note_goal(None)
+
+    def _note_acceptance(self, fact: CommandAccepted) -> None:
+        if self._ordered is None or fact.command_id != self._ordered.command_id:
+            return  # of an order that another one has replaced
+        self.gate.watch.note_goal(goal_of(self._ordered), fact.at_ms)
+        if isinstance(self._ordered, GoTo):
+            self._under_way = UnderWay(self._ordered, fact.at_ms)
+
+    def _note_end(self, command_id: int) -> None:
+        if self._mechanism is not None and command_id == self._mechanism.command_id:
+            self._mechanism = None
+        if self._under_way is not None and command_id == self._under_way.command.command_id:
+            self._under_way = self._ordered = None
+            self.gate.watch.note_goal(None)
+
+    # Sending.
+
+    def _note_refusal(self, command: VehicleCommand, refusal: Refusal, now_ms: int) -> None:
+        self.gate.note_refused(command, refusal)
+        if not isinstance(command, MoveArm):  # nobody awaits an answer to it
+            self._facts.append(CommandFailed(now_ms, command.command_id, f"refused: {refusal.reason}"))
+
+    def _stop_here(self, command: Hold, now_ms: int) -> None:
+        """Ends the vehicle's motion in the one way that its position allows; `command` gives the id."""
+        situation = self.gate.situation(now_ms)
+        if may_hold(situation) and situation.place_m is not None:
+            here = replace(command, north_m=situation.place_m[0], east_m=situation.place_m[1])
+            self._send(here, now_ms)
+        else:
+            self._send(Stop(command.command_id), now_ms)
+
+    def _send(self, command: VehicleCommand, now_ms: int) -> None:
+        if not isinstance(command, MoveArm):
+            self._mechanism = command if isinstance(command, CloseDock | OpenDock) else self._mechanism
+            self._under_way = UnderWay(command) if isinstance(command, GoTo) else None
+            self._ordered = command if isinstance(command, GoTo | Hold) else None
+            if self._ordered is None:
+                self.gate.watch.note_goal(None)
+        self._link.command(command, now_ms)
+
+    def _take_id(self) -> int:
+        self._own_id -= 1
+        return self._own_id
+
+    # Stops.
+
+    def _begin_stop(
+        self,
+        kind: StopKind,
+        by: str,
+        reason: str,
+        now_ms: int,
+        *,
+        is_persons: bool = False,
+        stills_arms: bool = False,
+    ) -> None:
+        self._stops.begin(kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills_arms)
+        self._way_back = self._rest = self._drift_ms = None
+        self._fail_present(reason or f"stopped by {by}", now_ms)
+        self._send_stop(now_ms)
+
+    def _fail_present(self, reason: str, now_ms: int) -> None:
+        """Reports what is under way as failed: its own answer may never come."""
+        for command in (None if self._under_way is None else self._under_way.command, self._mechanism):
+            if command is not None and command.command_id >= 0:
+                self._facts.append(CommandFailed(now_ms, command.command_id, reason))
+        self._mechanism = None
+
+    def _send_stop(self, now_ms: int) -> None:
+        """Sends the stop in force; a HOLD becomes OFF where the vehicle may not hold any more."""
+        stop, situation = self._stops.in_force, self.gate.situation(now_ms)
+        if stop is None:
+            return
+        if stop.kind is StopKind.HOLD and not may_hold(situation):
+            self._stops.become_off(situation.position_fault or situation.outside)
+            stop = self._stops.in_force
+        command_id = self._take_id()
+        self._stops.sent(command_id, now_ms)
+        if stop is not None and stop.kind is StopKind.HOLD and situation.place_m is not None:
+            self._send(Hold(command_id, *situation.place_m, pre_empts=True), now_ms)
+        else:
+            self._send(Stop(command_id), now_ms)
+
+    def _stop_failed(self, reason: str, now_ms: int) -> None:
+        """The vehicle has not taken the stop: OFF in place of a HOLD, and an OFF again."""
+        stop = self._stops.in_force
+        assert stop is not None
+        self._stops.failed(reason)
+        if stop.kind is StopKind.HOLD:
+            self._stops.become_off(f"the vehicle did not take the hold: {reason}")
+        self._send_stop(now_ms)
+
+    def _watch_stop(self, now_ms: int) -> None:
+        stop = self._stops.in_force
+        if stop is None:
+            return
+        if self._stops.is_overdue(now_ms):
+            self._stop_overdue(stop.kind, now_ms)
+        situation = self.gate.situation(now_ms)
+        place_m = None if situation.position_fault else situation.place_m
+        if place_m is None:
+            self._rest = None
+        elif self._rest is None or math.dist(self._rest[1], place_m) > REST_M:
+            self._rest = now_ms, place_m
+        elif now_ms - self._rest[0] >= REST_MS:
+            self._stops.at_rest(now_ms)
+        if stop.kind is StopKind.OFF and (self._drift_ms is None or now_ms - self._drift_ms >= DRIFT_MS):
+            self._drift_ms = now_ms
+            self.gate.events.append(("drift", self._drift(now_ms)))
+
+    def _stop_overdue(self, kind: StopKind, now_ms: int) -> None:
+        reason = "the vehicle has not answered"
+        if kind is StopKind.HOLD:
+            self._stop_failed(reason, now_ms)
+        else:
+            self._stops.failed(reason)  # the link repeats it until the vehicle takes it
+
+    def _drift(self, now_ms: int) -> dict[str, Any]:
+        """The course of a vehicle without thrust, by its last speed or the known current, and when it would get out."""
+        situation = self.gate.situation(now_ms)
+        velocity_m_s = (0.0, 0.0) if situation.position_fault else situation.velocity_m_s
+        if math.hypot(*velocity_m_s) < 0.05:
+            velocity_m_s = self._safety.current_m_s
+        speed_m_s = math.hypot(*velocity_m_s)
+        data: dict[str, Any] = {
+            "speed_m_s": round(speed_m_s, 3),
+            "towards_rad": round(math.atan2(velocity_m_s[1], velocity_m_s[0]), 3),
+            "fence_s": None,
+        }
+        if situation.place_m is None:
+            return data
+        way_m = self._safety.waters.way_out_m(situation.place_m, velocity_m_s) if speed_m_s > 0 else None
+        if way_m is not None:
+            data["fence_s"] = round(way_m / speed_m_s)
+        return data | {
+            "north_m": round(situation.place_m[0], 2),
+            "east_m": round(situation.place_m[1], 2),
+            "is_believed": not situation.position_fault,
+        }
+
+    # The monitor.
+
+    def _look(self, now_ms: int) -> None:
+        if self._under_way is not None and self.gate.watch.place_m is not None:
+            self._under_way = self._under_way.moved_to(self.gate.watch.place_m, now_ms)
+        for change in self._safety.monitor.look(self.gate.situation(now_ms), self._under_way, now_ms):
+            if change.finding is not None:
+                self._react(change.finding, now_ms)
+                continue
+            self.gate.events.append(("guard_over", {"cause": change.cause.value}))
+            if change.cause is Cause.POSITION and not self._safety.needs_person:
+                self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
+        self._watch_stop(now_ms)
+
+    def _react(self, finding: Finding, now_ms: int) -> None:
+        """Fails the command under way, and brings the vehicle to rest. A person's word ends a real vehicle's stop."""
+        wants_off = finding.reaction is Reaction.STOP or not may_hold(self.gate.situation(now_ms))
+        reaction = Reaction.STOP if wants_off and finding.reaction is Reaction.HOLD else finding.reaction
+        self.gate.events.append(
+            (
+                "guard",
+                {
+                    "cause": finding.cause.value,
+                    "reaction": reaction.value,
+                    "reason": finding.reason,
+                    "calls_pilot": finding.cause is Cause.OUTSIDE or bool(self.gate.pilot),
+                },
+            )
+        )
+        if self.gate.pilot == PILOT_STEERS:
+            return  # the pilot has it, and a person is told; an order would take it out of the pilot's hands
+        if not self._safety.needs_person:
+            self._react_simulated(replace(finding, reaction=reaction), now_ms)
+            return
+        stop = self._stops.in_force
+        if stop is not None and self._way_back is None and (stop.kind is StopKind.OFF or not wants_off):
+            return
+        if stop is not None and stop.kind is StopKind.HOLD and wants_off:
+            self._stops.become_off(finding.reason)
+            self._send_stop(now_ms)
+        elif self._way_back is not None and finding.cause is Cause.OUTSIDE:
+            return  # a person sent it back from there
+        else:
+            kind = StopKind.OFF if wants_off else StopKind.HOLD
+            self._begin_stop(kind, f"guard: {finding.cause}", finding.reason, now_ms)
+
+    def _react_simulated(self, finding: Finding, now_ms: int) -> None:
+        """A simulated vehicle goes on by itself when the danger is over."""
+        self._fail_present(finding.reason, now_ms)
+        if finding.reaction is Reaction.RETURN and (back := self._goal_inside()) is not None:
+            self._send(back, now_ms)
+        elif finding.reaction is Reaction.STOP:
+            self._send(Stop(self._take_id()), now_ms)
+        else:
+            self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
+
+    def _goal_inside(self) -> GoTo | None:
+        place_m = self.gate.watch.place_m
+        inside_m = None if place_m is None else self._safety.waters.nearest_inside(place_m)
+        if inside_m is None:
+            return None
+        return GoTo(self._take_id(), *inside_m, self._safety.return_speed_m_s, RETURN_RADIUS_M)

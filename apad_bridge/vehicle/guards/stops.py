@@ -1,0 +1,183 @@
+"""The stops of one vehicle: each has a number, a kind, and the states that it went through, until a person continues.
+
+HOLD keeps the place by the thrusters. It needs a position that is believed, inside the waters. OFF is no thrust: the water
+takes the vehicle. A stop is *ordered* when somebody wants it, *sent* when the order leaves, *taken* when the vehicle has
+accepted it, and the vehicle is *at rest* when its position no longer changes. Only a stop that was taken is done.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+TAKEN_MS = 3_000
+"""A stop that the vehicle has not taken so long after its sending is reported, and a HOLD becomes OFF."""
+
+
+class StopKind(StrEnum):
+    HOLD = "hold"
+    OFF = "off"
+
+
+class StopState(StrEnum):
+    ORDERED = "ordered"
+    SENT = "sent"
+    TAKEN = "taken"
+    AT_REST = "at rest"
+    NOT_TAKEN = "not taken"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class StopRecord:
+    """Times are mission ms; None before the state came."""
+
+    number: int
+    kind: StopKind
+    by: str
+    """The person's name, or `guard: CAUSE`."""
+    reason: str
+    ordered_ms: int
+    is_persons: bool = False
+    sent_ms: int | None = None
+    taken_ms: int | None = None
+    rest_ms: int | None = None
+    not_taken: str = ""
+    """The reason why the vehicle has not taken it; empty while it may still do so."""
+    refused: str = ""
+    """The reason why nothing was sent: a pilot steers."""
+    stills_arms: bool = False
+    """Somebody has hands at the docks: no arm moves."""
+
+    @property
+    def state(self) -> StopState:
+        if self.refused:
+            return StopState.REFUSED
+        if self.rest_ms is not None:
+            return StopState.AT_REST
+        if self.taken_ms is not None:
+            return StopState.TAKEN
+        if self.not_taken:
+            return StopState.NOT_TAKEN
+        return StopState.ORDERED if self.sent_ms is None else StopState.SENT
+
+    def text(self) -> str:
+        why = f": {self.reason}" if self.reason else ""
+        return f"stop {self.number} ({self.kind}, by {self.by}) is in force{why}"
+
+
+Event = tuple[str, dict[str, Any]]
+"""(kind, data) of a line in the journal."""
+
+
+class Stops:
+    """Keeps the newest stop, and the one in force. It sends nothing: a `GuardedVehicle` does, and says what came of it."""
+
+    def __init__(self, events: list[Event]) -> None:
+        self._events = events
+        """The journal's lines that nobody has taken yet; the gate's too."""
+        self.newest: StopRecord | None = None
+        self.in_force: StopRecord | None = None
+        """Nothing but this stop moves or stills the vehicle, until a person continues."""
+        self._command_id: int | None = None
+        """The command by which the stop in force went out last."""
+        self._is_told = False
+        """The operator was told that the vehicle has not taken it, in this mode."""
+
+    @property
+    def is_persons_hold(self) -> bool:
+        """The stop in force is a person's HOLD, which another word of a person ends."""
+        stop = self.in_force
+        return stop is not None and stop.is_persons and stop.kind is StopKind.HOLD and not stop.stills_arms
+
+    def begin(
+        self,
+        kind: StopKind,
+        by: str,
+        reason: str,
+        now_ms: int,
+        *,
+        is_persons: bool = False,
+        stills_arms: bool = False,
+    ) -> None:
+        """A new stop is ordered, and is in force. It stills the arms if the one before it did."""
+        stills = stills_arms or (self.in_force is not None and self.in_force.stills_arms)
+        self.in_force = StopRecord(
+            self._next_number(), kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills
+        )
+        self._command_id, self._is_told = None, False
+        self._note(StopState.ORDERED, reason)
+
+    def refuse(self, kind: StopKind, by: str, reason: str, now_ms: int) -> None:
+        """Somebody wants a stop, and nothing may be sent, for this reason."""
+        self.newest = StopRecord(self._next_number(), kind, by, "", now_ms, is_persons=True, refused=reason)
+        self._tell(self.newest, StopState.REFUSED, reason)
+
+    def become_off(self, reason: str) -> None:
+        """A HOLD in force becomes OFF, for this reason, under the same number."""
+        assert self.in_force is not None
+        self._change(kind=StopKind.OFF, sent_ms=None, taken_ms=None, rest_ms=None)
+        self._is_told = False
+        self._note(StopState.ORDERED, reason)
+
+    def sent(self, command_id: int, now_ms: int) -> None:
+        assert self.in_force is not None
+        self._command_id = command_id
+        if self.in_force.sent_ms is None:
+            self._change(sent_ms=now_ms)
+            self._note(StopState.SENT)
+
+    def is_sent_by(self, command_id: int) -> bool:
+        return self.in_force is not None and self._command_id == command_id
+
+    def taken(self, now_ms: int) -> None:
+        if self.in_force is not None and self.in_force.taken_ms is None:
+            self._change(taken_ms=now_ms, not_taken="")
+            self._note(StopState.TAKEN)
+
+    def failed(self, reason: str) -> None:
+        """The vehicle has not taken it, and it is sent again; told once."""
+        if self.in_force is not None and self.in_force.taken_ms is None and not self._is_told:
+            self._is_told = True
+            self._change(not_taken=reason)
+            self._note(StopState.NOT_TAKEN, reason)
+
+    def at_rest(self, now_ms: int) -> None:
+        if self.in_force is not None and self.in_force.taken_ms is not None and self.in_force.rest_ms is None:
+            self._change(rest_ms=now_ms)
+            self._note(StopState.AT_REST)
+
+    def is_overdue(self, now_ms: int) -> bool:
+        """The stop in force was sent, and the vehicle has not taken it in time."""
+        stop = self.in_force
+        return (
+            stop is not None
+            and stop.sent_ms is not None
+            and stop.taken_ms is None
+            and not self._is_told
+            and now_ms - stop.sent_ms >= TAKEN_MS
+        )
+
+    def end(self, by: str) -> None:
+        """A person continues: no stop is in force any more."""
+        if self.in_force is not None:
+            self._events.append(("continued", {"number": self.in_force.number, "by": by}))
+        self.in_force = self._command_id = None
+
+    def _next_number(self) -> int:
+        return 1 if self.newest is None else self.newest.number + 1
+
+    def _change(self, **fields: Any) -> None:
+        assert self.in_force is not None
+        self.in_force = replace(self.in_force, **fields)
+
+    def _note(self, state: StopState, reason: str = "") -> None:
+        """The record of the newest stop changes last: whoever reads it in another thread sees a whole one."""
+        assert self.in_force is not None
+        self.newest = self.in_force
+        self._tell(self.in_force, state, reason)
+
+    def _tell(self, stop: StopRecord, state: StopState, reason: str) -> None:
+        data = {"number": stop.number, "mode": stop.kind.value, "by": stop.by, "state": state.value}
+        self._events.append(("stop", data | ({"reason": reason} if reason else {})))

@@ -1,0 +1,532 @@
+"""A guarded vehicle of either generation on its simulated stack, without ROS, with an observer on the wire.
+
+Port, guards and the core of a generation fly that generation's simulated vehicle in ticks of a second. Faults are of its
+position, of its orders and of who steers it.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from wire_observer import FENCE, SIDE_M, TICK_MS, Observer, Place
+
+from apad_bridge.assembly.safety import safety_of
+from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.guard_options import GuardOptions
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.generation_a import messages as shown_a
+from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.messages import (
+    GO_TO,
+    GoalCode,
+    GoalOrder,
+    GoalSeen,
+    GoalStatusEntry,
+    GoalStatusReceived,
+    HeldPositionReceived,
+    OffAnswered,
+)
+from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+from apad_bridge.vehicle.generation_b import messages as shown_b
+from apad_bridge.vehicle.generation_b.core import GenerationBCore
+from apad_bridge.vehicle.generation_b.messages import (
+    ArmReceived,
+    GoToOrder,
+    ManualReceived,
+    Order,
+    PositionOrder,
+    ServiceAnswered,
+    StatusReceived,
+    StopOrder,
+)
+from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
+from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    HoldPosition,
+    Outcome,
+    Primitive,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.kinematics import Pose
+from apad_bridge.vehicle.simulated.misses import Misses
+from apad_bridge.vehicle.simulated.motion import Coast, Steer
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived
+
+ROOT = Path(__file__).parents[2]
+START_M = (30.0, 30.0)
+AWAY_M = 8.0
+"""The first go-to's least length: after 12 s at 0.5 m/s the vehicle is still under way."""
+ARRIVED_TICKS = 100
+
+Shift = Callable[[Pose, int], PoseReceived | None]
+"""The pose that the vehicle publishes at a time: the truth, another one, or none."""
+
+
+def truly(pose: Pose, at_ms: int) -> PoseReceived | None:
+    return PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad)
+
+
+GUARDS = GuardOptions(clearance_m=2.0, battery_reserve=0.1, leg_s=240.0)
+
+
+def real_limits() -> GuardOptions:
+    """The guards of the shipped scenario for a real aPad."""
+    guards = load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml").guards
+    assert guards is not None
+    return guards
+
+
+def scenario(
+    generation: Generation, drift_m_s: Place = (0.0, 0.0), guards: GuardOptions = GUARDS
+) -> Scenario:
+    """The pool's scenario in a square of 60 m with a fence."""
+    pool = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    return replace(
+        pool,
+        area=replace(pool.area, polygon_m=FENCE, fence=FENCE, home_m=START_M),
+        apad=replace(pool.apad, start_m=START_M, generation=generation, drift_m_s=drift_m_s),
+        guards=guards,
+    )
+
+
+class StackLink(Protocol):
+    """A VehicleLink to a simulated vehicle, with an observer on the wire."""
+
+    observer: Observer
+    shift: Shift
+
+    @property
+    def pose(self) -> Pose:
+        """The truth."""
+        ...
+
+    @property
+    def is_at_rest(self) -> bool:
+        """It holds a place, or its controllers are off."""
+        ...
+
+    def push(self, command: Coast | Steer) -> None:
+        """The vehicle does this by itself."""
+        ...
+
+    def others_go(self, north_m: float, east_m: float) -> None:
+        """Another client sends the vehicle there."""
+        ...
+
+    def set_pilot(self, *, steers: bool) -> None: ...
+
+    def advance(self, now_ms: int) -> list[LinkFact]: ...
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class LinkToA:
+    """Generation A: converts the vehicle's output to the messages of its topics and of its action server."""
+
+    def __init__(self, flown: Scenario, core: Callable[..., GenerationACore]) -> None:
+        self.observer, self.shift = Observer.of(flown), truly
+        self._apad = SimulatedAPad(flown.apad)
+        self._vehicle = GenerationAVehicle(
+            self._apad, flown.mission.speed_m_s, flown.mission.victory_radius_m
+        )
+        self._core = core()
+        self._active: list[str] = []
+        self._goal: GoalOrder | None = None
+        self._others = 0
+        self.never_ends = False
+        self.is_lost = False
+        """Orders do not arrive."""
+        self._now_ms = 0
+
+    @property
+    def pose(self) -> Pose:
+        return self._apad.pose
+
+    @property
+    def is_at_rest(self) -> bool:
+        goal = self._goal
+        is_held = goal is not None and math.dist((goal.north_m, goal.east_m), place_of(self.pose)) < 3.0
+        return is_held or not self._vehicle.has_thrust
+
+    def push(self, command: Coast | Steer) -> None:
+        self._apad.receive(command, self._now_ms)
+
+    def set_pilot(self, *, steers: bool) -> None:
+        self.observer.pilot_steers = steers
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        self._now_ms = now_ms
+        self._receive(self._vehicle.advance(now_ms), now_ms)
+        facts = self._core.advance(now_ms)
+        for order in self._core.take_orders():
+            self._send(order, now_ms)
+        self._switch_off(now_ms)
+        return facts
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        if (order := self._core.command(command, now_ms)) is not None:  # type: ignore[arg-type]
+            self._send(order, now_ms)
+        self._switch_off(now_ms)
+
+    def others_go(self, north_m: float, east_m: float) -> None:
+        """Another client sends the vehicle there."""
+        self._others += 1
+        key = f"/joystick-{self._others}-1.0"
+        seen = GoalSeen(self._now_ms, key, GO_TO, north_m, east_m, "/joystick")
+        self._core.receive(seen, self._now_ms)
+        self._active.append(key)
+        self._receive(
+            self._vehicle.receive(shown_a.Goal(key, GO_TO, north_m, east_m, ""), self._now_ms), self._now_ms
+        )
+
+    def _switch_off(self, now_ms: int) -> None:
+        if (off := self._core.take_off_order()) is None or self.is_lost:
+            return
+        self.observer.take_stop()
+        for key in list(self._active):
+            self._receive(self._vehicle.cancel(key, now_ms), now_ms)
+        self._receive(self._vehicle.enable_velocity_control(False, now_ms), now_ms)
+        self._receive(self._vehicle.enable_position_control(False, now_ms), now_ms)
+        self._core.receive(OffAnswered(now_ms, off.number, None), now_ms)
+
+    def close(self) -> None:
+        pass
+
+    def _send(self, order: GoalOrder, now_ms: int) -> None:
+        if self.is_lost:
+            return
+        if order.kind == GO_TO:
+            self.observer.take_goal((order.north_m, order.east_m), now_ms, is_hold=True)
+            self._goal = order
+        else:
+            self.observer.take_other(now_ms, order.name)
+        goal = shown_a.Goal(order.key, order.kind, order.north_m, order.east_m, order.name)
+        self._active.append(order.key)
+        self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
+        self._receive(self._vehicle.receive(goal, now_ms), now_ms)
+
+    def _report(self, status: GoalStatusEntry, at_ms: int) -> None:
+        self._core.receive(GoalStatusReceived(at_ms, (status,), whole=False), at_ms)
+
+    def _receive(self, shown: list[shown_a.Published], now_ms: int) -> None:
+        for it in shown:
+            match it:
+                case PosePublished(at_ms, pose):
+                    if (moved := self.shift(pose, at_ms)) is not None:
+                        self.observer.hear(moved)
+                        self._core.receive(moved, now_ms)
+                case shown_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
+                    agent_id = int(name.removeprefix("amussel"))
+                    self._core.receive(
+                        HeldPositionReceived(at_ms, agent_id, north_m, east_m, released), now_ms
+                    )
+                case shown_a.BatteryAndProgressPublished(at_ms, percent):
+                    statuses = tuple(GoalStatusEntry(key, GoalCode.ACTIVE) for key in self._active)
+                    self._core.receive(GoalStatusReceived(at_ms, statuses, whole=True), now_ms)
+                    self._core.receive(BatteryReceived(at_ms, percent), now_ms)
+                case shown_a.GoalEnded(at_ms, key, outcome, reason) if not self.never_ends:
+                    self._active.remove(key)
+                    self._report(GoalStatusEntry(key, _CODES[outcome], reason), at_ms)
+
+
+_CODES = {
+    shown_a.Outcome.SUCCEEDED: GoalCode.SUCCEEDED,
+    shown_a.Outcome.PREEMPTED: GoalCode.PREEMPTED,
+    shown_a.Outcome.ABORTED: GoalCode.ABORTED,
+}
+
+
+class LinkToB:
+    """Generation B: answers calls at once, as its services do."""
+
+    def __init__(self, flown: Scenario, core: Callable[..., GenerationBCore]) -> None:
+        self.observer, self.shift = Observer.of(flown), truly
+        self._apad = SimulatedAPad(flown.apad)
+        self._vehicle = GenerationBVehicle(self._apad)
+        self._core = core()
+        self._last: Order | None = None
+        self.never_ends = False
+        self.is_lost = False
+        """Orders do not arrive."""
+        self._now_ms = 0
+
+    @property
+    def pose(self) -> Pose:
+        return self._apad.pose
+
+    @property
+    def is_at_rest(self) -> bool:
+        return isinstance(self._last, StopOrder | PositionOrder)
+
+    def push(self, command: Coast | Steer) -> None:
+        self._apad.receive(command, self._now_ms)
+
+    def others_go(self, north_m: float, east_m: float) -> None:
+        """Another client sends the vehicle there: nothing but its status shows it."""
+        self._receive(self._vehicle.receive(GoToOrder(north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
+
+    def set_pilot(self, *, steers: bool) -> None:
+        self.observer.pilot_steers = steers
+        self._core.receive(ManualReceived(self._now_ms, steers), self._now_ms)
+        self._receive(self._vehicle.set_manual(steers, self._now_ms), self._now_ms)
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        self._now_ms = now_ms
+        self._receive(self._vehicle.advance(now_ms), now_ms)
+        facts = self._core.advance(now_ms)
+        self._send(now_ms)
+        return facts
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        self._core.command(command, now_ms)
+        self._send(now_ms)
+
+    def close(self) -> None:
+        pass
+
+    def _send(self, now_ms: int) -> None:
+        for call in self._core.take_calls():
+            if self.is_lost:
+                continue
+            match call.order:
+                case GoToOrder(north_m, east_m):
+                    self.observer.take_goal((north_m, east_m), now_ms, is_hold=False)
+                case PositionOrder(north_m, east_m):
+                    self.observer.take_goal((north_m, east_m), now_ms, is_hold=True)
+                case StopOrder():
+                    self.observer.take_stop()
+                case docking:
+                    self.observer.take_other(now_ms, f"dock {docking.dock_index}")
+            self._last = call.order
+            self._receive(self._vehicle.receive(call.order, now_ms), now_ms)
+            self._core.receive(ServiceAnswered(now_ms, call.number, None), now_ms)
+
+    def _receive(self, shown: list[shown_b.Published], now_ms: int) -> None:
+        for it in shown:
+            match it:
+                case PosePublished(at_ms, pose):
+                    if (moved := self.shift(pose, at_ms)) is not None:
+                        self.observer.hear(moved)
+                        self._core.receive(moved, now_ms)
+                case shown_b.StatusPublished(at_ms, docking, status):
+                    ended = status is not shown_b.Status.RUNNING
+                    shown_status = (
+                        shown_b.Status.RUNNING if self.never_ends and ended and not docking else status
+                    )
+                    self._core.receive(StatusReceived(at_ms, docking, shown_status), now_ms)
+                case shown_b.BatteryPublished(at_ms, percent):
+                    self._core.receive(BatteryReceived(at_ms, percent), now_ms)
+                case shown_b.ArmPublished(at_ms, arm):
+                    dock_index = arm.is_open.index(True) if True in arm.is_open else None
+                    self._core.receive(ArmReceived(at_ms, dock_index), now_ms)
+
+
+class Bench:
+    """A port and a guarded vehicle of one generation, in ticks of a second, as a flight runs them."""
+
+    def __init__(
+        self,
+        generation: Generation,
+        drift_m_s: Place = (0.0, 0.0),
+        *,
+        guards: GuardOptions = GUARDS,
+        is_real: bool = True,
+    ) -> None:
+        flown = scenario(generation, drift_m_s, guards)
+        safety = safety_of(flown, needs_person=is_real)
+        battery = flown.apad.battery
+        battery_v = (battery.empty_v, battery.full_v)
+        capabilities = stack_of(generation).capabilities(4)
+        self.link: LinkToA | LinkToB
+        if generation is Generation.A:
+            self.link = LinkToA(
+                flown, lambda: GenerationACore(range(1, 10), battery_v, "run", gate=safety.gate)
+            )
+        else:
+            docking, misses = flown.mission.docking, Misses(1, 0.0)
+            self.link = LinkToB(
+                flown,
+                lambda: GenerationBCore(
+                    range(1, 10), battery_v, docking, misses, takes_back=not is_real, gate=safety.gate
+                ),
+            )
+        self.vehicle = GuardedVehicle(self.link, safety, obeys_speed=capabilities.obeys_speed)
+        self.port = DockingPort(flown.mission.docking, capabilities=capabilities)
+        self.now_ms = 0
+        self.events: list[tuple[int, str, dict[str, Any]]] = []
+        self.outcomes: list[Outcome] = []
+        self._ids = 0
+        self.run(1)
+
+    @property
+    def observer(self) -> Observer:
+        return self.link.observer
+
+    def go(self, north_m: float, east_m: float, speed_m_s: float = 0.5) -> None:
+        self.order(lambda it: GoToPoint(it, north_m, east_m, speed_m_s, 0.5))
+
+    def hold(self, north_m: float, east_m: float) -> None:
+        self.order(lambda it: HoldPosition(it, north_m, east_m))
+
+    def dock(self, dock_index: int, agent_id: int) -> None:
+        self.order(lambda it: DockMussel(it, dock_index, agent_id))
+
+    def undock(self, dock_index: int, agent_id: int) -> None:
+        self.order(lambda it: UndockMussel(it, dock_index, agent_id))
+
+    def order(self, primitive: Callable[[int], Primitive]) -> None:
+        self._ids += 1
+        self._pass_on(self.port.receive(primitive(self._ids), self.now_ms))
+        self._settle()
+
+    def run(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.now_ms += TICK_MS
+            self._settle()
+
+    def refusals(self) -> list[str]:
+        return [data["reason"] for _, kind, data in self.events if kind == "refused"]
+
+    def _settle(self) -> None:
+        for _ in range(3):
+            for fact in self.vehicle.advance(self.now_ms):
+                if not hasattr(fact, "agent_id") or hasattr(fact, "dock_index"):
+                    self._pass_on(self.port.receive(fact, self.now_ms))  # type: ignore[arg-type]
+        self._pass_on(self.port.advance(self.now_ms))
+        self.events += [(self.now_ms, *event) for event in self.vehicle.gate.take_events()]
+
+    def _pass_on(self, actions: list[VehicleCommand | Outcome]) -> None:
+        for action in actions:
+            if isinstance(action, PrimitiveSucceeded | PrimitiveFailed | DockChanged):
+                self.outcomes.append(action)
+            else:
+                self.vehicle.command(action, self.now_ms)
+
+
+# The faults. Each begins while the vehicle is under way to a place inside the fence, or in a docking.
+
+
+def nan_position(bench: Bench, rng: random.Random) -> None:
+    bench.link.shift = lambda pose, at_ms: PoseReceived(at_ms, math.nan, math.nan, pose.heading_rad)
+
+
+def frozen_position(bench: Bench, rng: random.Random) -> None:
+    """The last position is repeated with fresh stamps, and the vehicle goes on and on."""
+    last = bench.link.pose
+    bench.link.shift = lambda pose, at_ms: PoseReceived(at_ms, last.north_m, last.east_m, last.heading_rad)
+    bench.link.push(Steer(0.5, 0.0, 0.0))
+
+
+def jumping_position(bench: Bench, rng: random.Random) -> None:
+    off_m = (rng.uniform(12, 25) * rng.choice((-1, 1)), rng.uniform(12, 25) * rng.choice((-1, 1)))
+    since_ms = bench.now_ms
+
+    def shift(pose: Pose, at_ms: int) -> PoseReceived:
+        far = (at_ms - since_ms) // 4_000 % 2 == 0
+        return PoseReceived(
+            at_ms, pose.north_m + off_m[0] * far, pose.east_m + off_m[1] * far, pose.heading_rad
+        )
+
+    bench.link.shift = shift
+    bench.observer.bad_from_ms = bench.now_ms + 1_000
+
+
+def silent_position(bench: Bench, rng: random.Random) -> None:
+    bench.link.shift = lambda pose, at_ms: None
+
+
+def wrong_origin(bench: Bench, rng: random.Random) -> None:
+    """The vehicle starts its positioning again about another origin, some hundred metres off."""
+    off_m = (rng.uniform(100, 900), rng.uniform(-900, -100))
+    bench.link.shift = lambda pose, at_ms: PoseReceived(
+        at_ms, pose.north_m + off_m[0], pose.east_m + off_m[1], pose.heading_rad
+    )
+
+
+def current(bench: Bench, rng: random.Random) -> None:
+    """Its controllers are off, and a current takes it across the fence."""
+    bench.link.push(Coast())
+
+
+def endless_primitive(bench: Bench, rng: random.Random) -> None:
+    """Nothing reports the go-to's end, and the vehicle goes on."""
+    bench.link.never_ends = True
+    bench.link.push(Steer(0.4, rng.uniform(-math.pi, math.pi), 0.0))
+
+
+def pilot(bench: Bench, rng: random.Random) -> None:
+    """A pilot steers, and takes it anywhere."""
+    bench.link.set_pilot(steers=True)
+    bench.link.push(Steer(0.5, rng.uniform(-math.pi, math.pi), 0.0))
+
+
+def under_way(bench: Bench, rng: random.Random) -> None:
+    bench.go(*_far_from_start(rng))
+    bench.run(rng.randint(4, 12))
+
+
+def in_docking(bench: Bench, rng: random.Random) -> None:
+    bench.go(*_far_from_start(rng))
+    bench.run(ARRIVED_TICKS)
+    bench.dock(rng.randrange(4), rng.randrange(1, 10))
+    bench.run(rng.randint(2, 12))
+
+
+Act = Callable[[Bench, random.Random], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    inflict: Act
+    begin: Act = under_way
+    """The vehicle's act when the fault comes."""
+    drift_m_s: Place = (0.0, 0.0)
+
+
+FAULTS = {
+    "NaN position": Fault(nan_position),
+    "frozen position": Fault(frozen_position),
+    "jumping position": Fault(jumping_position),
+    "silent position": Fault(silent_position),
+    "wrong origin": Fault(wrong_origin),
+    "current across the fence": Fault(current, drift_m_s=(0.35, 0.2)),
+    "primitive that never ends": Fault(endless_primitive),
+    "pilot": Fault(pilot),
+    "pilot in a docking": Fault(pilot, in_docking),
+}
+
+
+def is_safe(bench: Bench, since_ms: int) -> bool:
+    called = any(at_ms >= since_ms and data.get("calls_pilot") for at_ms, _, data in bench.events)
+    reacted = any(at_ms >= since_ms and kind == "guard" for at_ms, kind, _ in bench.events)
+    held = any(isinstance(it, PrimitiveFailed) and it.at_ms >= since_ms for it in bench.outcomes)
+    return called or bench.observer.pilot_steers or ((reacted or held) and bench.link.is_at_rest)
+
+
+def _far_from_start(rng: random.Random) -> Place:
+    while True:
+        place_m = rng.uniform(4, SIDE_M - 4), rng.uniform(4, SIDE_M - 4)
+        if math.dist(place_m, START_M) > AWAY_M:
+            return place_m
+
+
+def place_of(pose: Pose) -> Place:
+    return pose.north_m, pose.east_m
