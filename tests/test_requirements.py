@@ -6,7 +6,7 @@ import configparser
 import platform
 import re
 from collections.abc import Iterator
-from importlib.metadata import distribution, version
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 
 import pytest
@@ -15,18 +15,22 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "launch_scripts"
+PYTHONS = ("3.11", "3.13")
+"""Of Debian 12 and Debian 13."""
+HERE = ".".join(platform.python_version_tuple()[:2])
 PIN = re.compile(r"([\w.-]+)==([\w.]+) --hash=sha256:[0-9a-f]{64}")
-PURPOSES = ("run", "test")
+PURPOSES = {"run": [], "mu": ["mu"], "test": ["mu", "test"]}
+"""The extras beside those of a run."""
 
 
-def pins(purpose: str) -> dict[str, str]:
+def pins(python: str, purpose: str) -> dict[str, str]:
     """The versions that a file pins, by canonical name; a line that is neither pin, comment nor another file fails."""
     found: dict[str, str] = {}
-    for line in (SCRIPTS / f"requirements/{purpose}.txt").read_text().splitlines():
+    for line in (SCRIPTS / f"requirements/{python}/{purpose}.txt").read_text().splitlines():
         if line.startswith("#"):
             continue
         if line.startswith("-r "):
-            found |= pins(line.removeprefix("-r ").removesuffix(".txt"))
+            found |= pins(python, line.removeprefix("-r ").removesuffix(".txt"))
             continue
         pin = PIN.fullmatch(line)
         assert pin, line
@@ -39,7 +43,7 @@ def pins(purpose: str) -> dict[str, str]:
 def extras(purpose: str) -> list[str]:
     named = re.search(r"^extras=(.*)$", (SCRIPTS / "needed-packages.bash").read_text(), re.MULTILINE)
     assert named
-    return named[1].split(",") + (["test"] if purpose == "test" else [])
+    return named[1].split(",") + PURPOSES[purpose]
 
 
 def bounds(purpose: str) -> Iterator[Requirement]:
@@ -54,8 +58,11 @@ def bounds(purpose: str) -> Iterator[Requirement]:
         yield from map(Requirement, filter(None, (text or "").splitlines()))
 
 
-def needed(purpose: str) -> Iterator[tuple[str, Requirement]]:
-    """(who asks, what for) of all that the bounds lead to, by the metadata of the packages that are installed here."""
+def needed(python: str, purpose: str) -> Iterator[tuple[str, Requirement]]:
+    """(who asks, what for) of all that the bounds lead to on a Python, by the metadata of the packages installed here.
+
+    A package that only that Python needs, and that is not installed here, is asked for without its own needs.
+    """
     waiting = [("setup.cfg", it) for it in bounds(purpose)]
     done: set[tuple[str, frozenset[str]]] = set()
     while waiting:
@@ -65,18 +72,27 @@ def needed(purpose: str) -> Iterator[tuple[str, Requirement]]:
         if key in done:
             continue
         done.add(key)
-        for it in map(Requirement, distribution(wanted.name).requires or ()):
+        try:
+            needs = distribution(wanted.name).requires or ()
+        except PackageNotFoundError:
+            assert python != HERE, f"{wanted.name} is not installed"
+            continue
+        there = {"python_version": python, "python_full_version": f"{python}.0"}
+        for it in map(Requirement, needs):
             if it.marker is None or any(
-                it.marker.evaluate({"extra": extra}) for extra in ("", *wanted.extras)
+                it.marker.evaluate({"extra": extra, **there}) for extra in ("", *wanted.extras)
             ):
                 waiting.append((wanted.name, it))
 
 
 @pytest.mark.parametrize("purpose", PURPOSES)
-def test_what_setup_cfg_asks_for_is_pinned_within_its_bounds_and_so_is_what_that_needs(purpose: str) -> None:
-    pinned = pins(purpose)
+@pytest.mark.parametrize("python", PYTHONS)
+def test_what_setup_cfg_asks_for_is_pinned_within_its_bounds_and_so_is_what_that_needs(
+    python: str, purpose: str
+) -> None:
+    pinned = pins(python, purpose)
     asked = set()
-    for who, wanted in needed(purpose):
+    for who, wanted in needed(python, purpose):
         name = canonicalize_name(wanted.name)
         asked.add(name)
         assert name in pinned, f"{who} needs {wanted}: launch_scripts/make-lock"
@@ -85,6 +101,23 @@ def test_what_setup_cfg_asks_for_is_pinned_within_its_bounds_and_so_is_what_that
     assert set(pinned) - asked == {"setuptools"}
 
 
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="the versions are pinned for x86-64")
+def test_both_pythons_have_the_same_versions_where_both_need_a_package() -> None:
+    first, second = (pins(python, "test") for python in PYTHONS)
+    assert {name: first[name] for name in first.keys() & second.keys()} == {
+        name: second[name] for name in first.keys() & second.keys()
+    }
+
+
+def test_the_pythons_of_the_lock_are_those_that_are_tested_here() -> None:
+    named = re.search(
+        r'^pinned_pythons="(.*)"$', (SCRIPTS / "needed-packages.bash").read_text(), re.MULTILINE
+    )
+    assert named and tuple(named[1].split()) == PYTHONS
+    assert sorted(it.name for it in (SCRIPTS / "requirements").iterdir()) == sorted(PYTHONS)
+
+
+@pytest.mark.skipif(
+    platform.machine() != "x86_64" or HERE not in PYTHONS, reason="no versions are pinned for this machine"
+)
 def test_the_installer_has_brought_the_pinned_versions() -> None:
-    assert {name: version(name) for name in pins("test")} == pins("test")
+    assert {name: version(name) for name in pins(HERE, "test")} == pins(HERE, "test")

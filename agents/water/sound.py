@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
-from math import exp, inf, log, log10
+from math import exp, fsum, inf, log, log10
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -79,7 +79,7 @@ class ErrorCurve:
 
     def _slope(self, low: int) -> float:
         """The slope of the log odds per dB, from point `low` to the next, as a mean of all sizes."""
-        rises = sum(_odds(row[low + 1]) - _odds(row[low]) for row in self.rates)
+        rises = fsum(_odds(row[low + 1]) - _odds(row[low]) for row in self.rates)
         return rises / len(self.rates) / (self.snrs_db[low + 1] - self.snrs_db[low])
 
 

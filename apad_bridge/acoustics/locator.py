@@ -88,7 +88,7 @@ class Locator:
             solution.east_m,
             solution.covariance,
             solution.hdop,
-            math.sqrt(sum(it * it for it in solution.residuals_m) / used),
+            math.sqrt(math.fsum(it * it for it in solution.residuals_m) / used),
             used,
         )
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import fsum
 
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from firmware_model.config import BoardConfig
@@ -128,7 +129,7 @@ class Habits:
     """The weight of `shares` as a prior, in decisions, against the decisions observed of one aMussel."""
 
     def __post_init__(self) -> None:
-        if abs(sum(self.shares) - 1) > _SHARE_TOLERANCE or min(self.shares) < 0:
+        if abs(fsum(self.shares) - 1) > _SHARE_TOLERANCE or min(self.shares) < 0:
             raise ValueError("the shares of the modes must add up to 1")
         if not (0 <= self.unscheduled < 1 and 0 <= self.stays <= 1):
             raise ValueError("unscheduled and stays are probabilities")

@@ -98,7 +98,7 @@ class TwinState:
 def shares_of(twin_state: TwinState, parameters: TwinParameters) -> tuple[float, float, float]:
     """The probabilities of the modes that this aMussel takes up, from the usual shares and its observed modes."""
     prior, habits = parameters.habits.seen_before, parameters.habits.shares
-    total = prior + sum(twin_state.seen)
+    total = prior + math.fsum(twin_state.seen)
     a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, twin_state.seen, strict=True))
     return a, b, c
 

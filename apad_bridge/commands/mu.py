@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from math import fsum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -182,7 +183,7 @@ def _show_budget(budget: Budget, console: Console) -> None:
     scale = 100 if budget.capacity_mwh is None else budget.capacity_mwh
     by_rail = _table("by module", "module", energy, "share")
     by_state = _table("by state", "state", energy, "hours")
-    total = sum(budget.by_rail.values()) or 1.0
+    total = fsum(budget.by_rail.values()) or 1.0
     for name, drawn in sorted(budget.by_rail.items(), key=lambda item: -item[1]):
         by_rail.add_row(name, f"{drawn * scale:.3f}", f"{100 * drawn / total:.1f} %")
     for name, hours in sorted(
@@ -232,7 +233,7 @@ def _show_energy(found: list[AgentEnergy], console: Console) -> None:
         totals = summed(found, of)
         for name, drawn in totals.items():
             each = [of(it).get(name, 0.0) for it in found]
-            share = drawn / (sum(totals.values()) or 1.0)
+            share = drawn / (fsum(totals.values()) or 1.0)
             figures = (f"{100 * it:.3f}" for it in (drawn / len(found), min(each), max(each)))
             table.add_row(name.replace("_", " "), *figures, f"{100 * share:.1f} %")
         console.print(table)

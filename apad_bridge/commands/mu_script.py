@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, field, replace
+from math import fsum
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -150,7 +151,7 @@ def budget_of(script: MuScript, bench: Bench) -> Budget:
     assert bench.ledger is not None
     bench.ledger.settle(bench.now_ms)
     by_rail = {rail.name: fraction(drawn) for rail, drawn in bench.ledger.by_rail().items()}
-    drawn = sum(by_rail.values())
+    drawn = fsum(by_rail.values())
     samples = len(bench.did(LogSample))
     return Budget(
         hours=script.hours,

@@ -11,6 +11,8 @@ pool; at distance_per_m 0, the aMussels of Cautious.
 
 from __future__ import annotations
 
+from math import fsum
+
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import CostScales, Scales
 from apad_bridge.planning.explanation import Option, way_m, with_exchanges
@@ -45,7 +47,7 @@ class Blend:
             solution,
             lambda agents: {
                 "way": scales.distance_per_m * way_m(situation, agents),
-                "lacking charge": -scales.energy_per_charge * sum(1.0 - agent.charge for agent in agents),
+                "lacking charge": -scales.energy_per_charge * fsum(1.0 - agent.charge for agent in agents),
             },
         )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import fsum
+
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.explanation import Option, with_exchanges
 from apad_bridge.planning.solution import Solution, StepKind
@@ -20,5 +22,5 @@ class Cautious:
 
     def explain(self, situation: Situation, solution: Solution) -> list[Option]:
         return with_exchanges(
-            situation, solution, lambda agents: {"charge": sum(agent.charge for agent in agents)}
+            situation, solution, lambda agents: {"charge": fsum(agent.charge for agent in agents)}
         )

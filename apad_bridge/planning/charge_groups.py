@@ -16,6 +16,7 @@ with the factors of the scenario's `mission.costs`. This is the charging through
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import fsum
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
@@ -60,6 +61,6 @@ class ChargeGroups:
         there_s = there_m / model.speed_m_s + len(route) * model.dock_s
         charging_s = max(model.charging_s(agent.charge, model.full) for agent in route)
         back_s = there_m / model.speed_m_s + len(route) * model.undock_s
-        given = sum(model.full - agent.charge for agent in route)
+        given = fsum(model.full - agent.charge for agent in route)
         worth = self._scales.energy_per_charge * given - self._scales.distance_per_m * 2 * there_m
         return worth / (there_s + charging_s + back_s)

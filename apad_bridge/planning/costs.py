@@ -8,7 +8,7 @@ lacks to be full.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import dist
+from math import dist, fsum
 from typing import Protocol
 
 from apad_bridge.planning.candidates import Situation
@@ -60,7 +60,7 @@ def distance_m(solution: Solution, situation: Situation) -> float:
 def charging_demand(solution: Solution, situation: Situation) -> float:
     """Sums (full - charge) over the agents to collect, full being 1. A deployment demands nothing."""
     charges = {agent.agent_id: agent.charge for agent in situation.candidates}
-    return sum(1.0 - charges[step.agent_id] for step in solution.steps if step.kind is StepKind.COLLECT)
+    return fsum(1.0 - charges[step.agent_id] for step in solution.steps if step.kind is StepKind.COLLECT)
 
 
 def cost_of(solution: Solution, situation: Situation, scales: Scales | None = None) -> CostBreakdown:

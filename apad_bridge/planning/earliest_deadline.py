@@ -10,6 +10,8 @@ order is that of Cautious.
 
 from __future__ import annotations
 
+from math import fsum
+
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.explanation import Option, with_exchanges
 from apad_bridge.planning.solution import Solution, StepKind
@@ -33,7 +35,7 @@ class EarliestDeadline:
             situation,
             solution,
             lambda agents: {
-                "primary": sum(agent.charge for agent in agents),
-                "secondary": sum(agent.secondary for agent in agents),
+                "primary": fsum(agent.charge for agent in agents),
+                "secondary": fsum(agent.secondary for agent in agents),
             },
         )

@@ -7,7 +7,7 @@ strategies, and shares no code with them. The cost is that of `blend`.
 from __future__ import annotations
 
 from itertools import pairwise, permutations
-from math import dist
+from math import dist, fsum
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
@@ -35,6 +35,6 @@ class Exact:
 
     def _cost(self, situation: Situation, order: tuple[Candidate, ...]) -> float:
         places = [situation.apad_m, *(agent.place_m for agent in order)]
-        metres = sum(dist(a, b) for a, b in pairwise(places))
-        lacking = sum(1.0 - agent.charge for agent in order)
+        metres = fsum(dist(a, b) for a, b in pairwise(places))
+        lacking = fsum(1.0 - agent.charge for agent in order)
         return self._scales.distance_per_m * metres - self._scales.energy_per_charge * lacking

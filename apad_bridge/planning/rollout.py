@@ -16,7 +16,7 @@ over a horizon of three quarters of a discharge, the same at any time of a missi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist
+from math import dist, fsum
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
@@ -104,10 +104,10 @@ class Rollout:
     def parts_of(self, outcome: Outcome, model: EnergyModel, horizon_s: float) -> dict[str, float]:
         """The parts of a projected cost: what the plan is worth, negative, and what it costs."""
         per_battery, drain = self._scales.energy_per_charge, model.drain_per_s
-        idle_s = sum((horizon_s - active_s) ** 2 for active_s in outcome.active_s) / horizon_s
+        idle_s = fsum((horizon_s - active_s) ** 2 for active_s in outcome.active_s) / horizon_s
         return {
-            "spent at work": -per_battery * drain * sum(outcome.active_s),
-            "left at the end": -per_battery * SALVAGE * sum(outcome.charges),
+            "spent at work": -per_battery * drain * fsum(outcome.active_s),
+            "left at the end": -per_battery * SALVAGE * fsum(outcome.charges),
             "idle": per_battery * drain * self.unfairness * idle_s,
             "way": self._scales.distance_per_m * outcome.metres,
         }

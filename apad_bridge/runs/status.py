@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import fsum
 from typing import TYPE_CHECKING
 
 from apad_bridge.supervisor.forecast import Forecast
@@ -64,7 +65,7 @@ class Status:
             sum(it.active for it in each),
             tuple(agent_id for it in each for agent_id in it.docked),
             sum(it.services for it in each),
-            sum(it.cost_m for it in each),
+            fsum(it.cost_m for it in each),
             None,
             max(it.behind_s for it in each),
         )

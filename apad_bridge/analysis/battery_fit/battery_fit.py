@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from math import fsum
 from typing import Any
 
 import numpy as np
@@ -125,7 +126,7 @@ def fit_log(log: BatteryLog, segments: int | None = None, direction: Direction |
 def minutes_to_full(segments: tuple[tuple[float, float], ...]) -> float:
     """The minutes from 0 to 1 along a scenario's `charge_segments`."""
     starts = (0.0, *(end for end, _ in segments[:-1]))
-    return sum((end - start) / rate for start, (end, rate) in zip(starts, segments, strict=True))
+    return fsum((end - start) / rate for start, (end, rate) in zip(starts, segments, strict=True))
 
 
 def _direction_of(log: BatteryLog, given: Direction | None) -> Direction:

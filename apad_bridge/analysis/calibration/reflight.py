@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
+from math import fsum, hypot
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def _flown(motion: Motion, done: Done, order: GoTo) -> Reflown:
     impulse, sums = 0.0, []
     for step in range(round(_LONGEST_S / STEP_S)):
         motion.plan_step()
-        impulse += sum(map(abs, motion.forces_n)) * STEP_S
+        impulse += fsum(map(abs, motion.forces_n)) * STEP_S
         sums.append(impulse)
         motion.end_step()
         if arrived_s is None and watch.has_arrived(motion.pose):

@@ -6,6 +6,7 @@ import base64
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
+from math import fsum
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -90,7 +91,7 @@ def _number(value: float | None, form: str) -> str:
 
 def _energy_table(report: RunReport, by: str, of: Callable[[AgentEnergy], Mapping[str, float]]) -> Table:
     totals, count = summed(report.energy, of), len(report.energy)
-    whole = sum(totals.values()) or 1.0
+    whole = fsum(totals.values()) or 1.0
     rows = [
         (name.replace("_", " "), f"{100 * drawn / count:.3f}", f"{100 * drawn / whole:.1f}")
         for name, drawn in totals.items()

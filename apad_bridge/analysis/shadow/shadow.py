@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from math import dist, sqrt
+from math import dist, fsum, sqrt
 from typing import Any
 
 from apad_bridge.analysis.field_log.facts import (
@@ -189,8 +189,8 @@ class Shadow:
         known = [inside for _, _, inside in self._errors if inside is not None]
         return Accuracy(
             count,
-            sqrt(sum(charge**2 for charge, _, _ in self._errors) / count) if count else None,
-            sqrt(sum(place_m**2 for _, place_m, _ in self._errors) / count) if count else None,
+            sqrt(fsum(charge**2 for charge, _, _ in self._errors) / count) if count else None,
+            sqrt(fsum(place_m**2 for _, place_m, _ in self._errors) / count) if count else None,
             sum(known) / len(known) if known else None,
         )
 

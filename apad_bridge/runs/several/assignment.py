@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import fsum
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
@@ -108,8 +109,8 @@ def _centre(view: APadView, served: frozenset[int]) -> Point:
     if not places_m:
         return view.place_m
     return (
-        sum(north_m for north_m, _ in places_m) / len(places_m),
-        sum(east_m for _, east_m in places_m) / len(places_m),
+        fsum(north_m for north_m, _ in places_m) / len(places_m),
+        fsum(east_m for _, east_m in places_m) / len(places_m),
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import fsum
 from typing import Any
 
 
@@ -49,17 +50,17 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "first_cause": _common_text(of_each, "first_cause"),
         "causes": dict(causes.most_common()),
         "left_alone": sorted({agent_id for flight in flights for agent_id in flight["left_alone"]}),
-        **{key: _combined(flights, key, sum) for key in ("counted_s", "counted_at_end")},
+        **{key: _combined(flights, key, _total) for key in ("counted_s", "counted_at_end")},
         "uptime_paper": _spread(flights, "uptime_paper"),
         "uptime_submerged": _spread(flights, "uptime_submerged"),
         "final_charge_mean": _mean(flights, "counted_at_end", lambda flight: flight["final_charge_mean"]),
         "apad_energy_fraction": _combined(
-            flights, "apad_energy_fraction", lambda values: sum(values) / len(values)
+            flights, "apad_energy_fraction", lambda values: fsum(values) / len(values)
         ),
         "apad_energy_missing": next(
             (reason for flight in flights if (reason := flight["apad_energy_missing"]) is not None), None
         ),
-        **{key: _combined(flights, key, sum) for key in _SUMS},
+        **{key: _combined(flights, key, _total) for key in _SUMS},
         "handed_on": handed_on,
         "apart": _excluded(flights),
         "amussels": _amussels(flights),
@@ -73,13 +74,18 @@ def _combined(flights: list[Summary], key: str, combine: Callable[[list[Any]], A
     return None if None in values else combine(values)
 
 
+def _total(values: Sequence[float]) -> float:
+    """The sum, which is a whole number where all of `values` are."""
+    return fsum(values) if any(isinstance(it, float) for it in values) else sum(values)
+
+
 def _mean(flights: list[Summary], weight: str, figure: Callable[[Summary], float]) -> float | None:
     """The mean over aMussels, or their seconds, not over aPads. A flight that counted no aMussel has no weight."""
     if any(flight[weight] is None and flight["agents"] for flight in flights):
         return None
     counted = [flight for flight in flights if flight[weight]]
-    total = sum(flight[weight] for flight in counted)
-    return sum(flight[weight] * figure(flight) for flight in counted) / total if total else None
+    total = fsum(flight[weight] for flight in counted)
+    return fsum(flight[weight] * figure(flight) for flight in counted) / total if total else None
 
 
 def _spread(flights: list[Summary], key: str) -> dict[str, float | None] | None:

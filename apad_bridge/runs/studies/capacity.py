@@ -45,7 +45,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import fsum, inf
 from statistics import fmean
 
 from apad_bridge.assembly.energy_model import drain_per_min_of
@@ -252,7 +252,7 @@ def _full_min(per_min: Sequence[tuple[float, float]]) -> float:
     if min(rate for _, rate in per_min) <= 0:
         return inf
     starts = [0.0, *(end for end, _ in per_min)]
-    return sum((end - low) / rate for (end, rate), low in zip(per_min, starts, strict=False))
+    return fsum((end - low) / rate for (end, rate), low in zip(per_min, starts, strict=False))
 
 
 def _closing_min(scenario: Scenario, start: Start) -> float:
@@ -310,7 +310,7 @@ def uptime_with_services(scenario: Scenario, services: float) -> float:
     parts = ((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False) if rate > 0)
     fastest = sorted(parts, reverse=True)
     drain = min(it.drain for it in fleet)
-    unserved = sum(min(minutes, it.start / it.drain) for it in fleet)
+    unserved = fsum(min(minutes, it.start / it.drain) for it in fleet)
 
     def at_work(docked: float) -> float:
         left, gain = docked / services, 0.0

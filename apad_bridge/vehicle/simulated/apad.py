@@ -52,7 +52,7 @@ class ArrivalWatch:
         north_m, east_m = self.command.north_m - pose.north_m, self.command.east_m - pose.east_m
         self._distances_m.append((north_m * north_m + east_m * east_m) ** 0.5)
         full = len(self._distances_m) == ARRIVAL_SAMPLES
-        return full and sum(self._distances_m) / ARRIVAL_SAMPLES < self.command.victory_radius_m
+        return full and math.fsum(self._distances_m) / ARRIVAL_SAMPLES < self.command.victory_radius_m
 
 
 MotionCommand = GoTo | Hold | Coast | Steer

@@ -39,4 +39,4 @@ def allocate(
 
 
 def electrical_w(forces: Forces, w_per_n: float) -> float:
-    return w_per_n * sum(map(abs, forces))
+    return w_per_n * math.fsum(map(abs, forces))
