@@ -1,13 +1,20 @@
 """launch_scripts/install where it may not or cannot install: one line that says exactly what is missing.
 
-The programs that it asks are replaced on PATH, so that nothing of this machine changes.
+The programs that it asks are replaced on PATH, so that nothing of this machine changes. pip is the real one, in a small
+clone whose one package comes from an index of the test's own.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import subprocess
 import sys
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -99,13 +106,13 @@ def test_a_machine_without_debians_tools_is_told_so(programs: Path) -> None:
     )
     assert (done.returncode, done.stderr) == (
         1,
-        "musselbed: Debian 12 is needed: this machine has no dpkg-query\n",
+        "musselbed: Debian 12 or 13 is needed: this machine has no dpkg-query\n",
     )
 
 
 def test_an_unknown_option_is_refused(programs: Path) -> None:
     done = run_install(programs, "--tests")
-    assert (done.returncode, done.stderr) == (2, "use: launch_scripts/install [--test]\n")
+    assert (done.returncode, done.stderr) == (2, "use: launch_scripts/install [--mu | --test]\n")
 
 
 @pytest.mark.skipif(Path(sys.prefix) != ROOT / ".venv", reason="these tests do not run in an installed .venv")
@@ -117,3 +124,184 @@ def test_an_installed_clone_has_nothing_to_do() -> None:
     }
     done = subprocess.run([str(INSTALL), "--test"], env=ambient, capture_output=True, text=True, timeout=180)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+HTTPS = """
+import functools, http.server, ssl, sys
+folder, certificate, key = sys.argv[1:]
+handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=folder)
+server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+if certificate:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate, key)
+    server.socket = context.wrap_socket(server.socket, server_side=True)
+print(server.server_port, flush=True)
+server.serve_forever()
+"""
+
+
+@pytest.fixture
+def clone(tmp_path: Path, programs: Path) -> Path:
+    """A clone that asks PyPI for one package, tinypart, on a machine that has all of Debian's."""
+    replace(programs, "dpkg-query", 'for name in "${@:4}"; do echo "installed $name"; done')
+    clone = tmp_path / "clone"
+    shutil.copytree(
+        ROOT / "launch_scripts", clone / "launch_scripts", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    shutil.copytree(ROOT / "apad_bridge/ros/types", clone / "apad_bridge/ros/types")
+    shutil.copytree(ROOT / "apad_bridge/ros/definitions", clone / "apad_bridge/ros/definitions")
+    shutil.copy(ROOT / "pyproject.toml", clone)
+    (clone / "setup.cfg").write_text(
+        "[options]\ninstall_requires =\n    tinypart>=1\n[options.extras_require]\nimc =\n"
+    )
+    (clone / "launch_scripts/needed-packages.bash").write_text(
+        (ROOT / "launch_scripts/needed-packages.bash")
+        .read_text()
+        .replace("extras=studies,export,imc", "extras=imc")
+    )
+    return clone
+
+
+@pytest.fixture
+def index(tmp_path: Path) -> Path:
+    """The folder of a package index that has tinypart 1.0, which needs a package otherpart."""
+    files = tmp_path / "index" / "simple" / "tinypart"
+    files.mkdir(parents=True)
+    with zipfile.ZipFile(files / "tinypart-1.0-py3-none-any.whl", "w") as wheel:
+        wheel.writestr("tinypart.py", "")
+        wheel.writestr(
+            "tinypart-1.0.dist-info/METADATA",
+            "Metadata-Version: 2.1\nName: tinypart\nVersion: 1.0\nRequires-Dist: otherpart\n",
+        )
+        wheel.writestr(
+            "tinypart-1.0.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
+        wheel.writestr("tinypart-1.0.dist-info/RECORD", "")
+    return tmp_path / "index"
+
+
+@contextmanager
+def served(index: Path, certificate: Path | None = None) -> Iterator[int]:
+    """The port of the loopback that serves the folder; by TLS with a certificate."""
+    names = ["", ""] if certificate is None else [str(certificate), str(certificate.with_suffix(".key"))]
+    server = subprocess.Popen(
+        [sys.executable, "-c", HTTPS, str(index), *names],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    try:
+        assert server.stdout is not None
+        yield int(server.stdout.readline())
+    finally:
+        server.kill()
+        server.wait(10)
+        server.stdout.close()
+
+
+def pin(clone: Path, hash_of: bytes) -> None:
+    """Pins tinypart for Debian's Python by the hash of these bytes."""
+    python = subprocess.run(
+        ["/usr/bin/python3", "-c", "import sys; print('{}.{}'.format(*sys.version_info))"],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.strip()
+    folder = clone / "launch_scripts" / "requirements" / python
+    folder.mkdir(exist_ok=True)
+    (folder / "run.txt").write_text(f"tinypart==1.0 --hash=sha256:{sha256(hash_of).hexdigest()}\n")
+
+
+def install_from(index: str, clone: Path, programs: Path, **variables: str) -> str:
+    """What an installation from an index prints; it ends with one line of an error."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PIP_")}
+    # requests, within pip, prefers these to PIP_CERT.
+    kept = {name: value for name, value in kept.items() if not name.endswith("_CA_BUNDLE")}
+    environment = kept | {
+        "PATH": f"{programs}:/usr/bin:/bin",
+        "TMPDIR": str(programs.parent),
+        "PIP_CONFIG_FILE": os.devnull,
+        "PIP_INDEX_URL": index,
+        "PIP_RETRIES": "1",
+        "no_proxy": "127.0.0.1",
+        **variables,
+    }
+    done = subprocess.run(
+        [str(clone / "launch_scripts/install")],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 1, done.stdout + done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("musselbed: ") and Path(line.rsplit("its log: ", 1)[1].rstrip(")")).is_file()
+    return done.stdout + line
+
+
+def test_a_file_that_is_not_the_pinned_one_is_called_that(clone: Path, programs: Path, index: Path) -> None:
+    pin(clone, b"another file")
+    with served(index) as port:
+        line = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
+    assert "the file of tinypart==1.0 is not the one pinned in launch_scripts/requirements/" in line
+    assert "do not trust the index" in line
+
+
+def test_a_package_without_a_pin_is_no_tampering(clone: Path, programs: Path, index: Path) -> None:
+    pin(clone, (index / "simple/tinypart/tinypart-1.0-py3-none-any.whl").read_bytes())
+    (index / "simple/otherpart").mkdir()
+    with zipfile.ZipFile(index / "simple/otherpart/otherpart-1.0-py3-none-any.whl", "w") as wheel:
+        wheel.writestr(
+            "otherpart-1.0.dist-info/METADATA", "Metadata-Version: 2.1\nName: otherpart\nVersion: 1.0\n"
+        )
+    with served(index) as port:
+        line = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
+    assert "run.txt does not pin otherpart, which another one needs" in line
+    assert "trust" not in line
+
+
+def test_a_certificate_that_is_not_trusted_is_named(clone: Path, programs: Path, index: Path) -> None:
+    pin(clone, b"")
+    certificate = index / "server.crt"
+    request = "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=IP:127.0.0.1"
+    subprocess.run(
+        [*request.split(), "-out", certificate, "-keyout", index / "server.key"],
+        check=True,
+        capture_output=True,
+    )
+    with served(index, certificate) as port:
+        address = f"https://127.0.0.1:{port}/simple"
+        line = install_from(address, clone, programs)
+        assert f"the certificate of 127.0.0.1:{port} is not trusted (self-signed certificate)" in line
+        assert "set PIP_CERT" in line
+        # The remedy that the line names.
+        assert "is not the one pinned" in install_from(address, clone, programs, PIP_CERT=str(certificate))
+
+
+def test_an_index_that_refuses_connections_is_named(clone: Path, programs: Path, index: Path) -> None:
+    pin(clone, b"")
+    with served(index) as port:
+        pass
+    line = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
+    assert f"127.0.0.1:{port} refuses connections" in line
+
+
+def test_a_name_that_nobody_knows_is_no_network(clone: Path, programs: Path) -> None:
+    pin(clone, b"")
+    line = install_from("https://index.invalid/simple", clone, programs)
+    assert "index.invalid cannot be reached: is there a network?" in line
+
+
+def test_a_processor_without_pins_takes_what_the_bounds_allow(
+    clone: Path, programs: Path, index: Path
+) -> None:
+    pin(clone, b"another file")
+    replace(programs, "uname", "echo riscv64")
+    with served(index) as port:
+        printed = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
+    assert re.search(
+        r"no versions are pinned for Python 3\.\d+ on riscv64: the newest within the bounds", printed
+    )
+    assert re.search(r"the package index has no file of setuptools\S* for Python 3\.\d+ on riscv64", printed)
+    assert "trust" not in printed
