@@ -35,7 +35,7 @@ def pool_beside(directory: Path) -> Path:
 
 def unpacked(archive: Path, elsewhere: Path) -> Path:
     with tarfile.open(archive) as tar:
-        tar.extractall(elsewhere)
+        tar.extractall(elsewhere, filter="data")
     (folder,) = elsewhere.iterdir()
     return folder
 
