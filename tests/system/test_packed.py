@@ -6,7 +6,6 @@ import json
 import platform
 import shutil
 import subprocess
-import tarfile
 from pathlib import Path
 
 import pytest
@@ -35,6 +34,7 @@ def pool_beside(directory: Path) -> Path:
 
 def unpacked(archive: Path, elsewhere: Path) -> Path:
     # By tar: Python's own extraction has other defaults and warnings from release to release.
+    elsewhere.mkdir()
     subprocess.run(["tar", "-xzf", archive, "-C", elsewhere], check=True, timeout=60)
     (folder,) = elsewhere.iterdir()
     return folder
