@@ -148,11 +148,17 @@ def _describe(folder: Path, repeat: _Repeat) -> None:
 
 
 def _with_hashes(pins: Sequence[tuple[str, str]]) -> list[str]:
-    """Lines of a requirements file, with hashes where the installer pins all of these versions: pip takes all or none."""
+    """Lines of a requirements file, with hashes where the installer pins all of these versions: pip takes all or none.
+
+    A package's files for each Python that the installer pins it for count, so that either Debian can repeat it.
+    """
     names = [f"{name}=={version}" for name, version in pins]
-    lines = (line for path in _PINS.glob("*.txt") for line in path.read_text().splitlines())
-    hashes = dict(line.split(" ", 1) for line in lines if " --hash=" in line)
-    return [f"{name} {hashes[name]}" for name in names] if hashes.keys() >= set(names) else names
+    hashes: dict[str, dict[str, None]] = {}
+    for path in sorted(_PINS.glob("*/*.txt")):
+        for name, _, its_hash in (line.partition(" ") for line in path.read_text().splitlines()):
+            if its_hash.startswith("--hash="):
+                hashes.setdefault(name, {})[its_hash] = None
+    return [" ".join([name, *hashes[name]]) for name in names] if hashes.keys() >= set(names) else names
 
 
 def pinned() -> list[tuple[str, str]]:
