@@ -1,11 +1,12 @@
-"""`musselbed check RUN`: the laws that hold in every run, on a run's records."""
+"""`musselbed check RUN`: the laws that hold in every run, on a run's records; and the first difference of two runs."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -16,6 +17,7 @@ from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.invariants import Broken
+    from apad_bridge.records.digest import Event
 
 MOST_SHOWN = 10
 """Broken laws that a person sees of one aPad's run; `--json` has them all."""
@@ -26,15 +28,31 @@ def add_parser(commands: Any) -> None:
         "check",
         description="Checks the journal and the samples of a run. Time never falls, and energy is neither made nor "
         "lost. An aMussel is in one dock and at one place. Samples are kept once, beliefs are finite, and the cost is the "
-        "way driven. A broken law is a defect of musselbed; the command prints the lines that show it.",
-        epilog=ending("musselbed check runs/NAME", "musselbed check runs/* --json"),
+        "way driven. A broken law is a defect of musselbed; the command prints the lines that show it. With --digest it "
+        "compares one run with another instead, perhaps from another machine: by all that was decided and happened, and by "
+        "nothing that belongs to the machine.",
+        epilog=ending(
+            "musselbed check runs/NAME",
+            "musselbed check runs/* --json",
+            "musselbed check runs/NAME --digest runs/OTHER",
+        ),
     )
     parser.add_argument("directories", type=Path, nargs="+", metavar="RUN", help="a run's directory")
+    parser.add_argument(
+        "--digest",
+        type=Path,
+        metavar="OTHER_RUN",
+        help="name the first event in which RUN differs from this run; exit code 1 if there is one",
+    )
     parser.add_argument("--json", action="store_true", help="print the broken laws as JSON, by directory")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
+    if arguments.digest is not None:
+        if len(arguments.directories) != 1:
+            raise UserError("--digest compares one run with another: name one RUN")
+        return _compare(arguments.directories[0], arguments.digest, as_json=arguments.json)
     broken: dict[Path, list[Broken]] = {}
     for directory in arguments.directories:
         broken |= broken_laws(directory)
@@ -49,11 +67,61 @@ def exit_of_laws(broken: Mapping[Path, list[Broken]]) -> int:
     return Exit.BUG if any(broken.values()) else Exit.DONE
 
 
-def broken_laws(directory: Path) -> dict[Path, list[Broken]]:
-    """The broken laws by the directory of each aPad's run. UserError for a directory without a run, or a damaged one."""
-    from apad_bridge.analysis.invariants import check_run
-    from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+def _compare(one: Path, other: Path, *, as_json: bool) -> int:
+    """Prints the digests of two runs, and the first event in which they differ."""
+    from apad_bridge.records.digest import combined_digest, events_of
+    from apad_bridge.records.journal import read_journal
+    from apad_bridge.records.run_directory import RunDirectoryError
 
+    digests, events = [], []
+    try:
+        for directory in (one, other):
+            # With several aPads, each one's own: an event is told by its aPad too.
+            each = [
+                (it.relative_to(directory), *events_of(read_journal(it / "journal.jsonl").lines))
+                for it in _runs_in(directory)
+            ]
+            digests.append(combined_digest(digest for _, _, digest in each))
+            events.append([(event, str(path)) for path, found, _ in each for event in found])
+    except (RunDirectoryError, OSError) as error:
+        raise UserError(str(error)) from error
+    differing = first_difference(*events)
+    if as_json:
+        print(json.dumps({"digests": digests, "differing": differing}))
+    else:
+        print(
+            *(f"{digest}  {directory}" for digest, directory in zip(digests, (one, other), strict=True)),
+            sep="\n",
+        )
+        if differing is None:
+            print("the same decisions and happenings")
+        else:
+            print("the first event that differs:")
+            print(
+                *(f"  {directory}: {text}" for directory, text in zip((one, other), differing, strict=True)),
+                sep="\n",
+            )
+    return Exit.DONE if differing is None else Exit.BUG
+
+
+def first_difference(
+    one: Sequence[tuple[Event, str]], other: Sequence[tuple[Event, str]]
+) -> tuple[str, str] | None:
+    """The first event of each that the other does not have, each with its aPad; None for equal runs."""
+    counts = Counter(one)
+    counts.subtract(other)
+    lacking = sorted(it for it, count in counts.items() if count)
+    if not lacking:
+        return None
+    first = [next((it for it in lacking if counts[it] * sign > 0), None) for sign in (1, -1)]
+    ours, theirs = (
+        f"{'' if it[1] == '.' else it[1] + ', '}{it[0]}" if it is not None else "none" for it in first
+    )
+    return ours, theirs
+
+
+def _runs_in(directory: Path) -> list[Path]:
+    """The directory of each aPad's run. UserError for a directory without a run."""
     found = [
         it.parent
         for it in (directory / "journal.jsonl", *sorted(directory.glob("*/journal.jsonl")))
@@ -61,8 +129,16 @@ def broken_laws(directory: Path) -> dict[Path, list[Broken]]:
     ]
     if not found:
         raise UserError(f"{directory}: no journal.jsonl is there: name the directory of a run")
+    return found
+
+
+def broken_laws(directory: Path) -> dict[Path, list[Broken]]:
+    """The broken laws by the directory of each aPad's run. UserError for a directory without a run, or a damaged one."""
+    from apad_bridge.analysis.invariants import check_run
+    from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+
     try:
-        return {each: check_run(RunDirectory.open(each)) for each in found}
+        return {each: check_run(RunDirectory.open(each)) for each in _runs_in(directory)}
     except (RunDirectoryError, ScenarioError, OSError) as error:
         raise UserError(str(error)) from error
 

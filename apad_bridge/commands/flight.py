@@ -156,7 +156,10 @@ def fly(
         bags = (
             whole.reduced_to_bags([it.name for it in all_members]) if only_bags and not flown.failures else []
         )
-        code = report(scenario, flown_by, whole, summary, as_json, progress.messages, bags)
+        is_virtual = options.time is TimeSource.ASAP
+        code = report(
+            scenario, flown_by, whole, summary, as_json, progress.messages, bags, is_virtual=is_virtual
+        )
         if flown.failures:
             raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
         return _checked(whole, code) if check else code

@@ -27,11 +27,14 @@ def report(
     as_json: bool,
     messages: Sequence[str] = (),
     bags: Sequence[Path] = (),
+    *,
+    is_virtual: bool = False,
 ) -> int:
     """Prints a run's outcome; returns the exit code. `flown_by` names the strategy, or another source of commands.
 
     A person saw the `messages` during the flight; the JSON has them beside the summary, as `events`. `bags` are all that
-    stays of the run; without them its directory does.
+    stays of the run; without them its directory does. A flight in virtual time (`is_virtual`) has a digest that another
+    machine's flight repeats.
     """
     if as_json:
         files = {"bags": [str(it) for it in bags]} if bags else {"run": str(directory.path)}
@@ -41,6 +44,9 @@ def report(
         is_counted = summary["uptime_paper"] is not None
         bounds = bounds_of([scenario], summary["mission_s"]) if is_counted else None
         print_table(console, scenario.name, flown_by, summary, bounds)
+        if is_virtual:
+            line = f"Digest of decisions and happenings: {summary['digest']}   (the same on every machine)"
+            console.print(line, highlight=False, soft_wrap=True)
         if bags:
             files_line = f"Files: {', '.join(map(str, bags))}   (all of the run: --out DIR)"
             console.print(files_line, highlight=False, soft_wrap=True)

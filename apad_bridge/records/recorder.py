@@ -15,6 +15,7 @@ from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.checkpoint import Checkpoint
+from apad_bridge.records.digest import RunDigest
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import Journal, JournalContents, JournalDamaged, Line, read_journal
 from apad_bridge.records.packet_lines import sound_rows
@@ -113,6 +114,7 @@ class Recorder:
         self._beliefs: Sequence[Belief] = ()
         self._given_up: set[int] = set()
         self._failures = FailureCounts()
+        self._digest = RunDigest()
         self._services: Counter[int] = Counter()
         self._apad_changes = APadChanges()
         self._belief_changes = BeliefChanges()
@@ -164,6 +166,7 @@ class Recorder:
         """Records an event at mission time `at_ms`; plain data only."""
         self._journal.append(at_ms, kind, data)
         self._failures.take(at_ms, kind, data)
+        self._digest.take(at_ms, kind, data)
         if kind == EventKind.DIED and data.get("gave_up") is not None:
             self._count_given_up(data)
         if kind == EventKind.PRESENCE:
@@ -199,7 +202,9 @@ class Recorder:
                 continue
             self._journaled[agent_id] = truth
             at_ms = max(-(-truth.at_ms // self._scenario.theta), self._journal.flushed_ms)
-            self._journal.append(at_ms, EventKind.TRUTH, truth_data(truth))
+            data = truth_data(truth)
+            self._journal.append(at_ms, EventKind.TRUTH, data)
+            self._digest.take(at_ms, EventKind.TRUTH, data)
 
     @_on_disk
     def begin_checkpoint(self, learned: LearnedState, now_ms: int) -> None:
@@ -281,6 +286,7 @@ class Recorder:
                 takes_samples=takes_samples(scenario.board),
             ),
             "dropped": dict(sorted(self._all_dropped(ending).items())),
+            "digest": str(self._digest),
         }
         self._write_ending(at_ms, summary)
         return summary
@@ -352,6 +358,7 @@ class Recorder:
         """Rebuilds the uptimes, the newest truths and the counts of failures from the lines of the journal."""
         for line in contents.lines:
             self._failures.take(line["t"], line["kind"], line)
+            self._digest.take(line["t"], line["kind"], line)
             if line["kind"] == EventKind.TRUTH:
                 truth = truth_of(line)
                 self.meter.take(truth)

@@ -136,6 +136,7 @@ SUMMARY: tuple[Field, ...] = (
     Field("gave_up", INTEGER, "aMussels whose process stayed dead"),
     Field("amussels", _OBJECT, "each aMussel's own figures, by its id"),
     Field("dropped", _OBJECT, "number of dropped inputs, by reason"),
+    Field("digest", TEXT, "of the decisions and happenings: equal runs have equal ones, on every machine"),
 )
 """In order. A figure that nobody knows is null."""
 

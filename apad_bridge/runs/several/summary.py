@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from math import fsum
 from typing import Any
 
+from apad_bridge.records.digest import combined_digest
+
 
 @dataclass(frozen=True, slots=True)
 class Flown:
@@ -65,6 +67,7 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "apart": _excluded(flights),
         "amussels": _amussels(flights),
         "dropped": dict(sorted(dropped.items())),
+        "digest": combined_digest(flight["digest"] for flight in flights),
         "apads": {apad: dict(flight) for apad, flight in of_each.items()},
     }
 
