@@ -223,7 +223,7 @@ def install_from(index: str, clone: Path, programs: Path, **variables: str) -> s
         "PIP_CONFIG_FILE": os.devnull,
         "PIP_INDEX_URL": index,
         "PIP_RETRIES": "1",
-        "no_proxy": "127.0.0.1",
+        "no_proxy": "127.0.0.1,localhost",
         **variables,
     }
     done = subprocess.run(
@@ -264,16 +264,16 @@ def test_a_package_without_a_pin_is_no_tampering(clone: Path, programs: Path, in
 def test_a_certificate_that_is_not_trusted_is_named(clone: Path, programs: Path, index: Path) -> None:
     pin(clone, b"")
     certificate = index / "server.crt"
-    request = "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=IP:127.0.0.1"
+    request = "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=DNS:localhost"
     subprocess.run(
         [*request.split(), "-out", certificate, "-keyout", index / "server.key"],
         check=True,
         capture_output=True,
     )
     with served(index, certificate) as port:
-        address = f"https://127.0.0.1:{port}/simple"
+        address = f"https://localhost:{port}/simple"
         line = install_from(address, clone, programs)
-        assert f"the certificate of 127.0.0.1:{port} is not trusted (self-signed certificate)" in line
+        assert f"the certificate of localhost:{port} is not trusted (self-signed certificate)" in line
         assert "set PIP_CERT" in line
         # The remedy that the line names.
         assert "is not the one pinned" in install_from(address, clone, programs, PIP_CERT=str(certificate))
