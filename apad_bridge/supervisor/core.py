@@ -69,6 +69,8 @@ from apad_bridge.vehicle.primitives import (
 from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 from firmware_model.packets.codec import Codec
 
+EMPTY_MS = 3000
+"""An empty battery ends the mission when its readings say so for this long: a single one may be a fault of the sensor."""
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
 
@@ -138,6 +140,8 @@ class Supervisor:
         self.pose: PoseReported | None = None
         self.battery: BatteryReported | None = None
         self.battery_at_start: BatteryReported | None = None
+        self._empty_since_ms: int | None = None
+        """The first of the readings in a row that are at or below the charge that ends the mission."""
         self.dropped: Counter[str] = Counter()
         self._codec = codec
         self.samples = samples
@@ -235,6 +239,10 @@ class Supervisor:
             case BatteryReported():
                 self.battery = fact
                 self.mission.battery_heard(fact.fraction)
+                if fact.fraction > self._end_at_apad_fraction:
+                    self._empty_since_ms = None
+                elif self._empty_since_ms is None:
+                    self._empty_since_ms = fact.at_ms
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
@@ -285,8 +293,8 @@ class Supervisor:
 
     @property
     def _battery_ends(self) -> EndReason | None:
-        battery = self.battery
-        is_empty = battery is not None and battery.fraction <= self._end_at_apad_fraction
+        battery, since_ms = self.battery, self._empty_since_ms
+        is_empty = battery is not None and since_ms is not None and battery.at_ms - since_ms >= EMPTY_MS
         return EndReason.APAD_BATTERY if is_empty else None
 
     # With several aPads: the aMussels that this one serves.
