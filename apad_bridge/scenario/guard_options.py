@@ -19,7 +19,16 @@ class GuardOptions:
     """Limits that are left out are none."""
 
     clearance_m: NotNegative = 2.0
-    """The least distance of a way to the fence and to keep-out zones."""
+    """The least distance of a way to the fence and to keep-out zones; `scenario/clearance.py` has the need of a stop."""
+    position_error_m: Positive | None = None
+    """The aPad lies within it of the place that it tells, in 95 % of all cases."""
+    hull_m: Positive | None = None
+    """The hull's greatest length."""
+    reaction_s: PositiveSeconds = 3.0
+    """From the cause of a stop to the vehicle's acceptance."""
+    coasting_m: NotNegative | None = None
+    """The way from the acceptance of a stop to rest, not exceeded in 95 % of all stops from `coasting_speed_m_s`."""
+    coasting_speed_m_s: Positive | None = None
     outside: WhenOutside = WhenOutside.HOLD
     leg_m: Positive | None = None
     """The greatest length of a leg."""
@@ -36,7 +45,7 @@ class GuardOptions:
     bodies_m: Positive = 3.0
     """The least distance of a way to real aMussels at the surface and to other aPads."""
     drift_m_s: NotNegative = 0.2
-    """The fastest drift of an aPad whose controllers are off, for the room that a visual docking needs."""
+    """The fastest drift of an aPad whose controllers are off, for the room that a visual docking and a stop need."""
     search_m: NotNegative = 2.0
     """Greatest distance that a visual docking may move in its search."""
     battery_reserve: Fraction | None = None
@@ -45,3 +54,5 @@ class GuardOptions:
     """Nodes by which a pilot steers, where the aPad tells nobody of a pilot: nothing is ordered against their goals."""
     amussel_depth_m: Positive | None = None
     """The greatest depth for which the aMussels are rated."""
+    hardware_cut: bool = False
+    """A person can cut the thrusters' power from a distance, by a switch that no computer of the vehicle is part of."""

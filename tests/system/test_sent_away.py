@@ -60,7 +60,7 @@ def test_a_mission_stands_aside_for_anothers_go_to_until_it_is_given_back(
 ) -> None:
     data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"))
     data["apad"] |= {"generation": "a", "start_m": [14, 10.5]}
-    data["mission"] |= {"speed_m_s": 1.0}
+    data["mission"] |= {"speed_m_s": 0.8}
     scenario = tmp_path / "scenario.yaml"
     loader.write_resolved(scenario, loader.from_data(data, "pool"))
     vehicle = start(*COMMAND, "apad", scenario)
