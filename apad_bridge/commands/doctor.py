@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.doctor import graph, interpreter, machine, network, origin_check, scenario_check
+from apad_bridge.doctor import graph, interpreter, machine, network, scenario_check
 from apad_bridge.doctor.finding import Finding, Status, fail, run_check, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit
@@ -23,9 +24,10 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
-        description="Checks the needs of a run, and prints a line for each check: OK, WARN or FAIL, the finding, and "
-        "the mend. It changes nothing: for the test of the way back it registers with the master at ROS_MASTER_URI, and "
-        "unregisters at once. Without a master it skips these checks, because `musselbed run` starts its own.",
+        description="Checks the needs of a run, and prints a line for each check: OK, WARN, FAIL or CANNOT TELL, the "
+        "finding, and the mend. It changes nothing: for the test of the way back it registers with the master at "
+        "ROS_MASTER_URI, and unregisters at once. Without a master it skips these checks, because `musselbed run` starts "
+        "its own.",
         epilog=ending(
             "musselbed doctor",
             "musselbed doctor launch_scripts/scenarios/real-apad.yaml",
@@ -77,8 +79,13 @@ def check_machine(agents: int) -> Iterator[Finding]:
     yield from run_check("loopback", machine.check_loopback)
 
 
-def check_ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
-    """ROS here, the network both ways, and the aPads on the master; an empty URI for none."""
+def check_ros(
+    master_uri: str, scenario: Scenario | None, mapping: Mapping[str, str] | None = None
+) -> Iterable[Finding]:
+    """ROS here, the network both ways, and the aPads on the master; an empty URI for none.
+
+    `mapping` are a run's remappings, from name to name in full.
+    """
     try:
         from apad_bridge.ros import doctor_apad_checks, doctor_checks
     except ImportError as error:
@@ -95,7 +102,7 @@ def check_ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
         )
         return
     try:
-        found = graph.Graph.read(master_uri)
+        found = graph.Graph.read(master_uri).remapped(mapping or {})
     except network.Unreachable as error:
         yield _unreachable_master(master_uri, error)
         return
@@ -111,8 +118,10 @@ def check_ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     yield from run_check("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
     yield from run_check("aPad", lambda: doctor_apad_checks.check_apads(found, scenario))
     if scenario is not None:
-        apad, origin = in_full(namespace, scenario.apad.name), scenario.area.origin
-        yield from run_check("origin", lambda: [origin_check.check_origin(master_uri, apad, origin)])
+        for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
+            apad = in_full(namespace, name)
+            place = partial(doctor_apad_checks.check_place, found, apad, scenario.area.origin)
+            yield from run_check(f"{apad} origin", place)
 
 
 def _unreachable_master(uri: str, error: network.Unreachable) -> Finding:

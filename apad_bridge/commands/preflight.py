@@ -24,6 +24,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.preflight_checks import (
     PROOFS,
     Report,
+    accepted_by,
     called_back_at,
     findings_of,
     names_in_full,
@@ -44,7 +45,12 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting import PROVE_STOP
 
 _PROOF_S = 300
-_STYLES = {Status.OK: "green", Status.WARN: "yellow", Status.FAIL: "bold red"}
+_STYLES = {
+    Status.OK: "green",
+    Status.WARN: "yellow",
+    Status.FAIL: "bold red",
+    Status.CANNOT_TELL: "bold magenta",
+}
 
 
 def add_parser(commands: Any) -> None:
@@ -100,6 +106,7 @@ def add_parser(commands: Any) -> None:
         default=[],
         help="another name for a topic, as of `run`",
     )
+    run_command.add_accept(parser)
     parser.add_argument(
         "--json", action="store_true", help="print the report as JSON on stdout, nothing else"
     )
@@ -122,11 +129,12 @@ def run(arguments: argparse.Namespace) -> int:
                 flush=True,
             )
     print("\r\033[K" if sys.stderr.isatty() else "", file=sys.stderr)
-    report = Report(scenario.name, options.master_uri, now(), tuple(findings))
+    accepted = accepted_by(arguments.accept, findings, apads)
+    report = Report(scenario.name, options.master_uri, now(), tuple(findings), accepted)
     path = report_path(scenario)
     path.parent.mkdir(mode=PRIVATE, exist_ok=True)
     report.save(path)
-    red = red_keys(findings, apads)
+    red = red_keys(findings, apads, accepted)
     if arguments.json:
         print(path.read_text(), end="")
     else:
@@ -180,7 +188,8 @@ def _all(
 
         yield from run_check("modem", lambda: check_modem(arguments.modem, arguments.echo))
     former = {it.check: it for it in proofs(scenario, options.master_uri, apads)}
-    may_move = not NEVER_OVERRIDDEN.intersection(red_keys(passive, apads))
+    accepted = accepted_by(arguments.accept, passive, apads)
+    may_move = not NEVER_OVERRIDDEN.intersection(red_keys(passive, apads, accepted))
     for apad, name in zip(apads, (scenario.apad.name, *(it.name for it in scenario.apads)), strict=True):
         for what, asked in zip(PROOFS, (arguments.prove_stop, arguments.prove_docks), strict=True):
             check = f"{apad} {what}"
@@ -189,12 +198,12 @@ def _all(
             elif not may_move:
                 yield fail(check, "not tried: something above is red", "mend that, and prove it then")
             elif what == "stop":
-                yield _prove_stop(scenario, options, name)
+                yield _prove_stop(scenario, options, name, arguments.accept)
             else:
                 yield from run_check(check, partial(_prove_docks, scenario, options, apad))
 
 
-def _prove_stop(scenario: Scenario, options: RunOptions, name: str) -> Finding:
+def _prove_stop(scenario: Scenario, options: RunOptions, name: str, accept: Sequence[str]) -> Finding:
     """Flies the script by a process of its own, as any script is flown."""
     from apad_bridge.assembly.division import with_apad
     from apad_bridge.scenario.loader import write_resolved
@@ -207,7 +216,8 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str) -> Finding:
         command += ["--scenario", str(scenario_file), "--apad", "ros", "--no-fleet", "--out", f"{folder}/run"]
         command += [word for it in options.remappings for word in ("--remap", it)]
         # Passed over: what is red was told, and none of it is of those that never are.
-        command += [word for it in _OF_A_TRIAL for word in ("--despite", it)]
+        command += [word for it in _OF_A_TRIAL for word in ("--despite", it, "--accept", it)]
+        command += [word for it in accept for word in ("--accept", it)]
         try:
             flown = subprocess.run(command, capture_output=True, text=True, timeout=_PROOF_S, check=False)
         except subprocess.TimeoutExpired:
@@ -221,7 +231,22 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str) -> Finding:
     return check_stop(apad, None, said[-1] if said else "it came to rest")
 
 
-_OF_A_TRIAL = ("watchdog", "docks", "energy", "delay", "loss", "gps", "clock", "nodes", "disk", "memory")
+_OF_A_TRIAL = (
+    *(
+        "watchdog",
+        "docks",
+        "docks-held",
+        "energy",
+        "battery",
+        "reserve",
+        "clearance",
+        "delay",
+        "loss",
+        "gps",
+        "lag",
+    ),
+    *("clock", "nodes", "disk", "memory"),
+)
 
 
 def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Finding]:
@@ -255,6 +280,8 @@ def _show(report: Report, red: dict[str, list[Finding]], path: Path) -> None:
         console.print(f"[bold red]RED[/]: {', '.join(red)}{told}", highlight=False)
     else:
         console.print(f"[green]GREEN[/]{f', with {doubts} warnings' if doubts else ''}", highlight=False)
+    for key, person in report.accepted.items():
+        console.print(f"{key} cannot be told, and {person} accepts that", highlight=False, markup=False)
     console.print(f"kept in {path}", highlight=False)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import getpass
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from apad_bridge.commands.doctor import check_machine, check_ros
 from apad_bridge.doctor.finding import Finding, Status, run_check
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
-from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, at_sea, not_proven, red_keys
+from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, at_sea, key_among, not_proven, red_keys
 from apad_bridge.records.run_directory import RUNS
 from apad_bridge.ros.system.route import environment_for
 from apad_bridge.ros_names.names import in_full, plain
@@ -42,10 +43,8 @@ class Report:
     at: str
     """UTC, ISO 8601."""
     findings: tuple[Finding, ...]
-
-    @property
-    def is_red(self) -> bool:
-        return any(it.status is Status.FAIL for it in self.findings)
+    accepted: dict[str, str] = field(default_factory=dict)
+    """The checks that cannot tell, by key, and the person who accepts each."""
 
     def save(self, path: Path) -> None:
         write_atomically(path, json.dumps(asdict(self), indent=1) + "\n")
@@ -56,7 +55,7 @@ class Report:
         try:
             data = json.loads(path.read_text())
             findings = [Finding(**{**it, "status": Status(it["status"])}) for it in data["findings"]]
-            return cls(data["scenario"], data["master"], data["at"], tuple(findings))
+            return cls(data["scenario"], data["master"], data["at"], tuple(findings), dict(data["accepted"]))
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
@@ -89,20 +88,19 @@ def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions
     apads = names_in_full(scenario, namespace)
     with called_back_at(master_uri, namespace):
         agents = 0 if options.part is Part.MISSION else scenario.fleet.count
-        for finding in (*check_machine(agents), *check_ros(master_uri, scenario)):
+        mapping = dict(_remapping(it, namespace) for it in options.remappings)
+        for finding in (*check_machine(agents), *check_ros(master_uri, scenario, mapping)):
             if options.part is Part.MISSION and finding.check == "aMussel ids":
                 continue  # they are there already, as they should be
             apad = next((it for it in apads if finding.check.startswith(it)), "")
             yield at_sea(finding, apad)
         try:
-            found = Graph.read(master_uri)
+            found = Graph.read(master_uri).remapped(mapping)
         except Unreachable:
             return  # the doctor has said so
         yield from run_check("delay", lambda: check_way(found))
-        new_names = dict(_remapping(it, namespace) for it in options.remappings)
-        remapped = partial(_of_mapping, new_names)
         for apad, (one, its_starts) in zip(apads, flown, strict=True):
-            check = partial(check_vehicle, found, one, its_starts, namespace, remapped)
+            check = partial(check_vehicle, found, one, its_starts, namespace)
             yield from run_check(f"{apad} position", check)
 
 
@@ -135,18 +133,29 @@ def proofs(scenario: Scenario, master_uri: str, apads: Sequence[str]) -> list[Fi
     ]
 
 
+def accepted_by(given: Iterable[str], findings: Iterable[Finding], apads: Sequence[str]) -> dict[str, str]:
+    """Person by key, for each `given` CHECK or CHECK:PERSON that a finding needs; without a person the login's name."""
+    doubted = {key_among(it.check, apads) for it in findings if it.status is Status.CANNOT_TELL}
+    people = {key: person for key, _, person in (it.partition(":") for it in given)}
+    return {key: person or getpass.getuser() for key, person in people.items() if key in doubted}
+
+
 def refuse_red(report: Report, apads: Sequence[str], despite: Sequence[str]) -> list[str]:
     """The keys that are red and overridden. UserError for any other, with each finding's mend."""
     if never := sorted(NEVER_OVERRIDDEN.intersection(despite)):
         raise UserError(f"--despite {never[0]}: this is never overridden: mend it")
-    red = red_keys(report.findings, apads)
-    refused = [it for key, findings in red.items() if key not in despite for it in findings]
+    red = red_keys(report.findings, apads, report.accepted)
+    failed = red_keys((it for it in report.findings if it.status is Status.FAIL), apads)
+    refused = [
+        it for key, its in red.items() for it in its if key not in despite or it.status is Status.CANNOT_TELL
+    ]
     if refused:
-        keys = [key for key in red if key not in despite and key not in NEVER_OVERRIDDEN]
-        mend = f"; a person may decide otherwise by --despite {' --despite '.join(keys)}" if keys else ""
+        words = [f"--despite {key}" for key in failed if key not in despite and key not in NEVER_OVERRIDDEN]
+        words += [f"--accept {key}" for key in red if key not in failed or key in despite]
+        mend = f"; a person may decide otherwise by {' '.join(words)}" if words else ""
         lines = "\n".join(it.line() for it in refused)
         raise UserError(f"a real aPad does not start on red{mend}:\n{lines}")
-    return sorted(set(red).intersection(despite))
+    return sorted(set(failed).intersection(despite))
 
 
 def now() -> str:
@@ -158,10 +167,6 @@ def _age(at: str) -> timedelta:
         return datetime.now(UTC) - datetime.fromisoformat(at)
     except (ValueError, TypeError):
         return timedelta.max
-
-
-def _of_mapping(names: Mapping[str, str], name: str) -> str:
-    return names.get(name, name)
 
 
 def _remapping(remapping: str, namespace: str) -> tuple[str, str]:

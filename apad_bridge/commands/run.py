@@ -148,8 +148,21 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         help="start a real aPad although this check of its preflight is red; never fence, position, pilot or stop; "
         "repeatable",
     )
+    add_accept(parser)
     parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
+    )
+
+
+def add_accept(parser: argparse.ArgumentParser) -> None:
+    """The option by which an operator accepts a preflight's check that cannot tell."""
+    parser.add_argument(
+        "--accept",
+        metavar="CHECK[:PERSON]",
+        action="append",
+        default=[],
+        help="a check of the preflight that says CANNOT TELL, and who accepts that (default: the login's name); it is "
+        "kept in the preflight's record; repeatable",
     )
 
 
@@ -182,6 +195,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         namespace="" if time is TimeSource.ASAP else namespace_of_shell(),
         remappings=tuple(arguments.remap),
         despite=tuple(arguments.despite),
+        accept=tuple(arguments.accept),
         open_modems=tuple(sorted(set(arguments.open_modem))),
         modem="" if arguments.modem is None else str(arguments.modem.absolute()),
         part=arguments.part,

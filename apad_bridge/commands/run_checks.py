@@ -46,6 +46,7 @@ def _preflight(options: RunOptions, scenario: Scenario, starts: Sequence[Start])
     """Looks at everything that needs no order, and refuses to start on red."""
     from apad_bridge.commands.preflight_checks import (
         Report,
+        accepted_by,
         findings_of,
         names_in_full,
         now,
@@ -56,9 +57,12 @@ def _preflight(options: RunOptions, scenario: Scenario, starts: Sequence[Start])
     print("musselbed: checks before the real aPad moves ...", file=sys.stderr, flush=True)
     apads = names_in_full(scenario, options.namespace)
     findings = (*findings_of(scenario, starts, options), *proofs(scenario, options.master_uri, apads))
-    report = Report(scenario.name, options.master_uri, now(), findings)
+    accepted = accepted_by(options.accept, findings, apads)
+    report = Report(scenario.name, options.master_uri, now(), findings, accepted)
     for key in refuse_red(report, apads, options.despite):
         print(f"musselbed: warning: {key} is red, and a person decided to start despite it", file=sys.stderr)
+    for key, person in accepted.items():
+        print(f"musselbed: warning: {key} cannot be told, and {person} accepts that", file=sys.stderr)
     for finding in findings:
         if finding.status is not Status.OK:
             print(f"musselbed: {finding.line()}", file=sys.stderr)

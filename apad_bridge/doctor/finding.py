@@ -11,6 +11,8 @@ class Status(StrEnum):
     OK = "OK"
     WARN = "WARN"
     FAIL = "FAIL"
+    CANNOT_TELL = "CANNOT TELL"
+    """Nothing told what the check needs. It is no OK: for a mission it is red, like FAIL."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,10 @@ def warn(check: str, found: str, mend: str) -> Finding:
 
 def fail(check: str, found: str, mend: str) -> Finding:
     return Finding(check, Status.FAIL, found, mend)
+
+
+def cannot_tell(check: str, found: str, mend: str) -> Finding:
+    return Finding(check, Status.CANNOT_TELL, found, mend)
 
 
 def run_check(check: str, examine: Callable[[], Iterable[Finding]]) -> list[Finding]:

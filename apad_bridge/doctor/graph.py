@@ -6,10 +6,10 @@ import os
 import re
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 from xmlrpc.server import SimpleXMLRPCServer
 
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
@@ -31,17 +31,42 @@ _AGAIN_S = 0.1
 """The pause before a master is asked again."""
 _MAX_LISTED = 8
 Names = dict[str, list[str]]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """The publishers, subscribers and services on the master at `uri`, with nodes by name of topic or service."""
+    """The publishers, subscribers and services on the master at `uri`, with nodes by name of topic or service.
+
+    After `remapped` the names are those that a run uses, and `name_there` gives the name on the master.
+    """
 
     uri: str
     publishers: Names
     subscribers: Names
     services: Names
     types: dict[str, str]
+    mapping: Mapping[str, str] = field(default_factory=dict)
+
+    def remapped(self, mapping: Mapping[str, str]) -> Graph:
+        """The graph as a node with this remapping (from name, to name, in full) sees it."""
+
+        def seen(names: dict[str, T]) -> dict[str, T]:
+            kept = {name: nodes for name, nodes in names.items() if name not in mapping}
+            return kept | {name: names[there] for name, there in mapping.items() if there in names}
+
+        return replace(
+            self,
+            publishers=seen(self.publishers),
+            subscribers=seen(self.subscribers),
+            services=seen(self.services),
+            types=seen(self.types),
+            mapping=dict(mapping),
+        )
+
+    def name_there(self, name: str) -> str:
+        """The name on the master of a topic or service that a run calls `name`."""
+        return self.mapping.get(name, name)
 
     @classmethod
     def read(cls, uri: str) -> Graph:

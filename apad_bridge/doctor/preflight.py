@@ -1,40 +1,41 @@
 """Checks before a real aPad moves: pure functions of what was measured, each with a finding for people.
 
-`key_of` names a finding for `musselbed run --despite KEY`; those in `NEVER_OVERRIDDEN` stop a run whatever is said.
+`key_of` names a finding for `musselbed run --despite KEY` and `--accept KEY`. A FAIL of a check in `NEVER_OVERRIDDEN`
+stops a run whatever is said.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.doctor.finding import Finding, Status, fail, ok, warn
+from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok, warn
+from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.clearance import stopping_room
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.fence import Fence
     from apad_bridge.scenario.guard_options import GuardOptions
 
 NEVER_OVERRIDDEN = frozenset({"fence", "position", "pilot", "stop"})
-_RED_AT_SEA = frozenset({"origin", "docks"})
+_RED_AT_SEA = frozenset({"docks"})
 """Checks of the doctor whose warning is red for a mission."""
 
 SLOW_S, TOO_SLOW_S = 0.2, 1.0
 """A worse way there and back causes a warning; a far worse one is red, for a stop would be as late."""
-MISSING_SHARE = 0.1
-LEAST_HZ = 2.0
-SCATTER_M = 1.0
-"""Places of an aPad at rest that lie farther apart than this (standard deviation) are no place to dock by."""
-VARIANCE_M2 = 4.0
+MOST_JUMP_M = 20.0
+LEAST_RESERVE = 0.1
+MOST_CHARGE = 1.05
+"""Gauges in the field overshoot a little."""
+WATCHDOG_STATES = frozenset({"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME"})
+"""The states of `launch_scripts/vehicle_watchdog`."""
 REACTION_S = 3.0
 """A bad position has to end in a safe state within so long. The monitor looks once a second."""
 _LOOK_S = 1.0
-REST_M_S = 0.15
-"""Slower than this an aPad is at rest; a good GPS scatters by some centimetres a second."""
+_TOO_LATE_S = 10.0
 
 
 def key_of(check: str, apad: str = "") -> str:
@@ -50,27 +51,22 @@ def at_sea(finding: Finding, apad: str) -> Finding:
     return finding
 
 
-def red_keys(findings: Iterable[Finding], apads: Sequence[str]) -> dict[str, list[Finding]]:
-    """The findings that are red, by key."""
+def red_keys(
+    findings: Iterable[Finding], apads: Sequence[str], accepted: Container[str] = ()
+) -> dict[str, list[Finding]]:
+    """The findings that are red, by key: each FAIL, and each CANNOT TELL whose key no person `accepted`."""
     red: dict[str, list[Finding]] = {}
     for it in findings:
-        if it.status is Status.FAIL:
-            apad = next((name for name in apads if it.check == name or it.check.startswith(f"{name} ")), "")
-            red.setdefault(key_of(it.check, apad), []).append(it)
+        key = key_among(it.check, apads)
+        if it.status is Status.FAIL or (it.status is Status.CANNOT_TELL and key not in accepted):
+            red.setdefault(key, []).append(it)
     return red
 
 
-@dataclass(frozen=True, slots=True)
-class PositionSample:
-    """A position of the aPad as it arrived: at `at_s` of this machine's monotonic clock, with its header's number."""
-
-    at_s: float
-    sequence: int
-    north_m: float
-    east_m: float
-    status: int = 0
-    north_variance_m2: float = 0.0
-    east_variance_m2: float = 0.0
+def key_among(check: str, apads: Sequence[str]) -> str:
+    """The key of a check of any of these aPads, or of none."""
+    apad = next((name for name in apads if check == name or check.startswith(f"{name} ")), "")
+    return key_of(check, apad)
 
 
 def check_delay(round_trips_s: Sequence[float], uri: str) -> Finding:
@@ -81,93 +77,6 @@ def check_delay(round_trips_s: Sequence[float], uri: str) -> Finding:
     if worst_s > TOO_SLOW_S:
         return fail("delay", found, mend)
     return warn("delay", found, mend) if worst_s > SLOW_S else ok("delay", found)
-
-
-def check_loss(apad: str, samples: Sequence[PositionSample], seconds: float) -> Finding:
-    """Checks the position's messages for losses and long pauses."""
-    check = f"{apad} loss"
-    if len(samples) < 2:
-        return fail(check, f"{len(samples)} positions in {seconds:g} s", "see the line of the position")
-    numbers = [it.sequence for it in samples]
-    pause_s = max(b.at_s - a.at_s for a, b in itertools.pairwise(samples))
-    counts = numbers[-1] > numbers[0]
-    missing = max(0, numbers[-1] - numbers[0] + 1 - len(numbers)) if counts else 0
-    told = f"{missing} of {missing + len(samples)} positions missing" if counts else "they are not numbered"
-    found = f"{len(samples)} positions in {seconds:g} s, {told}, the longest pause {pause_s:.2f} s"
-    mend = "come nearer with the antenna, or take another channel; a wired tether for the first trials"
-    if pause_s > TOO_SLOW_S or missing > MISSING_SHARE * (missing + len(samples)):
-        return fail(check, found, mend)
-    return warn(check, found, mend) if missing or pause_s > 0.5 else ok(check, found)
-
-
-def check_position(
-    apad: str, samples: Sequence[PositionSample], seconds: float, jump_m: float, speed_m_s: float
-) -> Finding:
-    """The aPad's position comes often enough, is finite and does not jump. `speed_m_s` is the fastest that it goes."""
-    check = f"{apad} position"
-    if not samples:
-        return fail(
-            check, f"none within {seconds:g} s", "start what publishes it: GPS, filter, the vehicle's node"
-        )
-    bad = [it for it in samples if out_of_range(north_m=it.north_m, east_m=it.east_m) is not None]
-    if bad:
-        return fail(
-            check,
-            f"{len(bad)} of {len(samples)} are not finite or beyond every water",
-            "start the vehicle's filter again, and see its origin",
-        )
-    if len(samples) < LEAST_HZ * seconds:
-        return fail(
-            check,
-            f"{len(samples)} in {seconds:g} s: {LEAST_HZ:g} a second are needed",
-            "raise the rate of what publishes it, or mend the network first",
-        )
-    for before, after in itertools.pairwise(samples):
-        way_m = _way_m(before, after)
-        if way_m > jump_m + speed_m_s * (after.at_s - before.at_s):
-            return fail(
-                check, f"it jumped by {way_m:.1f} m", "wait for a steady GPS, and see the vehicle's filter"
-            )
-    last = samples[-1]
-    return ok(
-        check,
-        f"({last.north_m:.1f} m north, {last.east_m:.1f} m east), {len(samples) / seconds:.1f} a second",
-    )
-
-
-def check_gps(apad: str, samples: Sequence[PositionSample]) -> Finding:
-    """The quality that NavSts tells (status, variances), and how the places of an aPad at rest scatter."""
-    check = f"{apad} GPS"
-    sound = [it for it in samples if out_of_range(north_m=it.north_m, east_m=it.east_m) is None]
-    if len(sound) < 2:
-        return fail(check, "there are not two positions to judge it by", "see the line of the position")
-    last = sound[-1]
-    scatter_m = math.hypot(
-        statistics.pstdev(it.north_m for it in sound), statistics.pstdev(it.east_m for it in sound)
-    )
-    variances = (last.north_variance_m2, last.east_variance_m2)
-    found = f"it scatters by {scatter_m:.2f} m"
-    mend = "wait for more satellites, keep the antenna clear, or let it lie still and try again"
-    if scatter_m > SCATTER_M:
-        return fail(check, found, mend)
-    if not last.status and not any(variances):
-        return warn(
-            check,
-            f"{found}; the aPad tells neither status nor variance",
-            "see its GPS receiver by hand: fix, satellites, HDOP",
-        )
-    found += f", variances {variances[0]:.2f} and {variances[1]:.2f} m2, status {last.status}"
-    if (
-        not last.status & POSITION_OK
-        or max(variances) > VARIANCE_M2
-        or not all(map(math.isfinite, variances))
-    ):
-        return fail(check, found, mend)
-    return ok(check, found)
-
-
-POSITION_OK = 3
-"""auv_msgs/NavSts: the constants STATUS_LOCAL_FRAME_OK and STATUS_GLOBAL_FRAME_OK."""
 
 
 def check_fence(
@@ -214,27 +123,121 @@ def check_fence(
 
 def check_reaction(guards: GuardOptions, apad: str) -> Finding:
     """The scenario's limits bring the aPad to a safe state within `REACTION_S` of a bad position."""
+    check = f"{apad} reaction"
+    if guards.jump_m > MOST_JUMP_M:
+        return fail(
+            check,
+            f"guards.jump_m is {guards.jump_m:g} m: a position that jumps by less is believed",
+            f"{MOST_JUMP_M:g} m at most: twice what a GPS without correction errs",
+        )
     limits = {"position_age_s": guards.position_age_s, "frozen_s": guards.frozen_s}
     late = {name: it for name, it in limits.items() if it + _LOOK_S > REACTION_S}
     if late:
         told = ", ".join(f"guards.{name} is {it:g} s" for name, it in late.items())
         mend = f"{REACTION_S - _LOOK_S:g} s each, where the GPS gives a fix more often than that"
-        return warn(
-            f"{apad} reaction", f"{told}: a bad position is noticed later than after {REACTION_S:g} s", mend
+        found = f"{told}: a bad position is noticed later than after {REACTION_S:g} s"
+        return (fail if max(late.values()) > _TOO_LATE_S else warn)(check, found, mend)
+    return ok(check, f"a bad position is noticed within {max(limits.values()) + _LOOK_S:g} s")
+
+
+def check_reserve(guards: GuardOptions, apad: str) -> Finding:
+    """The charge that must remain at the end of the way home."""
+    check, reserve = f"{apad} reserve", guards.battery_reserve or 0.0
+    found = f"guards.battery_reserve is {reserve:g}"
+    if reserve < LEAST_RESERVE:
+        mend = f"{LEAST_RESERVE:g} or more: a current against the way home, and a gauge that errs, take it"
+        return fail(check, found, mend)
+    return ok(check, found)
+
+
+def check_clearance(guards: GuardOptions, apad: str, speed_m_s: float, what: str) -> Finding:
+    """The fence's clearance holds the room of a stop (`scenario/clearance.py`) at this speed, which `what` names."""
+    check, room = f"{apad} clearance", stopping_room(guards)
+    if isinstance(room, list):
+        return cannot_tell(
+            check,
+            f"{', '.join(room)} not given: the room of a stop is not known",
+            "measure them (docs/apads.md#clearance), or take those of launch_scripts/scenarios/real-apad.yaml",
         )
-    return ok(f"{apad} reaction", f"a bad position is noticed within {max(limits.values()) + _LOOK_S:g} s")
+    needed_m, fastest_m_s = room.clearance_m(speed_m_s), room.fastest_m_s(guards.clearance_m)
+    fits = f"at most {fastest_m_s:.2f} m/s fit" if fastest_m_s else "no speed fits"
+    found = (
+        f"a stop at {speed_m_s:g} m/s ({what}) needs {needed_m:.1f} m; guards.clearance_m is "
+        f"{guards.clearance_m:g} m: {fits}"
+    )
+    if needed_m <= guards.clearance_m:
+        return ok(check, found)
+    slower = f", or lower {what} to {math.floor(100 * fastest_m_s) / 100:g}" if fastest_m_s else ""
+    return fail(check, found, f"raise guards.clearance_m to {math.ceil(10 * needed_m) / 10:g}{slower}")
 
 
-def check_pilot(apad: str, *, hears_pilot: bool, steers: bool | None) -> Finding:
-    """Nobody steers the aPad. `hears_pilot`: its generation tells by `manual`; `steers`: the word there, None for none."""
+def check_generation(apad: str, wanted: Generation, found: Sequence[Generation]) -> Finding:
+    """The vehicle speaks the scenario's generation, and only one where the scenario names none."""
+    check, names = f"{apad} generation", " and ".join(it.value for it in found)
+    if not found:
+        return fail(
+            check,
+            "no aPad of either generation answers: no node takes orders",
+            "start the vehicle's action server (generation A) or its commander (B), and see the aPad's name",
+        )
+    if wanted is Generation.AUTO and len(found) > 1:
+        return fail(check, f"both are there: {names}", "apad.generation in the scenario says which to fly")
+    if wanted is not Generation.AUTO and wanted not in found:
+        return fail(
+            check,
+            f"it is {names}, and the scenario's is {wanted.value}",
+            f"apad.generation: {found[0].value}, or start the other software on the vehicle",
+        )
+    return ok(check, names if wanted is Generation.AUTO else wanted.value)
+
+
+QUAY_CHECK = "on the quay: does the joystick still work after OFF?"
+
+
+def check_off(apad: str, missing: Sequence[str], offered: Sequence[str], *, hardware_cut: bool) -> Finding:
+    """A stop that needs no position: `offered` and `missing` are the services by which the vehicle cuts its thrust."""
+    check = f"{apad} off"
+    if not missing:
+        return ok(check, f"it offers {', '.join(offered)}: no thrust by order. {QUAY_CHECK}")
+    found = f"{', '.join(missing)} not offered: no order cuts the thrust"
+    if hardware_cut:
+        return warn(
+            check,
+            f"{found}; the scenario declares a remote hardware cut",
+            "on the quay: see the cut work from as far as the aPad will be",
+        )
+    return fail(
+        check,
+        found,
+        "start the node that offers them; or give the vehicle a remote hardware cut and declare it by "
+        "guards.hardware_cut: true",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """A topic of the vehicle: whether a node publishes it, and its newest value, None where it is silent."""
+
+    is_published: bool
+    value: Any = None
+
+
+def check_pilot(apad: str, *, hears_pilot: bool, manual: Heard) -> Finding:
+    """Nobody steers the aPad. `hears_pilot`: its generation tells by the topic `manual`."""
     check = f"{apad} pilot"
-    if steers:
+    if manual.value:
         return fail(
             check, "a pilot steers (manual is true)", "let the pilot put the joystick down, then try again"
         )
+    if manual.is_published and manual.value is None:
+        return cannot_tell(
+            check,
+            "the node that publishes manual is silent: a pilot may steer",
+            "start the joystick's node again, or have it publish at once (latched)",
+        )
     if not hears_pilot:
         return ok(check, "this generation does not tell of one: agree by voice who has the aPad")
-    if steers is None:
+    if not manual.is_published:
         return warn(
             check,
             "no node publishes manual: the bench cannot notice a pilot who takes the aPad over",
@@ -243,12 +246,16 @@ def check_pilot(apad: str, *, hears_pilot: bool, steers: bool | None) -> Finding
     return ok(check, "nobody steers (manual is false)")
 
 
-def check_watchdog(apad: str, *, drifts: bool, word: str | None) -> Finding:
-    """`word` is what the vehicle's watchdog said last, None for none. `drifts`: controllers go off between primitives."""
+def check_watchdog(apad: str, *, drifts: bool, state: Heard) -> Finding:
+    """`state` is what the vehicle's watchdog says. `drifts`: controllers go off between primitives."""
     check = f"{apad} watchdog"
     mend = "start launch_scripts/vehicle_watchdog on the vehicle's own computer: docs/apads.md"
-    if word is not None:
-        return ok(check, f"it runs, and says {word}")
+    if state.value is not None and state.value in WATCHDOG_STATES:
+        return ok(check, f"it runs, and says {state.value}")
+    if state.value is not None:
+        return fail(check, f"{state.value!r} is none of its states: another node publishes its topic", mend)
+    if state.is_published:
+        return fail(check, "its topic has a publisher, and is silent", mend)
     if drifts:
         return fail(check, "none: on a lost link this aPad drifts as soon as a primitive ends", mend)
     return warn(check, "none: on a lost link this aPad continues to its last goal", mend)
@@ -270,7 +277,11 @@ def check_energy(apad: str, charge: float | None, need: EnergyNeed) -> Finding:
     """The charge against the least and the most that the mission can take."""
     check = f"{apad} energy"
     if charge is None:
-        return fail(check, "its charge is not known", "see the line of the battery")
+        return cannot_tell(check, "its charge is not known", "see the line of the battery")
+    if not 0 <= charge <= MOST_CHARGE:
+        return fail(
+            check, f"{100 * charge:.0f} % is no charge of a battery", "see the gauge, and what publishes it"
+        )
     least = need.at_rest + need.way_home + need.reserve
     most = need.under_way + need.way_home + need.reserve
     found = (
@@ -310,7 +321,3 @@ def not_proven(apad: str, what: str, option: str) -> Finding:
         "not proven since this scenario's last preflight on this master",
         f"musselbed preflight ... {option}",
     )
-
-
-def _way_m(before: PositionSample, after: PositionSample) -> float:
-    return math.dist((before.north_m, before.east_m), (after.north_m, after.east_m))

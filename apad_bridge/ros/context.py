@@ -159,7 +159,7 @@ def _refuse_other_origin(scenario: Scenario, options: RunOptions) -> None:
     """Places would mean other places to a vehicle whose local (0, 0) lies elsewhere."""
     name = in_full(options.namespace, scenario.apad.name)
     finding = check_origin(options.master_uri, name, scenario.area.origin)
-    if finding.status is not Status.OK:
+    if finding.status is Status.FAIL:
         raise VehicleNotReady(f"{finding.found}: {finding.mend}")
 
 

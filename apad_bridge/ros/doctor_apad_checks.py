@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
-import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 from genpy import DeserializationError
 
 from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.doctor.definitions import Md5s, python_md5s
-from apad_bridge.doctor.finding import Finding, fail, ok, warn
+from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok, warn
 from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.origin_check import check_origin
+from apad_bridge.doctor.positions import told_places
+from apad_bridge.doctor.preflight import MOST_CHARGE
 from apad_bridge.ros.types.messages import generated_folder, use_generated_messages
 from apad_bridge.ros.types.wire_probe import (
     NotAnnounced,
@@ -22,15 +25,21 @@ from apad_bridge.ros.types.wire_probe import (
     topic_md5,
 )
 from apad_bridge.ros.types.workspace_services import service_by_text
-from apad_bridge.ros_names.names import AMUSSEL
+from apad_bridge.ros.vehicle_probe import battery_percent, positions
+from apad_bridge.ros_names.names import AMUSSEL, in_full
 from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.local_frame import OriginLike
 from apad_bridge.scenario.schema import LIMITS, Scenario
 from apad_bridge.vehicle.generation_a.messages import RELEASE
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS
 from apad_bridge.vehicle.stack import Stack
 
 _PART_OF_A = re.compile(r"(.*)/action_server/(goal|feedback|result)")
-_FLOAT64 = struct.Struct("<d")
+_AT_ONCE = 16
+_HELD_S, _HELD_HZ = 1.0, 5.0
+"""The published server tells of a held aMussel at 20 Hz, and of one that was released once."""
+_RELEASED = 1
+_PLACE_S = 1.0
 _LATE_S = 0.5
 """A larger offset of clocks causes a warning: it is far above a network's delay."""
 
@@ -77,7 +86,7 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
         answer = call_without_words(graph, service, GetDockingInfo._md5sum)
         told = GetDockingInfoResponse().deserialize(answer)
     except (NotAnnounced, DeserializationError) as error:
-        yield warn(
+        yield cannot_tell(
             f"{name} docks",
             f"did not report what they hold: {error}",
             "start the node that offers its services",
@@ -100,15 +109,48 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
         )
     if others:
         found.append(f"{', '.join(others)}, which a run does not see: trips to fill these docks are wasted")
-    releases = "; ".join(
-        f"rostopic pub -1 {name}/action_server/goal apad/aPadActionGoal '{{goal: {{id: {RELEASE}, object: {it}}}}}'"
-        for it in held
-    )
-    mend = f"release by name: {releases}"
+    mend = f"release by name: {_releases(name, held)}"
     free = 0 if scenario is None else scenario.apad.docks - len(held)
     if free > 0:
         mend += f"; or leave these docks out: apad.docks: {free} in the scenario"
     yield warn(f"{name} docks", f"hold {'; '.join(found)}", mend)
+
+
+def check_held(graph: Graph, name: str, namespace: str = "") -> Finding:
+    """Finds aMussels in generation A's docks by `position_static`, a witness that its availability service ignores."""
+    check, held = f"{name} docks held", re.compile(in_full(namespace, rf"({AMUSSEL}\d+)/position_static"))
+    topics = [it for it, nodes in graph.publishers.items() if nodes and held.fullmatch(it)]
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        heard = zip(topics, pool.map(lambda it: positions(graph, it, _HELD_S), topics), strict=True)
+        rates = {
+            topic: len(samples) / _HELD_S
+            for topic, samples in heard
+            if len(samples) >= _HELD_HZ * _HELD_S and samples[-1].status != _RELEASED
+        }
+    if not rates:
+        return ok(check, "no position_static comes: nothing is held")
+    told = ", ".join(f"{topic} comes at {rate:.1f} Hz" for topic, rate in sorted(rates.items()))
+    return fail(
+        check,
+        f"{told}: the docks hold them, whatever check_docking_availability says",
+        "release them by name, and wait until it is silent: " + _releases(name, map(_named, sorted(rates))),
+    )
+
+
+def _named(topic: str) -> str:
+    return topic.split("/")[-2]
+
+
+def _releases(name: str, held: Iterable[str]) -> str:
+    return "; ".join(
+        f"rostopic pub -1 {name}/action_server/goal apad/aPadActionGoal '{{goal: {{id: {RELEASE}, object: {it}}}}}'"
+        for it in held
+    )
+
+
+def check_place(graph: Graph, name: str, ours: OriginLike) -> Iterator[Finding]:
+    """The vehicle's local (0, 0) is the scenario's, by its parameters and by its positions."""
+    yield check_origin(graph.uri, name, ours, told_places(positions(graph, f"{name}/position", _PLACE_S)))
 
 
 def _with_parts_of_a(graph: Graph) -> set[str]:
@@ -150,16 +192,15 @@ def _check_action_server(graph: Graph, name: str) -> Finding:
 def _check_battery(graph: Graph, name: str) -> Finding:
     check, topic = f"{name} battery", f"{name}/battery_level"
     try:
-        (message,) = next_messages(graph, topic)
+        percent = battery_percent(graph, name)
     except NotAnnounced as error:
-        return warn(
+        return cannot_tell(
             check,
             f"unknown: {topic}: {error}",
             "start the node that publishes it; the published server speaks after start_sim alone",
         )
-    if len(message) != _FLOAT64.size:
-        return warn(check, f"{topic} is no std_msgs/Float64", "see what publishes it: rostopic info")
-    (percent,) = _FLOAT64.unpack(message)
+    if percent > 100 * MOST_CHARGE:
+        return fail(check, f"{topic} says {percent:g} %", "see the gauge, and what publishes it")
     if not percent > 0:
         return warn(
             check,
@@ -223,7 +264,7 @@ def _check_md5s(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Finding:
         )
         return fail(name, "; ".join(differing), mend)
     if silent:
-        return warn(
+        return cannot_tell(
             name,
             f"did not tell the md5 of {'; '.join(silent)}",
             "start its nodes; see the lines of its nodes above",
@@ -259,9 +300,9 @@ def _check_beside(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Iterator
 def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
     """The offset of the aPad's clock from this machine's, by the stamp of its next position."""
     try:
-        offset_s = stamp_offset_s(graph, topic)
+        (offset_s,) = stamp_offset_s(graph, topic)
     except NotAnnounced as error:
-        return warn(
+        return cannot_tell(
             f"{name} clock",
             f"unknown: {topic}: {error}",
             "start the node that publishes it, then run this again",

@@ -6,46 +6,50 @@ Nothing is ordered here, and no node of ours is on the graph: the aPad's publish
 from __future__ import annotations
 
 import math
-import struct
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
-from typing import Any
 
 from apad_bridge.assembly.safety import battery_fraction_per_m
 from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.doctor.finding import Finding, fail, ok
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable, call_for_reply, connect
-from apad_bridge.doctor.preflight import (
-    EnergyNeed,
+from apad_bridge.doctor.positions import (
     PositionSample,
+    check_gps,
+    check_lag,
+    check_loss,
+    check_position,
+)
+from apad_bridge.doctor.preflight import (
+    MOST_JUMP_M,
+    EnergyNeed,
+    check_clearance,
     check_delay,
     check_energy,
     check_fence,
-    check_gps,
-    check_loss,
+    check_generation,
+    check_off,
     check_pilot,
-    check_position,
     check_reaction,
+    check_reserve,
     check_watchdog,
 )
-from apad_bridge.ros.doctor_apad_checks import named_like
-from apad_bridge.ros.types.any_message import AnyMessages
-from apad_bridge.ros.types.wire_probe import NotAnnounced, messages_within, next_messages
+from apad_bridge.ros.doctor_apad_checks import check_held, named_like
+from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5
+from apad_bridge.ros.vehicle_probe import charge, clock_offset_s, heard_bool, heard_text, positions
 from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, of_apad
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.vehicle.stack import Stack
 
 WATCHED_S = 3.0
 ROUND_TRIPS = 20
 _S_PER_HOUR = 3600
-_FLOAT64, _LENGTH = struct.Struct("<d"), struct.Struct("<I")
-Resolve = Callable[[str], str]
-"""The name of a topic of the aPad after the run's remappings."""
 
 
 def check_way(graph: Graph) -> Iterator[Finding]:
@@ -69,36 +73,67 @@ def check_parameters(graph: Graph, apad: str) -> Finding:
 
 
 def check_vehicle(
-    graph: Graph,
-    scenario: Scenario,
-    starts: Sequence[Start],
-    namespace: str = "",
-    remapped: Resolve = lambda name: name,
+    graph: Graph, scenario: Scenario, starts: Sequence[Start], namespace: str = ""
 ) -> Iterator[Finding]:
-    """Watches the scenario's aPad for `WATCHED_S`, and judges it by the scenario."""
+    """Watches the scenario's aPad for `WATCHED_S`, and judges it by the scenario. `graph` is seen by the run's names."""
     apad = in_full(namespace, scenario.apad.name)
     guards = scenario.guards or GuardOptions()
-
-    def topic(leaf: str) -> str:
-        return remapped(of_apad(apad, leaf))
-
-    samples = _positions(graph, topic("position"))
-    yield check_position(apad, samples, WATCHED_S, guards.jump_m, 2 * scenario.apad.max_speed_m_s)
-    yield check_gps(apad, samples)
+    topic = of_apad(apad, "position")
+    stacks = [it for it in STACKS if apad in named_like(graph, it)]
+    generations = [it.generation for it in stacks]
+    yield check_generation(apad, scenario.apad.generation, generations)
+    for stack in stacks:
+        yield _check_off(graph, apad, stack, hardware_cut=guards.hardware_cut)
+        if stack.capabilities(1).reports_contact:
+            yield check_held(graph, apad, namespace)
+    samples = positions(graph, topic, WATCHED_S)
+    yield check_position(
+        apad,
+        samples,
+        WATCHED_S,
+        min(guards.jump_m, MOST_JUMP_M),
+        2 * scenario.apad.max_speed_m_s,
+        graph.publishers.get(topic, []),
+    )
+    yield check_gps(apad, samples, guards.position_error_m)
     yield check_loss(apad, samples, WATCHED_S)
+    yield check_lag(apad, samples, clock_offset_s(graph, apad))
     place_m = _last_place(samples)
     places = [(it.north_m, it.east_m) for it in starts]
     yield from check_fence(apad, place_m, fence_of(scenario.area), guards.clearance_m, places)
+    yield _check_room(apad, scenario, guards, stacks)
     yield check_reaction(guards, apad)
-    generations = [it.generation for it in STACKS if apad in named_like(graph, it)]
+    yield check_reserve(guards, apad)
     is_b = Generation.B in generations
-    yield check_pilot(apad, hears_pilot=is_b, steers=_word(graph, topic("manual"), _bool))
-    yield check_watchdog(apad, drifts=is_b, word=_word(graph, topic("watchdog"), _text))
-    charge = _word(graph, topic("battery_level"), _percent)
-    yield check_energy(apad, charge, energy_need(scenario, place_m))
+    yield check_pilot(apad, hears_pilot=is_b, manual=heard_bool(graph, of_apad(apad, "manual")))
+    yield check_watchdog(apad, drifts=is_b, state=heard_text(graph, of_apad(apad, "watchdog")))
+    yield check_energy(apad, charge(graph, apad), energy_need(scenario, place_m))
     yield check_parameters(graph, apad)
     told = ", ".join(f"{it} {version(it)}" for it in ("musselbed", "rospy"))
     yield ok(f"{apad} software", f"generation {', '.join(generations) or 'unknown'}; here {told}")
+
+
+def _check_off(graph: Graph, apad: str, stack: Stack, *, hardware_cut: bool) -> Finding:
+    missing = []
+    for leaf in stack.off_services:
+        try:
+            service_md5(graph, f"{apad}/{leaf}")
+        except NotAnnounced:
+            missing.append(leaf)
+    return check_off(apad, missing, stack.off_services, hardware_cut=hardware_cut)
+
+
+def _check_room(apad: str, scenario: Scenario, guards: GuardOptions, stacks: Sequence[Stack]) -> Finding:
+    """A vehicle that does not obey a go-to's speed goes as fast as its guard lets it."""
+    if all(it.capabilities(1).obeys_speed for it in stacks):
+        return check_clearance(guards, apad, scenario.mission.speed_m_s, "mission.speed_m_s")
+    if guards.speed_limit_m_s is None:
+        return fail(
+            f"{apad} clearance",
+            "this generation goes at a speed of its own, and no guard bounds it",
+            "set guards.speed_limit_m_s, with the clearance that it needs",
+        )
+    return check_clearance(guards, apad, guards.speed_limit_m_s, "guards.speed_limit_m_s")
 
 
 def energy_need(scenario: Scenario, place_m: tuple[float, float] | None) -> EnergyNeed:
@@ -121,58 +156,6 @@ def _round_trip_s(uri: str) -> float:
     return time.monotonic() - begun_s
 
 
-def _positions(graph: Graph, topic: str) -> list[PositionSample]:
-    """Messages of `WATCHED_S`, read by the publisher's own definition. An unreadable message is no position."""
-    try:
-        spoken, messages = messages_within(graph, topic, WATCHED_S)
-        kind = AnyMessages().class_of(spoken.kind, spoken.md5, spoken.text)
-    except (NotAnnounced, ValueError):
-        return []
-    samples = []
-    for at_s, data in messages:
-        try:
-            samples.append(_sample(at_s, kind().deserialize(data)))
-        except Exception:  # genpy raises whatever its generated code raises
-            continue
-    return samples
-
-
-def _sample(at_s: float, message: Any) -> PositionSample:
-    variance = getattr(message, "position_variance", None)
-    return PositionSample(
-        at_s,
-        message.header.seq,
-        message.position.north,
-        message.position.east,
-        getattr(message, "status", 0),
-        0.0 if variance is None else variance.north,
-        0.0 if variance is None else variance.east,
-    )
-
-
 def _last_place(samples: Sequence[PositionSample]) -> tuple[float, float] | None:
     finite = [it for it in samples if math.isfinite(it.north_m) and math.isfinite(it.east_m)]
     return (finite[-1].north_m, finite[-1].east_m) if finite else None
-
-
-def _word(graph: Graph, topic: str, read: Callable[[bytes], Any]) -> Any:
-    """The next message of a topic; None where none comes, or none that can be read."""
-    try:
-        (data,) = next_messages(graph, topic)
-        return read(data)
-    except (NotAnnounced, struct.error, UnicodeDecodeError):
-        return None
-
-
-def _bool(data: bytes) -> bool:
-    return data[:1] == b"\x01"
-
-
-def _text(data: bytes) -> str:
-    (length,) = _LENGTH.unpack_from(data)
-    return data[_LENGTH.size : _LENGTH.size + length].decode()
-
-
-def _percent(data: bytes) -> float | None:
-    (percent,) = _FLOAT64.unpack(data)
-    return percent / 100 if math.isfinite(percent) else None

@@ -71,6 +71,8 @@ class RunOptions:
     """The aPad is one of several that take over from each other."""
     despite: tuple[str, ...] = ()
     """The checks of a preflight that a person overrides."""
+    accept: tuple[str, ...] = ()
+    """CHECK or CHECK:PERSON: the checks of a preflight that cannot tell, and who accepts that."""
     apads: tuple[str, ...] = ()
     """The names of all aPads that the run flies."""
     sea: str = ""
@@ -116,6 +118,7 @@ class RunOptions:
                     "open_modems": tuple(data["open_modems"]),
                     "remappings": tuple(data["remappings"]),
                     "despite": tuple(data["despite"]),
+                    "accept": tuple(data["accept"]),
                     "apads": tuple(data["apads"]),
                 }
             )

@@ -30,6 +30,8 @@ class Stack:
     topic_types: Mapping[str, str] = field(default_factory=dict)
     """The types of the topics that we subscribe to; their md5s are checked."""
     service_types: Mapping[str, str] = field(default_factory=dict)
+    off_services: tuple[str, ...] = ()
+    """The services that together cut its thrust, whatever its position."""
     unused_types: Mapping[str, str] = field(default_factory=dict)
     """The types of topics and services that we do not use: where one differs, only the simulated aPad differs."""
 

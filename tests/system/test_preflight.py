@@ -99,7 +99,8 @@ def test_an_apad_is_checked_and_its_stop_proven_and_a_run_starts_on_green_alone(
         for check in ("call back", "lookout", "/apad1 position", "/apad1 fence", "/apad1 reaction"):
             assert found[check]["status"] == "OK", found[check]
         assert found["/apad1 energy"]["status"] == "OK", found["/apad1 energy"]
-        assert "tells neither status nor variance" in found["/apad1 GPS"]["found"]
+        for check in ("GPS", "origin", "lag", "clearance", "generation", "off", "reserve", "battery"):
+            assert found[f"/apad1 {check}"]["status"] == "OK", found[f"/apad1 {check}"]
         stop = found["/apad1 stop"]
         assert stop["status"] == "OK" and "came to rest" in stop["found"], stop
         red = {it["check"] for it in found.values() if it["status"] == "FAIL"}

@@ -11,10 +11,11 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
 from apad_bridge.assembly import parts
-from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
+from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_a.messages import (
     BatteryAndProgressPublished,
@@ -55,7 +56,9 @@ _HELD_STATUS, _RELEASED_STATUS = 0, 1
 class Server(LegacyServer[GenerationAVehicle]):
     """Serves the aPad called `name`. The action server's lock guards the vehicle. The node is initialised before."""
 
-    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
+    def __init__(
+        self, name: str, make_vehicle: Callable[[int], GenerationAVehicle], frame: LocalFrame
+    ) -> None:
         self._goals: dict[str, Any] = {}
         """Handles of the goals that have not ended, by key."""
         self._held: dict[str, rospy.Publisher] = {}
@@ -68,7 +71,7 @@ class Server(LegacyServer[GenerationAVehicle]):
             self._cancel_goal,
             auto_start=False,
         )
-        super().__init__(name, make_vehicle, self._server.lock)
+        super().__init__(name, make_vehicle, self._server.lock, frame)
         self._battery = rospy.Publisher(of_apad(name, "battery_level"), Float64, queue_size=QUEUE)
         self._server.start()
         self._offer_services(name)
@@ -87,6 +90,7 @@ class Server(LegacyServer[GenerationAVehicle]):
                 apad.fault,
                 misses,
             ),
+            LocalFrame.about(scenario.area.origin),
         )
 
     def _offer_services(self, apad: str) -> None:
@@ -142,8 +146,8 @@ class Server(LegacyServer[GenerationAVehicle]):
         for item in shown:
             match item:
                 case PosePublished(at_ms, pose):
-                    publish_pose(self._position, at_ms, pose)
-                    publish_pose(self._state, at_ms, pose)
+                    self._publish_pose(self._position, at_ms, pose)
+                    self._publish_pose(self._state, at_ms, pose)
                 case HeldPositionPublished():
                     self._publish_held(item)
                 case BatteryAndProgressPublished(_, battery_percent, goal_key, covered_percent):

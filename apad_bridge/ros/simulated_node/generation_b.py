@@ -14,10 +14,11 @@ from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, Strin
 from std_srvs.srv import Trigger, TriggerResponse
 
 from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
-from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
+from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.workspace_services import service_to_offer
 from apad_bridge.ros_names.names import of_apad, ours
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_b import messages
 from apad_bridge.vehicle.generation_b.messages import (
@@ -109,9 +110,11 @@ class QueuedService(rospy.Service):  # type: ignore[misc]
 class Server(LegacyServer[GenerationBVehicle]):
     """Serves the aPad called `name`. The action server's lock guards the vehicle. The node is initialised before."""
 
-    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
+    def __init__(
+        self, name: str, make_vehicle: Callable[[int], GenerationBVehicle], frame: LocalFrame
+    ) -> None:
         self._go2point = Go2Point(name, self._order, lambda: self._do(lambda it: it.stop(it.now_ms)))
-        super().__init__(name, make_vehicle, self._go2point.lock)
+        super().__init__(name, make_vehicle, self._go2point.lock, frame)
         self._calls = CallQueue(lambda: self._vehicle is not None and self._vehicle.blocks)
         self._ended = threading.Event()
         """Never set before the process ends: a service that hangs waits for it."""
@@ -136,6 +139,7 @@ class Server(LegacyServer[GenerationBVehicle]):
         return cls(
             apad.name,
             lambda start_ms: GenerationBVehicle(SimulatedAPad(apad, home_m=home_m), start_ms, apad.fault),
+            LocalFrame.about(scenario.area.origin),
         )
 
     def _offer_services(self, apad: str) -> None:
@@ -216,7 +220,7 @@ class Server(LegacyServer[GenerationBVehicle]):
         for item in shown:
             match item:
                 case PosePublished(at_ms, pose):
-                    publish_pose(self._position, at_ms, pose)
+                    self._publish_pose(self._position, at_ms, pose)
                 case BatteryPublished(_, percent):
                     out["battery_level"].publish(Float64(percent))
                     self._go2point.publish_status()

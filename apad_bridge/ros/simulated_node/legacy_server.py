@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED, of_apad
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated_stack import SimulatedStack
@@ -24,14 +25,19 @@ from auv_msgs.msg import NavSts  # noqa: E402
 
 QUEUE = 200
 """Ten seconds of the fastest topic. A slower reader loses the oldest, and nobody waits for it."""
+_VARIANCE_M2 = 1e-4
+"""It knows its place to the float; a filter that tells a variance of 0 tells none."""
 Vehicle = TypeVar("Vehicle", bound=SimulatedStack[Any])
 
 
 class LegacyServer(ABC, Generic[Vehicle]):
     """Serves the aPad called `name`. `lock` guards the vehicle, which is made when the first time arrives."""
 
-    def __init__(self, name: str, make_vehicle: Callable[[int], Vehicle], lock: threading.RLock) -> None:
+    def __init__(
+        self, name: str, make_vehicle: Callable[[int], Vehicle], lock: threading.RLock, frame: LocalFrame
+    ) -> None:
         self.clock_arrived_s = time.monotonic()
+        self._frame = frame
         self._make_vehicle = make_vehicle
         self._vehicle: Vehicle | None = None
         self._lock = lock
@@ -67,7 +73,7 @@ class LegacyServer(ABC, Generic[Vehicle]):
                 rospy.logwarn_throttle(10, f"/clock went back to {now_ms} ms: not followed")
             else:
                 self._show(self._vehicle.advance(now_ms))
-            publish_pose(self._state, self._vehicle.now_ms, self._vehicle.pose)
+            self._publish_pose(self._state, self._vehicle.now_ms, self._vehicle.pose)
 
     def _do(self, act: Callable[[Vehicle], list[Any]]) -> None:
         """Publishes the outcome of `act`. Without a vehicle, before the first time arrives, it does nothing."""
@@ -81,15 +87,19 @@ class LegacyServer(ABC, Generic[Vehicle]):
             raise rospy.ServiceException("no /clock came yet")
         return self._vehicle
 
-
-def publish_pose(publisher: rospy.Publisher, at_ms: int, pose: Pose) -> None:
-    """Leaves global position, origin, variances and status at 0, as the published simulator does."""
-    if publisher.get_num_connections() == 0:
-        return
-    message = NavSts()
-    message.header.stamp = to_ros(at_ms)
-    message.header.frame_id = "local"
-    message.position.north, message.position.east = pose.north_m, pose.east_m
-    message.gbody_velocity.x, message.gbody_velocity.y = pose.north_m_s, pose.east_m_s
-    message.orientation.yaw = pose.heading_rad
-    publisher.publish(message)
+    def _publish_pose(self, publisher: rospy.Publisher, at_ms: int, pose: Pose) -> None:
+        """Names its origin and its quality, as a vehicle with a filter does; the published simulator leaves them at 0."""
+        if publisher.get_num_connections() == 0:
+            return
+        message, frame = NavSts(), self._frame
+        message.header.stamp = to_ros(at_ms)
+        message.header.frame_id = "local"
+        message.origin.latitude, message.origin.longitude = frame.latitude_deg, frame.longitude_deg
+        place_deg = frame.to_geographic(pose.north_m, pose.east_m)
+        message.global_position.latitude, message.global_position.longitude = place_deg
+        message.position.north, message.position.east = pose.north_m, pose.east_m
+        message.position_variance.north = message.position_variance.east = _VARIANCE_M2
+        message.gbody_velocity.x, message.gbody_velocity.y = pose.north_m_s, pose.east_m_s
+        message.orientation.yaw = pose.heading_rad
+        message.status = NavSts.STATUS_ALL_OK
+        publisher.publish(message)

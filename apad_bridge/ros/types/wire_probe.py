@@ -47,6 +47,7 @@ def topic_definition(graph: Graph, topic: str) -> Spoken:
 
 def service_md5(graph: Graph, service: str) -> str:
     """The md5 that the server of `service` announces to a probe, which it does not take for a call."""
+    service = graph.name_there(service)
     with _errors_as_not_told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
         request = {"callerid": CALLER, "service": service, "md5sum": "*", "probe": "1"}
         return _md5_in(_handshake(connection, request, io.BytesIO()))
@@ -84,6 +85,7 @@ def messages_within(graph: Graph, topic: str, seconds: float) -> tuple[Spoken, l
 
 def call_without_words(graph: Graph, service: str, md5: str) -> bytes:
     """Calls a service whose request is empty; its serialised answer. NotAnnounced if it refuses, or falls silent."""
+    service = graph.name_there(service)
     with _errors_as_not_told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
         rest = io.BytesIO()
         _md5_in(_handshake(connection, {"callerid": CALLER, "service": service, "md5sum": md5}, rest))
@@ -96,16 +98,26 @@ def call_without_words(graph: Graph, service: str, md5: str) -> bytes:
     return answer
 
 
-def stamp_offset_s(graph: Graph, topic: str) -> float:
-    """The next stamp of `topic` minus this machine's clock. NotAnnounced if no message comes, or it has no stamp."""
-    (message,) = next_messages(graph, topic)
-    now_s = time.time()
-    if len(message) < _HEADER.size:
-        raise NotAnnounced("its messages are not stamped")
-    _, seconds, nanoseconds = _HEADER.unpack_from(message)
-    if seconds == 0:
-        raise NotAnnounced("its messages are not stamped")
-    return float(seconds + nanoseconds / 1e9 - now_s)
+def stamp_offset_s(graph: Graph, topic: str, count: int = 1, timeout_s: float = TIMEOUT_S) -> list[float]:
+    """The next stamps of `topic` minus this machine's clock. NotAnnounced if none comes, or it has no stamp."""
+    offsets_s: list[float] = []
+    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):
+        stream = _Stream(connection, rest, time.monotonic() + timeout_s)
+        while len(offsets_s) < count:
+            try:
+                message = stream.read(*_LENGTH.unpack(stream.read(_LENGTH.size)))
+            except NotAnnounced:
+                if offsets_s:
+                    break
+                raise
+            now_s = time.time()
+            if len(message) < _HEADER.size:
+                raise NotAnnounced("its messages are not stamped")
+            _, seconds, nanoseconds = _HEADER.unpack_from(message)
+            if seconds == 0:
+                raise NotAnnounced("its messages are not stamped")
+            offsets_s.append(float(seconds + nanoseconds / 1e9 - now_s))
+    return offsets_s
 
 
 class _Stream:
@@ -156,6 +168,7 @@ def _subscribed(graph: Graph, topic: str) -> Iterator[tuple[socket.socket, io.By
     nodes = graph.publishers.get(topic)
     if not nodes:
         raise NotAnnounced("nobody publishes it")
+    topic = graph.name_there(topic)
     answer = call(str(call(graph.uri, "lookupNode", nodes[0])), "requestTopic", topic, [["TCPROS"]])
     if not isinstance(answer, list) or len(answer) != 3:
         raise NotAnnounced(f"{nodes[0]} offers no TCPROS")

@@ -35,4 +35,5 @@ STACK = Stack(
         "change_docking_status": "misc_msgs/ChangeDockingStatus",
         "get_battery_level": "misc_msgs/GetChargeInfo",
     },
+    off_services=("VelCon_enable", "FADP_enable"),
 )

@@ -43,6 +43,7 @@ STACK = Stack(
         "commander/primitive/dynamic_positioning": "misc_msgs/DynamicPositioningPrimitiveService",
         "commander/primitive/docking": "misc_msgs/DockingPrimitiveService",
     },
+    off_services=("commander/stop_mission",),
     unused_types={
         "commander/go2point": "misc_msgs/Go2pointService",
         "commander/docking": "misc_msgs/DockingService",

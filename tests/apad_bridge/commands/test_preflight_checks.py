@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,8 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands import preflight_checks
-from apad_bridge.commands.preflight_checks import Report, now, proofs, refuse_red, report_path
-from apad_bridge.doctor.finding import Finding, Status, fail, ok
+from apad_bridge.commands.preflight_checks import Report, accepted_by, now, proofs, refuse_red, report_path
+from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok
 from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.loader import load
@@ -39,12 +40,30 @@ def test_fence_position_pilot_and_stop_are_never_overridden(key: str) -> None:
     assert "--despite" not in str(refused.value)
 
 
+def test_a_check_that_cannot_tell_is_red_until_a_person_accepts_it_by_name() -> None:
+    doubtful = replace(GREEN, findings=(cannot_tell("/apad1 origin", "nobody says", "compare by hand"),))
+    for despite in ([], ["origin"]):
+        with pytest.raises(UserError, match=r"--accept origin:\nCANNOT TELL /apad1 origin: nobody says"):
+            refuse_red(doubtful, ["/apad1"], despite)
+    accepted = accepted_by(["origin:Ana", "watchdog:Ivo"], doubtful.findings, ["/apad1"])
+    assert accepted == {"origin": "Ana"}
+    assert refuse_red(replace(doubtful, accepted=accepted), ["/apad1"], []) == []
+    assert accepted_by(["origin"], doubtful.findings, ["/apad1"])["origin"] == getpass.getuser()
+
+
+def test_a_failure_is_not_accepted() -> None:
+    for given in ({}, {"watchdog": "Ana"}):
+        with pytest.raises(UserError, match="--despite watchdog"):
+            refuse_red(replace(red("/apad1 watchdog"), accepted=given), ["/apad1"], [])
+
+
 @pytest.mark.parametrize("text", ["", "{}", '{"findings": 3}', "[1]"])
 def test_a_report_that_cannot_be_read_is_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "report.json").write_text(text)
     assert Report.load(tmp_path / "report.json") is None
-    GREEN.save(tmp_path / "report.json")
-    assert Report.load(tmp_path / "report.json") == GREEN
+    known = replace(GREEN, accepted={"origin": "Ana"})
+    known.save(tmp_path / "report.json")
+    assert Report.load(tmp_path / "report.json") == known
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,6 @@ def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) 
     assert "/boat beside" not in found
 
 
-def test_a_silent_battery_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_silent_battery_cannot_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     status, line = found_of(monkeypatch, SERVICES)["/boat battery"]
-    assert status is Status.WARN and "/boat/battery_level: nobody publishes it" in line
+    assert status is Status.CANNOT_TELL and "/boat/battery_level: nobody publishes it" in line

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from apad_bridge.doctor.finding import Finding, Status, fail, ok, run_check
+from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok, run_check
 
 
 def test_a_line_holds_status_what_was_found_and_the_mend() -> None:
     assert fail("disk", "full\nup", "make room").line() == "FAIL disk: full up -> make room"
     assert ok("disk", "9 MB free").line() == "OK   disk: 9 MB free"
+    assert cannot_tell("disk", "hidden", "look").line() == "CANNOT TELL disk: hidden -> look"
 
 
 def test_trouble_without_a_mend_is_no_finding() -> None:

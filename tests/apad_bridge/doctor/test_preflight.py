@@ -3,28 +3,41 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from apad_bridge.doctor.finding import Finding, Status, fail, ok, warn
-from apad_bridge.doctor.preflight import (
-    EnergyNeed,
+from apad_bridge.doctor.positions import (
     PositionSample,
+    check_gps,
+    check_lag,
+    check_loss,
+    check_position,
+    told_places,
+)
+from apad_bridge.doctor.preflight import (
+    WATCHDOG_STATES,
+    EnergyNeed,
+    Heard,
     at_sea,
+    check_clearance,
     check_delay,
     check_energy,
     check_fence,
-    check_gps,
+    check_generation,
     check_lookout,
-    check_loss,
+    check_off,
     check_pilot,
-    check_position,
     check_reaction,
+    check_reserve,
     check_stop,
     check_watchdog,
     red_keys,
 )
+from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.fence import Fence
 from apad_bridge.scenario.guard_options import GuardOptions
 
@@ -68,6 +81,8 @@ def test_missing_and_late_positions_are_told() -> None:
     [
         ([], "none within"),
         ([replace(it, north_m=math.nan) for it in STEADY], "not finite"),
+        ([replace(it, yaw_rad=math.nan) for it in STEADY], "yaw_rad is outside"),
+        ([replace(it, stamp_s=50.0 - n) for n, it in enumerate(STEADY)], "its stamps went back by 1.00 s"),
         ([replace(STEADY[0], east_m=1e9), *STEADY[1:]], "1 of 30 are not finite"),
         (STEADY[::10], "2 a second are needed"),
         ([*STEADY[:15], *(replace(it, east_m=30.0) for it in STEADY[15:])], "it jumped by 25.0 m"),
@@ -79,13 +94,19 @@ def test_a_position_that_a_mission_cannot_use_is_red(samples: list[PositionSampl
     assert status(check_position(APAD, STEADY, 3.0, jump_m=10.0, speed_m_s=2.0)) == "OK"
 
 
+def test_two_sources_of_one_position_are_red_and_named() -> None:
+    found = check_position(APAD, STEADY, 3.0, 10.0, 2.0, ["/filter", "/simulator"])
+    assert status(found) == "FAIL" and "2 nodes publish it, /filter, /simulator" in found.found
+    assert status(check_position(APAD, STEADY, 3.0, 10.0, 2.0, ["/filter"])) == "OK"
+
+
 @pytest.mark.parametrize(
     ("change", "wanted", "told"),
     [
         ({}, "OK", "variances 0.04"),
         (
             {"status": 0, "north_variance_m2": 0.0, "east_variance_m2": 0.0},
-            "WARN",
+            "CANNOT TELL",
             "neither status nor variance",
         ),
         ({"status": 0}, "FAIL", "status 0"),
@@ -138,31 +159,149 @@ def test_limits_that_notice_a_bad_position_too_late_are_told() -> None:
     slow = check_reaction(GuardOptions(position_age_s=5.0, frozen_s=10.0), APAD)
     assert status(slow) == "WARN" and "position_age_s is 5 s, guards.frozen_s is 10 s" in slow.found
     assert status(check_reaction(GuardOptions(), APAD)) == "OK"
+    assert status(check_reaction(GuardOptions(position_age_s=60.0), APAD)) == "FAIL"
+    jumps = check_reaction(GuardOptions(jump_m=500.0), APAD)
+    assert status(jumps) == "FAIL" and "guards.jump_m is 500 m" in jumps.found
+
+
+@pytest.mark.parametrize(("reserve", "wanted"), [(None, "FAIL"), (0.0, "FAIL"), (0.2, "OK")])
+def test_a_reserve_that_keeps_nothing_is_red(reserve: float | None, wanted: str) -> None:
+    assert status(check_reserve(GuardOptions(battery_reserve=reserve), APAD)) == wanted
+
+
+MEASURED = GuardOptions(
+    clearance_m=8.0, position_error_m=0.5, hull_m=0.7, coasting_m=4.2, coasting_speed_m_s=0.6
+)
+
+
+def test_the_clearance_has_room_for_a_stop_and_the_greatest_speed_is_told() -> None:
+    """0.5 + 0.35 + (v + 0.2) x 3 + 11.67 v^2; 8 m allow the root of 11.67 v^2 + 3 v = 6.55, 0.63 m/s."""
+    fits = check_clearance(MEASURED, APAD, 0.6, "mission.speed_m_s")
+    assert status(fits) == "OK" and "needs 7.5 m" in fits.found and "at most 0.63 m/s fit" in fits.found
+    short = check_clearance(replace(MEASURED, clearance_m=2.0), APAD, 0.5, "mission.speed_m_s")
+    assert status(short) == "FAIL" and "no speed fits" in short.found and "to 7.2" in str(short.mend)
+    unknown = check_clearance(replace(MEASURED, coasting_m=None), APAD, 0.5, "mission.speed_m_s")
+    assert status(unknown) == "CANNOT TELL" and "guards.coasting_m" in unknown.found
 
 
 @pytest.mark.parametrize(
-    ("hears_pilot", "steers", "wanted"),
+    ("wanted", "there", "outcome", "told"),
     [
-        (True, False, "OK"),
-        (True, None, "WARN"),
-        (True, True, "FAIL"),
-        (False, None, "OK"),
-        (False, True, "FAIL"),
+        (Generation.AUTO, [Generation.A], "OK", "a"),
+        (Generation.B, [Generation.A, Generation.B], "OK", "b"),
+        (Generation.B, [Generation.A], "FAIL", "it is a, and the scenario's is b"),
+        (Generation.AUTO, [Generation.A, Generation.B], "FAIL", "both are there"),
+        (Generation.AUTO, [], "FAIL", "no node takes orders"),
     ],
 )
-def test_a_pilot_who_steers_is_red(hears_pilot: bool, steers: bool | None, wanted: str) -> None:
-    assert status(check_pilot(APAD, hears_pilot=hears_pilot, steers=steers)) == wanted
+def test_the_vehicle_speaks_the_scenarios_generation(
+    wanted: Generation, there: list[Generation], outcome: str, told: str
+) -> None:
+    found = check_generation(APAD, wanted, there)
+    assert status(found) == outcome and told in found.found
+
+
+def test_a_vehicle_that_no_order_switches_off_needs_a_declared_hardware_cut() -> None:
+    offered = ["VelCon_enable", "FADP_enable"]
+    can = check_off(APAD, [], offered, hardware_cut=False)
+    assert status(can) == "OK" and "does the joystick still work after OFF?" in can.found
+    cannot = check_off(APAD, ["FADP_enable"], offered, hardware_cut=False)
+    assert status(cannot) == "FAIL" and "guards.hardware_cut" in str(cannot.mend)
+    assert status(check_off(APAD, ["FADP_enable"], offered, hardware_cut=True)) == "WARN"
 
 
 @pytest.mark.parametrize(
-    ("drifts", "word", "wanted"),
-    [(True, None, "FAIL"), (False, None, "WARN"), (True, "WATCHING", "OK"), (False, "WAITING", "OK")],
+    ("stamped_s", "clock_s", "wanted", "told"),
+    [
+        (-0.1, 0.0, "OK", "arrive 0.10 s old"),
+        (29.9, 30.0, "OK", "clock is +30.00 s"),
+        (-8.0, 0.0, "CANNOT TELL", "arrive 8.00 s old"),
+        (22.0, 30.0, "CANNOT TELL", "arrive 8.00 s old"),
+        (0.2, None, "OK", "+0.20 s"),
+        (-60.0, None, "WARN", "-60.00 s"),
+    ],
 )
-def test_an_apad_that_drifts_needs_its_watchdog(drifts: bool, word: str | None, wanted: str) -> None:
-    assert status(check_watchdog(APAD, drifts=drifts, word=word)) == wanted
+def test_the_clocks_offset_and_the_positions_own_lag_are_measured(
+    stamped_s: float, clock_s: float | None, wanted: str, told: str
+) -> None:
+    samples = [replace(it, wall_s=1e9 + it.at_s, stamp_s=1e9 + it.at_s + stamped_s) for it in STEADY]
+    found = check_lag(APAD, samples, clock_s)
+    assert status(found) == wanted and told in found.found
 
 
-@pytest.mark.parametrize(("charge", "wanted"), [(0.95, "OK"), (0.6, "WARN"), (0.3, "FAIL"), (None, "FAIL")])
+def test_positions_without_stamps_cannot_tell_their_age() -> None:
+    assert status(check_lag(APAD, STEADY, 0.0)) == "CANNOT TELL"
+
+
+def test_a_receiver_that_is_worse_than_the_clearance_counts_with_is_red() -> None:
+    """Variances of 0.04 m2 are 2.45 x 0.2 m = 0.49 m in 95 % of all cases."""
+    assert status(check_gps(APAD, STEADY, 0.5)) == "OK"
+    worse = check_gps(APAD, STEADY, 0.4)
+    assert status(worse) == "FAIL" and "an error of 0.49 m" in worse.found
+
+
+def test_the_places_in_degrees_come_from_the_newest_sound_position() -> None:
+    samples = [replace(it, origin_deg=(43.9, 15.4), global_deg=(43.9001, 15.4)) for it in STEADY]
+    origin, place = told_places(samples)
+    assert (origin.latitude_deg, origin.north_m, origin.east_m) == (43.9, 0.0, 0.0)
+    assert (place.latitude_deg, place.north_m, place.east_m) == (43.9001, 10.01, 5.0)
+    assert told_places(STEADY) == []
+
+
+@pytest.mark.parametrize(
+    ("hears_pilot", "manual", "wanted"),
+    [
+        (True, Heard(True, False), "OK"),
+        (True, Heard(False), "WARN"),
+        (True, Heard(True), "CANNOT TELL"),
+        (True, Heard(True, True), "FAIL"),
+        (False, Heard(False), "OK"),
+        (False, Heard(True), "CANNOT TELL"),
+        (False, Heard(True, True), "FAIL"),
+    ],
+)
+def test_a_pilot_who_steers_is_red_and_a_flag_that_fell_silent_tells_nothing(
+    hears_pilot: bool, manual: Heard, wanted: str
+) -> None:
+    assert status(check_pilot(APAD, hears_pilot=hears_pilot, manual=manual)) == wanted
+
+
+@pytest.mark.parametrize(
+    ("drifts", "state", "wanted"),
+    [
+        (True, Heard(False), "FAIL"),
+        (False, Heard(False), "WARN"),
+        (True, Heard(True, "WATCHING"), "OK"),
+        (False, Heard(True, "WAITING"), "OK"),
+        (False, Heard(True), "FAIL"),
+        (False, Heard(True, "hello"), "FAIL"),
+        (True, Heard(True, ""), "FAIL"),
+    ],
+)
+def test_a_watchdog_that_is_silent_or_says_what_none_says_is_red(
+    drifts: bool, state: Heard, wanted: str
+) -> None:
+    assert status(check_watchdog(APAD, drifts=drifts, state=state)) == wanted
+
+
+def test_every_state_that_the_watchdog_describes_is_known() -> None:
+    script = Path(__file__).parents[3] / "launch_scripts" / "vehicle_watchdog"
+    described = set(re.findall(r"^  ([A-Z]+)  ", script.read_text(), re.MULTILINE))
+    assert "WATCHING" in described and described <= WATCHDOG_STATES
+
+
+@pytest.mark.parametrize(
+    ("charge", "wanted"),
+    [
+        (0.95, "OK"),
+        (1.04, "OK"),
+        (0.6, "WARN"),
+        (0.3, "FAIL"),
+        (1.5, "FAIL"),
+        (-0.1, "FAIL"),
+        (None, "CANNOT TELL"),
+    ],
+)
 def test_the_charge_is_held_against_the_least_and_the_most_that_the_mission_takes(
     charge: float | None, wanted: str
 ) -> None:
@@ -180,8 +319,8 @@ def test_a_stop_that_failed_is_red_and_nobody_on_the_lookout_is_told() -> None:
 def test_what_the_doctor_warns_of_is_red_where_a_mission_would_go_to_other_places_or_into_full_docks() -> (
     None
 ):
-    doubts = [warn(it, "found", "mend") for it in ("origin", "/apad1 docks", "/apad1 clock", "disk")]
-    assert [status(at_sea(it, APAD)) for it in doubts] == ["FAIL", "FAIL", "WARN", "WARN"]
+    doubts = [warn(it, "found", "mend") for it in ("/apad1 docks", "/apad1 clock", "disk")]
+    assert [status(at_sea(it, APAD)) for it in doubts] == ["FAIL", "WARN", "WARN"]
     assert at_sea(ok("origin", "the same"), APAD) == ok("origin", "the same")
 
 

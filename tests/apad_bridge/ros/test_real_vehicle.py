@@ -10,7 +10,7 @@ import rospy
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.doctor.finding import Finding, ok, warn
+from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros import context
 from apad_bridge.ros.links import generation_b
@@ -32,14 +32,16 @@ OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAI
 
 
 def test_a_vehicle_with_another_origin_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    found: Finding = warn(
+    found: Finding = fail(
         "origin", "/apad1/LocalOriginLat says 45, 412 m from the scenario's", "area.origin: 45"
     )
     monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours: found)
     with pytest.raises(VehicleNotReady, match=r"412 m from the scenario's: area.origin: 45"):
         context._refuse_other_origin(load(POOL_FILE), OPTIONS)
-    monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours: ok("origin", "the same"))
-    context._refuse_other_origin(load(POOL_FILE), OPTIONS)
+    # The preflight before it has told that nobody says it, and a person has accepted that.
+    for other in (ok("origin", "the same"), cannot_tell("origin", "nobody says", "ask")):
+        monkeypatch.setattr(context, "check_origin", lambda uri, apad, ours, other=other: other)
+        context._refuse_other_origin(load(POOL_FILE), OPTIONS)
 
 
 @pytest.mark.parametrize(
