@@ -35,6 +35,7 @@ from apad_bridge.vehicle.guards.monitor import (
     PositionIsGood,
     Reaction,
     SpeedIsAllowed,
+    Stopping,
 )
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, SETTLED_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
@@ -105,14 +106,17 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
 
 
 def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[Check]:
+    stopping = Stopping(
+        scenario.apad.max_acceleration_m_s2, options.coasting_m, options.coasting_speed_m_s or 1.0
+    )
     outside = Reaction.RETURN if options.outside is WhenOutside.RETURN else Reaction.HOLD
     checks: list[Check] = [
         PositionIsGood(),
         IsInWaters(waters, outside),
-        CanStopInWaters(waters, scenario.apad.max_acceleration_m_s2),
+        CanStopInWaters(waters, stopping),
         EndsInTime(options.leg_s or math.inf),
         MakesProgress(),
-        KeepsClearOfAPads(options.bodies_m, scenario.apad.max_acceleration_m_s2),
+        KeepsClearOfAPads(options.bodies_m, stopping),
     ]
     if options.speed_limit_m_s is not None:
         checks.append(SpeedIsAllowed(options.speed_limit_m_s))

@@ -17,7 +17,9 @@ from apad_bridge.commands.main import main
 ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "launch_scripts" / "scenarios"
 STATED = dict(
-    re.findall(r"^\| `([\w-]+\.yaml)` \| `([0-9a-f]{16})` \|$", (ROOT / "docs/records.md").read_text(), re.MULTILINE)
+    re.findall(
+        r"^\| `([\w-]+\.yaml)` \| `([0-9a-f]{16})` \|$", (ROOT / "docs/records.md").read_text(), re.MULTILINE
+    )
 )
 
 pytestmark = [pytest.mark.system, pytest.mark.digests]
@@ -29,5 +31,7 @@ def test_the_page_has_each_scenario_of_a_simulated_apad() -> None:
 
 @pytest.mark.parametrize("name", STATED)
 def test_a_shipped_scenario_gives_the_digest_of_the_page(name: str, tmp_path: Path) -> None:
-    assert main(["run", str(SCENARIOS / name), "--time", "asap", "--out", str(tmp_path / "run"), "--json"]) == 0
+    assert (
+        main(["run", str(SCENARIOS / name), "--time", "asap", "--out", str(tmp_path / "run"), "--json"]) == 0
+    )
     assert json.loads((tmp_path / "run/summary.json").read_text())["digest"] == STATED[name]

@@ -101,18 +101,35 @@ DELAY_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
+class Stopping:
+    """A vehicle's way to rest: as measured without thrust, and else by the greatest deceleration of its thrusters."""
+
+    deceleration_m_s2: float
+    coasting_m: float | None = None
+    """The way from `coasting_speed_m_s` to rest."""
+    coasting_speed_m_s: float = 1.0
+
+    def way_m(self, speed_m_s: float) -> float:
+        """Coasting grows with the speed, and above the speed of the measurement with its square."""
+        if self.coasting_m is None:
+            return speed_m_s**2 / (2 * self.deceleration_m_s2)
+        ratio = speed_m_s / self.coasting_speed_m_s
+        return self.coasting_m * max(ratio, ratio**2)
+
+
+@dataclass(frozen=True, slots=True)
 class CanStopInWaters:
     """The vehicle comes to rest inside the waters if it is told to stop now."""
 
     waters: Waters
-    deceleration_m_s2: float
+    stopping: Stopping
     cause: Cause = Cause.AHEAD
 
     def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
         place_m, speed_m_s = situation.place_m, situation.speed_m_s
         if place_m is None or speed_m_s == 0.0 or self.waters.fault_of_place(place_m):
             return None
-        there_m = _place_at_rest(place_m, situation, self.deceleration_m_s2)
+        there_m = _place_at_rest(place_m, situation, self.stopping)
         if not (fault := self.waters.fault_of_place(there_m)):
             return None
         return Finding(
@@ -127,13 +144,13 @@ class KeepsClearOfAPads:
     """The vehicle does not come nearer to another aPad than `least_m` if it is told to stop now. Both look."""
 
     least_m: float
-    deceleration_m_s2: float
+    stopping: Stopping
     cause: Cause = Cause.ANOTHER_APAD
 
     def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
         if situation.place_m is None or situation.speed_m_s == 0.0:
             return None
-        there_m = _place_at_rest(situation.place_m, situation, self.deceleration_m_s2)
+        there_m = _place_at_rest(situation.place_m, situation, self.stopping)
         for body in situation.bodies:
             near_m = math.dist(there_m, body.place_m)
             if body.agent_id is None and near_m < min(
@@ -146,9 +163,9 @@ class KeepsClearOfAPads:
         return None
 
 
-def _place_at_rest(place_m: Point, situation: Situation, deceleration_m_s2: float) -> Point:
+def _place_at_rest(place_m: Point, situation: Situation, stopping: Stopping) -> Point:
     """The place at which a moving vehicle comes to rest if it is told to stop now."""
-    seconds = DELAY_S + situation.speed_m_s / (2 * deceleration_m_s2)
+    seconds = DELAY_S + stopping.way_m(situation.speed_m_s) / situation.speed_m_s
     return place_m[0] + situation.velocity_m_s[0] * seconds, place_m[1] + situation.velocity_m_s[1] * seconds
 
 

@@ -41,6 +41,7 @@ from apad_bridge.vehicle.guards.monitor import (
     PositionIsGood,
     Reaction,
     SpeedIsAllowed,
+    Stopping,
 )
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.link import LinkFact
@@ -84,7 +85,7 @@ class Guarded:
         checks = [
             PositionIsGood(),
             IsInWaters(WATERS, outside),
-            CanStopInWaters(WATERS, 0.5),
+            CanStopInWaters(WATERS, Stopping(0.5)),
             SpeedIsAllowed(2.0),
             EndsInTime(100.0),
             MakesProgress(),

@@ -34,7 +34,7 @@ from apad_bridge.vehicle.guards.guards import (
     RoomToDock,
     SoundNumbers,
 )
-from apad_bridge.vehicle.guards.monitor import KeepsClearOfAPads
+from apad_bridge.vehicle.guards.monitor import KeepsClearOfAPads, Stopping
 from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 
@@ -257,7 +257,7 @@ def test_a_vehicle_comes_to_rest_before_it_is_too_near_to_another_apad(
     place: Point, velocity: Point, is_held: bool
 ) -> None:
     """At 1 m/s it makes a metre before an order acts, and another while it brakes with 0.5 m/s^2."""
-    check = KeepsClearOfAPads(3.0, 0.5)
+    check = KeepsClearOfAPads(3.0, Stopping(0.5))
     other = Body("apad2", (5.0, 0.0), agent_id=None)
     situation = Situation(place, velocity, bodies=(other,))
     assert (check.look(situation, None, 0) is not None) is is_held
