@@ -8,6 +8,7 @@ its connection. A stop does not wait behind other calls: those end, too.
 from __future__ import annotations
 
 import io
+import select
 import socket
 import struct
 import threading
@@ -55,9 +56,10 @@ class _Service:
         if sock is None:
             return False
         try:
-            return sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) != b""
-        except BlockingIOError:
-            return True
+            poll = select.poll()
+            poll.register(sock, select.POLLIN)
+            # An idle connection has nothing to read but its end.
+            return not poll.poll(0) or sock.recv(1, socket.MSG_PEEK) != b""
         except (OSError, ValueError):
             return False
 
