@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import importlib.util
+import itertools
 import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 SCRIPT = Path(__file__).parents[3] / "launch_scripts" / "vehicle_watchdog"
@@ -30,153 +37,431 @@ SQUARE = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)]
 
 
 class Orders:
-    """Takes every order, unless it is told not to."""
+    """Takes every order, unless it is told not to; `refuses` is the exception that it raises."""
+
+    hold_tries = 3
 
     def __init__(self) -> None:
-        self.taken: list[tuple[str, float, float]] = []
-        self.refuses = False
+        self.taken: list[str] = []
+        self.tried: list[str] = []
+        self.refuses: Exception | None = None
+        self.is_told = False
 
     def hold(self, north: float, east: float) -> None:
-        self._take("hold", north, east)
+        self._take(f"hold {north:g} {east:g}")
 
     def go(self, north: float, east: float, speed: float) -> None:
-        self._take("go", north, east)
+        self._take(f"go {north:g} {east:g}")
 
-    def stop(self) -> None:
-        self._take("stop", 0.0, 0.0)
+    def off(self) -> None:
+        self._take("off")
 
-    def _take(self, what: str, north: float, east: float) -> None:
-        if self.refuses:
-            raise WATCHDOG.NotTaken("not now")
-        self.taken.append((what, north, east))
+    def _take(self, order: str) -> None:
+        self.tried.append(order)
+        if self.refuses is not None:
+            raise self.refuses
+        self.taken.append(order)
+
+
+@dataclass
+class Position:
+    """What the vehicle publishes as its position."""
+
+    north_m: float = 10.0
+    east_m: float = 10.0
+    yaw_rad: float = 0.5
+    speed_m_s: float = 0.0
+    late_s: float = 0.3
+    """Its stamp lies so far before the watchdog's clock."""
+
+    def message(self, now_s: float) -> Any:
+        return SimpleNamespace(
+            header=SimpleNamespace(stamp=SimpleNamespace(to_sec=lambda: now_s - self.late_s)),
+            position=SimpleNamespace(north=self.north_m, east=self.east_m),
+            gbody_velocity=SimpleNamespace(x=self.speed_m_s, y=0.0),
+            orientation=SimpleNamespace(yaw=self.yaw_rad),
+        )
 
 
 class Vessel:
-    """The watchdog of an aPad that says where it is twice a second, unless it is told not to."""
+    """The watchdog of an aPad that tells its position each beat, and of a bench that sends a heartbeat each second."""
 
-    def __init__(self, home: Any = None) -> None:
+    def __init__(self, home: Any = None, corners: Any = None, pilot: Any = None) -> None:
         self.orders, self.said = Orders(), list[str]()
-        position = WATCHDOG.PositionCheck(10.0, 2.0)
-        self.watchdog = WATCHDOG.Watchdog(self.orders, position, 5.0, home, self.said.append)
-        self.place: tuple[float, float] | None = (10.0, 10.0)
+        check = WATCHDOG.PositionCheck(10.0, 2.0)
+        self.watchdog = WATCHDOG.Watchdog(self.orders, check, 5.0, home, self.said.append, pilot, corners)
+        self.position: Position | None = Position()
+        self.each_beat: Callable[[], None] = lambda: None
         self.age_s: float | None = 0.1
-        """What the heartbeat says; None for none."""
+        """The heartbeat's number; None for no heartbeat."""
+        self._beats = 2_000
 
-    def seconds(self, count: float) -> None:
+    def seconds(self, count: float) -> Vessel:
         for _ in range(round(count / WATCHDOG.BEAT_S)):
-            if self.place is not None:
-                position = SimpleNamespace(north=self.place[0], east=self.place[1])
-                self.watchdog.hear_position(SimpleNamespace(position=position))
-            if self.age_s is not None:
+            self._beats += 1
+            self.each_beat()
+            if self.position is not None:
+                now_s = self._beats * WATCHDOG.BEAT_S
+                self.watchdog.hear_position(self.position.message(now_s), now_s)
+            if self.age_s is not None and self._beats % 2 == 0:
                 self.watchdog.hear_heartbeat(SimpleNamespace(data=self.age_s))
             self.watchdog.beat()
             if self.watchdog._call is not None:
                 self.watchdog._call.join(10)
+        return self
+
+    def pilot(self, steers: bool) -> None:
+        self.watchdog.hear_pilot(SimpleNamespace(data=steers))
 
     @property
     def state(self) -> str:
         return str(self.watchdog.state)
+
+    @property
+    def taken(self) -> list[str]:
+        return self.orders.taken
+
+
+def watched(**made: Any) -> Vessel:
+    vessel = Vessel(**made).seconds(20)
+    assert vessel.state == "WATCHING" and not vessel.orders.tried
+    return vessel
 
 
 def test_it_waits_watches_and_holds_once_when_the_heartbeat_ends() -> None:
     vessel = Vessel()
     vessel.age_s = None
     vessel.seconds(60)
-    assert vessel.state == "WAITING" and not vessel.orders.taken
+    assert vessel.state == "WAITING" and not vessel.orders.tried
     vessel.age_s = 0.5
     vessel.seconds(60)
-    assert vessel.state == "WATCHING" and not vessel.orders.taken
+    assert vessel.state == "WATCHING" and not vessel.orders.tried
     vessel.age_s = None
     vessel.seconds(60)
-    assert vessel.state == "HELD" and vessel.orders.taken == [("hold", 10.0, 10.0)]
+    assert vessel.state == "HELD" and vessel.orders.tried == ["hold 10 10"]
 
 
-@pytest.mark.parametrize("age_s", [3.1, math.nan, math.inf])
+def test_a_watchdog_that_was_started_while_the_bench_is_silent_orders_nothing_whatever_happens() -> None:
+    vessel = Vessel()
+    vessel.age_s = None
+    vessel.seconds(30)
+    vessel.position = Position(north_m=500.0)
+    vessel.seconds(30)
+    vessel.position = None
+    vessel.seconds(600)
+    assert vessel.state == "WAITING" and not vessel.orders.tried
+
+
+@pytest.mark.parametrize("age_s", [3.1, math.inf, -math.inf, -1.0])
 def test_a_bench_that_has_no_fresh_position_counts_as_silent(age_s: float) -> None:
-    vessel = Vessel()
-    vessel.seconds(2)
+    vessel = watched()
     vessel.age_s = age_s
-    vessel.seconds(8)
-    assert vessel.state == "HELD"
+    assert vessel.seconds(8).state == "HELD"
 
 
-def test_what_is_not_taken_is_ordered_again() -> None:
-    vessel = Vessel()
-    vessel.seconds(2)
-    vessel.age_s, vessel.orders.refuses = None, True
-    vessel.seconds(20)
+def test_a_bench_that_does_not_trust_the_position_makes_it_a_bad_one() -> None:
+    vessel = watched()
+    vessel.age_s = math.nan
+    assert vessel.seconds(8).state == "OFF" and vessel.taken == ["off"]
+
+
+def test_what_is_not_taken_is_ordered_again_each_second() -> None:
+    vessel = watched()
+    vessel.orders.hold_tries = 60
+    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("not now")
+    vessel.seconds(15)
     assert vessel.state == "SILENT" and "not ordered yet: not now" in vessel.said
-    vessel.orders.refuses = False
-    vessel.seconds(2)
-    assert vessel.state == "HELD"
+    assert len(vessel.orders.tried) == pytest.approx(10, abs=1)
+    vessel.orders.refuses = None
+    assert vessel.seconds(2).state == "HELD"
 
 
-@pytest.mark.parametrize(
-    ("place", "why"),
-    [
-        (None, "tells no position"),
-        ((math.nan, 10.0), "tells no position"),
-        ((math.inf, 10.0), "tells no position"),
-        ((40.0, 10.0), "has jumped"),
-    ],
-)
-def test_on_a_position_that_is_not_to_be_believed_it_orders_nothing(
-    place: tuple[float, float] | None, why: str
+@pytest.mark.parametrize(("tries", "is_refused"), [(3, False), (1, True)])
+def test_a_hold_that_nobody_takes_gives_way_to_off(tries: int, is_refused: bool) -> None:
+    vessel = watched()
+    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("no", is_refused=is_refused)
+    vessel.seconds(14)
+    assert vessel.orders.tried[: tries + 1] == ["hold 10 10"] * tries + ["off"]
+    assert set(vessel.orders.tried[tries:]) == {"off"}
+    vessel.orders.refuses = None
+    assert vessel.seconds(2).state == "OFF"
+
+
+def test_after_an_order_that_nobody_answered_the_newest_is_given_twice() -> None:
+    """The old one may be carried out later than the first that is taken."""
+    vessel = watched()
+    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("no answer", is_late=True)
+    vessel.seconds(6)
+    assert vessel.orders.tried
+    vessel.orders.refuses = None
+    vessel.seconds(1)
+    assert (vessel.state, vessel.taken) == ("SILENT", ["hold 10 10"])
+    vessel.position = Position(11.0)
+    vessel.seconds(1)
+    assert (vessel.state, vessel.taken) == ("HELD", ["hold 10 10", "hold 11 10"])
+
+
+def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence() -> None:
+    vessel = watched()
+    vessel.age_s = None
+    assert vessel.seconds(10).state == "HELD"
+    for _ in range(50):
+        vessel.watchdog.hear_heartbeat(SimpleNamespace(data=0.1))
+    assert vessel.seconds(10).state == "HELD"
+    vessel.age_s = 0.1
+    assert vessel.seconds(3).state == "WATCHING"
+    assert vessel.taken == ["hold 10 10"]
+
+
+def test_nothing_is_ordered_while_heartbeats_come_again() -> None:
+    vessel = watched()
+    vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("not now")
+    vessel.seconds(6)
+    vessel.orders.refuses, vessel.age_s = None, 0.1
+    assert vessel.seconds(10).state == "WATCHING" and not vessel.taken
+
+
+def spoiled(**changes: float) -> Callable[[Vessel], None]:
+    def spoil(vessel: Vessel) -> None:
+        vessel.position = replace(Position(), **changes)
+
+    return spoil
+
+
+def vanished(vessel: Vessel) -> None:
+    vessel.position = None
+
+
+def two_places(vessel: Vessel) -> None:
+    vessel.each_beat = lambda: setattr(
+        vessel, "position", Position(60.0 if vessel.position == Position() else 10.0)
+    )
+
+
+def late_and_later(vessel: Vessel) -> None:
+    """Half a second for each second: the stamps still go on."""
+    beats = itertools.count()
+    vessel.each_beat = lambda: setattr(vessel, "position", Position(late_s=0.3 + 0.25 * next(beats)))
+
+
+def two_clocks(vessel: Vessel) -> None:
+    vessel.each_beat = lambda: setattr(
+        vessel, "position", Position(late_s=30.3 if vessel.position == Position() else 0.3)
+    )
+
+
+def frozen_on_the_way(vessel: Vessel) -> None:
+    vessel.orders.is_told = True
+
+
+def frozen_with_noise(vessel: Vessel) -> None:
+    """3 mm of noise and half a metre a second by the velocity."""
+    beats = itertools.count()
+
+    def shake() -> None:
+        vessel.position = Position(10.0 + 0.003 * (-1) ** next(beats), speed_m_s=0.5)
+
+    vessel.each_beat = shake
+
+
+BAD = [
+    (vanished, "tells no position"),
+    (spoiled(north_m=math.nan), "not finite"),
+    (spoiled(east_m=math.inf), "not finite"),
+    (spoiled(yaw_rad=math.nan), "not finite"),
+    (spoiled(north_m=60.0), "has jumped"),
+    (spoiled(north_m=-10.0), "has jumped"),
+    (spoiled(late_s=5.3), "go back"),
+    (spoiled(late_s=-2.7), "step or fall behind"),
+    (two_places, "has jumped"),
+    (late_and_later, "fall behind"),
+    (two_clocks, "the stamps"),
+    (frozen_on_the_way, "frozen"),
+    (frozen_with_noise, "frozen"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "why"), BAD)
+def test_a_bad_position_means_off_and_is_not_believed_again_before_heartbeats_come(
+    spoil: Callable[[Vessel], None], why: str
 ) -> None:
+    vessel = watched()
+    spoil(vessel)
+    vessel.seconds(
+        6
+    )  # a bench needs 3 s; two of these heartbeats may be under way, and a frozen one shows after 5 s
+    vessel.age_s = None
+    vessel.seconds(8)
+    assert vessel.state == "OFF" and vessel.taken == ["off"]
+    assert why in vessel.said[-1]
+    vessel.each_beat, vessel.orders.is_told = lambda: None, False
+    vessel.position = Position(60.0)
+    vessel.seconds(900)  # all is well again, as far as the watchdog can see
+    assert vessel.state == "OFF" and vessel.taken == ["off"]
+    vessel.age_s = 0.1
+    assert vessel.seconds(4).state == "WATCHING"
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "HELD" and vessel.taken == ["off", "hold 60 10"]
+
+
+@pytest.mark.parametrize(("spoil", "why"), BAD)
+def test_of_a_position_that_turns_bad_the_hold_ends(spoil: Callable[[Vessel], None], why: str) -> None:
+    vessel = watched()
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "HELD"
+    spoil(vessel)
+    vessel.seconds(10)
+    assert vessel.state == "OFF" and vessel.taken == ["hold 10 10", "off"]
+    assert any(why in it for it in vessel.said)
+
+
+def test_a_jump_just_before_the_silence_is_not_forgotten_with_a_heartbeat_that_was_under_way() -> None:
+    vessel = watched()
+    vessel.position = Position(60.0)
+    vessel.seconds(1)
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "OFF"
+    vessel = watched()
+    vessel.position = Position(60.0)
+    vessel.seconds(15)  # the bench trusts it
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "HELD"
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.floats(0.0, 0.3), st.booleans())
+def test_a_healthy_position_never_turns_bad(
+    seed: int, noise_m: float, wave_m: float, is_under_way: bool
+) -> None:
+    """Noise, waves of 4 s, stamps late by another half second each time, gaps of 1 s and a clock that is 50 ppm fast."""
+    vessel, at, random = watched(), itertools.count(), Random(seed)
+
+    def sail() -> None:
+        t_s = next(at) * WATCHDOG.BEAT_S
+        way_m = 0.5 * t_s if is_under_way else 0.0
+        speed_m_s = 0.5 * is_under_way + wave_m * math.tau / 4 * abs(math.cos(math.tau * t_s / 4))
+        place_m = 10.0 + way_m + wave_m * math.sin(math.tau * t_s / 4)
+        vessel.position = Position(
+            place_m + random.gauss(0, noise_m),
+            10.0 + random.gauss(0, noise_m),
+            speed_m_s=speed_m_s,
+            late_s=0.3 + random.uniform(0, WATCHDOG.BEAT_S) + 50e-6 * t_s,
+        )
+        if int(t_s) % 40 == 30:
+            vessel.position = None
+
+    vessel.each_beat, vessel.orders.is_told = sail, is_under_way and noise_m > 0.001
+    vessel.seconds(120)
+    assert vessel.watchdog._position.fault() == ""
+
+
+def test_a_clock_that_is_off_by_a_constant_is_none_of_its_business() -> None:
     vessel = Vessel()
+    vessel.position = Position(late_s=-3_600.0)
     vessel.seconds(20)
     vessel.age_s = None
-    vessel.seconds(1)
-    vessel.place = place
-    vessel.seconds(8)
-    assert vessel.state == "SILENT" and not vessel.orders.taken
-    assert any(why in it for it in vessel.said)
-    vessel.place = vessel.place if why == "has jumped" else (10.0, 10.0)
-    vessel.seconds(12)  # the position stays where it is now
-    assert vessel.state == "HELD"
+    assert vessel.seconds(8).state == "HELD"
+
+
+def test_positions_without_stamps_are_judged_by_their_arrival() -> None:
+    vessel = Vessel()
+    made = vessel.position
+    assert made is not None
+    vessel.each_beat = lambda: setattr(
+        vessel, "position", replace(made, late_s=(vessel._beats) * WATCHDOG.BEAT_S)
+    )
+    vessel.seconds(20)
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "HELD"
 
 
 def test_a_pilot_is_not_fought_before_the_heartbeat_is_back() -> None:
-    vessel = Vessel(home())
-    vessel.seconds(2)
+    vessel = watched(home=home())
     vessel.age_s = None
-    vessel.watchdog.hear_pilot(SimpleNamespace(data=True))
+    vessel.pilot(True)
     vessel.seconds(10)
-    vessel.watchdog.hear_pilot(SimpleNamespace(data=False))
+    vessel.pilot(False)
     vessel.seconds(600)
-    assert vessel.state == "PILOTED" and not vessel.orders.taken
+    assert vessel.state == "PILOTED" and not vessel.orders.tried
     vessel.age_s = 0.1
-    vessel.seconds(1)
-    assert vessel.state == "WATCHING"
+    assert vessel.seconds(3).state == "WATCHING"
+
+
+@pytest.mark.parametrize("spoil", [None, vanished])
+def test_a_pilot_who_said_so_once_steers_until_he_says_otherwise(spoil: Any) -> None:
+    vessel = watched()
+    vessel.pilot(True)
+    vessel.seconds(3_600)
+    vessel.age_s = None
+    if spoil is not None:
+        spoil(vessel)
+    assert vessel.seconds(600).state == "PILOTED" and not vessel.orders.tried
+
+
+def test_a_flag_that_fell_silent_moves_nothing_and_leaves_the_off() -> None:
+    vessel = Vessel()
+    vessel.each_beat = lambda: vessel.pilot(False)
+    vessel.seconds(20)
+    vessel.each_beat, vessel.age_s = lambda: None, None
+    assert vessel.seconds(10).state == "OFF" and vessel.taken == ["off"]
+    assert "fell silent" in vessel.said[-1]
+
+
+def test_a_pilot_s_node_that_has_gone_moves_nothing_and_leaves_the_off() -> None:
+    nodes = [1]
+    vessel = Vessel(pilot=WATCHDOG.PilotFlag(lambda: nodes[0]))
+    vessel.seconds(10)
+    vessel.pilot(False)
+    nodes[0], vessel.age_s = 0, None
+    assert vessel.seconds(10).state == "OFF" and vessel.taken == ["off"]
+
+
+def test_a_flag_that_is_told_once_and_never_again_is_still_known_and_no_flag_is_no_pilot() -> None:
+    for tell in (lambda it: it.pilot(False), lambda it: None):
+        vessel = Vessel().seconds(10)
+        tell(vessel)
+        vessel.seconds(60)
+        vessel.age_s = None
+        assert vessel.seconds(10).state == "HELD"
+
+
+def test_outside_the_fence_it_is_not_held() -> None:
+    vessel = watched(corners=SQUARE)
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "HELD"
+    vessel = watched(corners=[(20.0, 0.0), (40.0, 0.0), (40.0, 40.0)])
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "OFF" and "outside the fence" in vessel.said[-1]
 
 
 def home(place: tuple[float, float] = (30.0, 10.0), after_s: float = 60.0) -> Any:
     return WATCHDOG.Home(place, after_s, SQUARE, 30.0, 0.5)
 
 
-def silent_with(percent: float | None, at: Any, charge_known: bool = True) -> Vessel:
+def silent_with(percent: float | None, at: Any) -> Vessel:
     vessel = Vessel(at)
-    if charge_known:
+    if percent is not None:
         vessel.watchdog.hear_battery(SimpleNamespace(data=percent))
-    vessel.seconds(2)
-    vessel.age_s = None
     vessel.seconds(20)
-    assert vessel.state == "HELD"
+    vessel.age_s = None
+    assert vessel.seconds(20).state == "HELD"
     return vessel
 
 
 def test_it_goes_home_once_after_the_stated_time_and_holds_there() -> None:
     vessel = silent_with(50.0, home())
     vessel.seconds(30)
-    assert vessel.orders.taken == [("hold", 10.0, 10.0)]
+    assert vessel.taken == ["hold 10 10"]
     vessel.seconds(30)
-    assert vessel.state == "HOMEWARD" and vessel.orders.taken[1:] == [("go", 30.0, 10.0)]
+    assert vessel.state == "HOMEWARD" and vessel.taken[1:] == ["go 30 10"]
+    vessel.orders.is_told = True
     for north_m in range(10, 30):
-        vessel.place = (float(north_m), 10.0)
+        vessel.position = Position(float(north_m), speed_m_s=1.0)
         vessel.seconds(1)
-    assert vessel.state == "HOME" and vessel.orders.taken[2:] == [("hold", 28.0, 10.0)]
+    assert vessel.state == "HOME" and vessel.taken[2:] == ["hold 28 10"]
+    vessel.orders.is_told, vessel.position = False, Position(29.0)
     vessel.seconds(600)
-    assert len(vessel.orders.taken) == 3
+    assert len(vessel.taken) == 3
 
 
 @pytest.mark.parametrize(
@@ -191,23 +476,71 @@ def test_it_goes_home_once_after_the_stated_time_and_holds_there() -> None:
 def test_it_stays_where_charge_or_fence_forbid_the_way(percent: float | None, at: Any, why: str) -> None:
     vessel = silent_with(percent, at)
     vessel.seconds(300)
-    assert vessel.state == "HELD" and len(vessel.orders.taken) == 1
+    assert vessel.state == "HELD" and len(vessel.taken) == 1
     assert any(why in it for it in vessel.said)
 
 
-def test_on_the_way_home_a_bad_position_stops_it_and_a_way_that_does_not_end_is_held() -> None:
-    blind, slow = silent_with(50.0, home()), silent_with(50.0, home())
-    for vessel in (blind, slow):
-        vessel.seconds(60)
-        assert vessel.state == "HOMEWARD"
-    blind.place = None
-    blind.seconds(5)
-    assert blind.state == "SILENT" and blind.orders.taken[-1][0] == "stop"
-    blind.place = (10.0, 10.0)
-    blind.seconds(300)
-    assert blind.state == "HELD" and blind.orders.taken[-1] == ("hold", 10.0, 10.0)
-    slow.seconds(200)  # 60 s and three times the 40 s that the way takes are over
-    assert slow.state == "HELD" and slow.orders.taken[-1] == ("hold", 10.0, 10.0)
+@pytest.mark.parametrize(("spoil", "why"), BAD)
+def test_a_bad_position_on_the_way_home_means_off(spoil: Callable[[Vessel], None], why: str) -> None:
+    vessel = silent_with(50.0, home()).seconds(60)
+    assert vessel.state == "HOMEWARD"
+    spoil(vessel)
+    vessel.seconds(10)
+    vessel.each_beat, vessel.position, vessel.orders.is_told = lambda: None, Position(), False
+    vessel.seconds(300)
+    assert vessel.state == "OFF" and vessel.taken[1:] == ["go 30 10", "off"]
+
+
+def test_a_way_home_that_does_not_end_is_held() -> None:
+    vessel = silent_with(50.0, home()).seconds(60)
+    assert vessel.state == "HOMEWARD"
+    vessel.seconds(200)  # 60 s and three times the 40 s that the way takes are over
+    assert vessel.state == "HELD" and vessel.taken[-1] == "hold 10 10"
+
+
+@settings(deadline=None, max_examples=120)
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.just("age"), st.sampled_from([0.1, 9.0, math.nan, None])),
+            st.tuples(st.just("pilot"), st.booleans()),
+            st.tuples(st.just("refuses"), st.sampled_from(["no", "late", ""])),
+            st.tuples(
+                st.just("spoil"), st.sampled_from([(60.0, 10.0), (10.0, math.nan), (10.0, 10.0, math.inf)])
+            ),
+            st.tuples(st.just("seconds"), st.integers(1, 20)),
+        ),
+        max_size=15,
+    )
+)
+def test_whatever_happens_it_moves_nothing_at_a_bad_position_under_a_pilot_or_while_it_waits(
+    history: list[tuple[str, Any]],
+) -> None:
+    vessel = Vessel(home(after_s=10.0))
+    vessel.watchdog.hear_battery(SimpleNamespace(data=90.0))
+    """The bench trusts the position in each heartbeat of 0.1 s, so that such a heartbeat ends what came before it."""
+    is_bad, steers, was_heard = False, False, False
+    for kind, value in history:
+        before = len(vessel.orders.tried)
+        if kind == "age":
+            vessel.age_s = value
+        elif kind == "pilot":
+            vessel.pilot(value)
+            steers = value
+        elif kind == "refuses":
+            vessel.orders.refuses = WATCHDOG.NotTaken(value, is_late=value == "late") if value else None
+        elif kind == "spoil":
+            vessel.each_beat, vessel.position = lambda: None, Position(*value)
+            vessel.seconds(0.5)
+            is_bad = True
+        else:
+            vessel.seconds(value)
+        if vessel.age_s == 0.1:
+            is_bad, was_heard = False, True
+        new = vessel.orders.tried[before:]
+        assert not (new and steers), "a pilot is fought"
+        assert not new or was_heard, "it orders before the first heartbeat"
+        assert not (is_bad and any(it != "off" for it in new)), "a place from a bad position"
 
 
 @given(st.tuples(st.floats(-10, 50), st.floats(-10, 50)), st.tuples(st.floats(-10, 50), st.floats(-10, 50)))
@@ -230,3 +563,29 @@ def test_corners_that_are_none_are_refused(text: str) -> None:
     with pytest.raises(ValueError):
         WATCHDOG.corners_of(text)
     assert WATCHDOG.corners_of("0,0 30,0 30,-20.5") == [(0.0, 0.0), (30.0, 0.0), (30.0, -20.5)]
+
+
+def test_it_keeps_to_the_syntax_of_python_2_7() -> None:
+    """By a parser of that grammar, which also takes some of Python 3; those constructs are looked for by themselves."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        pygram = pytest.importorskip(
+            "lib2to3.pygram", reason="this Python has no parser of Python 2's grammar"
+        )
+        driver, pytree = (importlib.import_module(f"lib2to3.{it}") for it in ("pgen2.driver", "pytree"))
+    text = SCRIPT.read_text(encoding="ascii")  # other text would need a coding line
+    driver.Driver(pygram.python_grammar, convert=pytree.convert).parse_string(text)
+    newer = (ast.JoinedStr, ast.AnnAssign, ast.Nonlocal, ast.YieldFrom, ast.NamedExpr, ast.MatMult)
+    newer += (ast.AsyncFunctionDef, ast.Match)
+    for node in ast.walk(ast.parse(text)):
+        assert not isinstance(node, newer), ast.unparse(node)
+        if isinstance(node, ast.FunctionDef):
+            arguments = node.args.posonlyargs + node.args.args
+            assert node.returns is None and not node.args.kwonlyargs, node.name
+            assert not any(it.annotation for it in arguments), node.name
+        if isinstance(node, ast.ClassDef):
+            assert node.bases and not node.keywords, f"{node.name} is a class of the old kind in Python 2"
+        if isinstance(node, ast.Raise):
+            assert node.cause is None
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "super":
+            assert node.args
