@@ -1,8 +1,11 @@
 """Simulates a mission that sends the aPad away and falls silent, beside the vehicle's watchdog.
 
-Use: fall_silent.py WATCHDOG a|b, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes
-/clock.
-Prints the watchdog's output, the aPad's status and its drift since, as JSON.
+Use: fall_silent.py WATCHDOG a|b silent|lost|blocked, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody
+else publishes /clock.
+`silent`: the mission falls silent, comes back, and falls silent under a pilot. `lost`: the master ends, which is asked for
+by `end the master` and confirmed by a line on the standard input; then the mission falls silent, first with a good position
+and then with a bad one. `blocked`: the mission falls silent while the servo of a docking turns.
+Prints the watchdog's output, the aPad's status and its ways, as JSON.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from __future__ import annotations
 import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -29,7 +33,7 @@ use_generated_messages()
 
 from apad.msg import aPadAction, aPadGoal  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
-from misc_msgs.srv import Go2pointPrimitiveService  # noqa: E402
+from misc_msgs.srv import DockingPrimitiveService, Go2pointPrimitiveService  # noqa: E402
 
 PATIENCE_S = 180.0
 DRIFT_S = 30
@@ -37,10 +41,18 @@ STEADY_MS = 15_000
 
 
 class Mission:
-    """Publishes mission time from a thread, ten times as fast as the wall clock, and keeps the aPad's status and place."""
+    """Publishes mission time from a thread, `speed` times the wall clock, and keeps the aPad's status and place.
 
-    def __init__(self) -> None:
+    The watchdog gets the positions through it.
+    """
+
+    def __init__(self, speed: int) -> None:
         self.now_ms = 1_000
+        self._speed = speed
+        self.north_m: float | None = None
+        """What the watchdog gets instead of the position north."""
+        self.ends = 0
+        """Ends of primitives."""
         self.heart_beats = True
         self.status = -1
         self.place_m: tuple[float, float] | None = None
@@ -52,11 +64,14 @@ class Mission:
         rospy.Subscriber("/apad1/watchdog", String, self._take_word)
         rospy.Subscriber("/apad1/goto_status", Int32, self._take_status)
         rospy.Subscriber("/apad1/stateRef", NavSts, self._take_place)
+        rospy.Subscriber("/apad1/eventString", String, self._take_event)
+        self._relayed = rospy.Publisher("/relayed/position", NavSts, queue_size=10)
+        rospy.Subscriber("/apad1/position", NavSts, self._relay)
         threading.Thread(target=self._run, daemon=True).start()
 
     def _run(self) -> None:
         pause = threading.Event()
-        while not pause.wait(0.01):
+        while not pause.wait(0.1 / self._speed):
             self.now_ms += 100
             self._clock.publish(Clock(to_ros(self.now_ms)))
             if self.heart_beats:
@@ -70,6 +85,14 @@ class Mission:
 
     def _take_place(self, message: Any) -> None:
         self.place_m = (message.position.north, message.position.east)
+
+    def _take_event(self, _: Any) -> None:
+        self.ends += 1
+
+    def _relay(self, message: Any) -> None:
+        if self.north_m is not None:
+            message.position.north = self.north_m
+        self._relayed.publish(message)
 
     def wait_until(self, condition: Any, failure: str) -> None:
         until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
@@ -89,7 +112,7 @@ class Watchdog:
     def __init__(self, path: str) -> None:
         # As on a vehicle: the machine's ROS and a workspace's messages, without our package.
         self.process = subprocess.Popen(
-            ["/usr/bin/python3", path, "--silence-s", "1"],
+            ["/usr/bin/python3", path, "--silence-s", "1", "/apad1/position:=/relayed/position"],
             env=rospy_environment(),
             stdout=subprocess.PIPE,
             text=True,
@@ -115,9 +138,12 @@ def rospy_environment() -> dict[str, str]:
 
 
 def by_primitive(mission: Mission) -> None:
-    rospy.wait_for_service("/apad1/commander/primitive/go2point", PATIENCE_S)
-    go = rospy.ServiceProxy("/apad1/commander/primitive/go2point", Go2pointPrimitiveService)
-    assert go(point=Point(10_000, 0, 0), speed=0.5, victory_radius=1.0).status
+    if mission.client is None:
+        rospy.wait_for_service("/apad1/commander/primitive/go2point", PATIENCE_S)
+        mission.client = rospy.ServiceProxy(
+            "/apad1/commander/primitive/go2point", Go2pointPrimitiveService, persistent=True
+        )
+    assert mission.client(point=Point(10_000, 0, 0), speed=0.5, victory_radius=1.0).status
 
 
 def by_goal(mission: Mission) -> None:
@@ -125,7 +151,7 @@ def by_goal(mission: Mission) -> None:
 
     It is asked whether it runs: actionlib loses the callback of a server that answers before `send_goal` has returned.
     """
-    client = SimpleActionClient("/apad1/action_server", aPadAction)
+    client = mission.client or SimpleActionClient("/apad1/action_server", aPadAction)
     assert client.wait_for_server(rospy.Duration(PATIENCE_S))
     client.send_goal(
         aPadGoal(id=0, pose=Pose(position=Point(10_000, 0, 0))),
@@ -139,37 +165,93 @@ def by_goal(mission: Mission) -> None:
 SEND_AWAY = {"a": by_goal, "b": by_primitive}
 
 
+def sent_away(mission: Mission, generation: str) -> None:
+    mission.wait_until(lambda: mission.place_m is not None, "no stateRef")
+    SEND_AWAY[generation](mission)
+    mission.wait_until(lambda: mission.status == 1, "no go-to under way")
+    north_m = mission.let_pass(5_000)[0]
+    assert mission.let_pass(5_000)[0] > north_m + 1
+
+
+def way_m(mission: Mission, ms: int) -> list[float]:
+    """Metres north and east in `ms`."""
+    before, after = mission.let_pass(0), mission.let_pass(ms)
+    return [after[it] - before[it] for it in (0, 1)]
+
+
+def held(mission: Mission, watchdog: Watchdog) -> dict[str, Any]:
+    """Falls silent, and waits until the aPad is held."""
+    mission.heart_beats = False
+    said = watchdog.until("HELD")
+    mission.wait_until(lambda: mission.watchdog_says == "HELD", "/apad1/watchdog does not say so")
+    mission.wait_until(lambda: mission.status != 1, "the go-to goes on")
+    mission.let_pass(STEADY_MS)
+    return {"falls_silent": said, "status": mission.status, "drifted_m": way_m(mission, DRIFT_S * 1000)}
+
+
+def silent(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, Any]:
+    pilot = rospy.Publisher("/apad1/manual", Bool, queue_size=1, latch=True)
+    sent_away(mission, generation)
+    result = held(mission, watchdog)
+    mission.heart_beats = True
+    result["hears_again"] = watchdog.until("WATCHING")
+    pilot.publish(Bool(True))
+    ears = 1 + (generation == "b")  # the watchdog, and the vehicle of generation B
+    mission.wait_until(lambda: pilot.get_num_connections() >= ears, "nobody hears the pilot")
+    mission.heart_beats = False
+    result["piloted"] = watchdog.until("PILOTED")
+    return result
+
+
+def lost(mission: Mission, watchdog: Watchdog, generation: str) -> dict[str, Any]:
+    sent_away(mission, generation)
+    watchdog.process.send_signal(signal.SIGHUP)  # its shell was beyond the network
+    print("end the master", flush=True)
+    assert sys.stdin.readline()
+    result = held(mission, watchdog)
+    mission.heart_beats = True
+    watchdog.until("WATCHING")
+    sent_away(mission, generation)
+    mission.north_m, mission.heart_beats = float("nan"), False
+    result["is_blind"] = watchdog.until("OFF")
+    mission.let_pass(4 * STEADY_MS)
+    result["off_m"] = way_m(mission, DRIFT_S * 1000)
+    mission.north_m = None
+    mission.let_pass(DRIFT_S * 1000)
+    result["stays"] = mission.watchdog_says
+    return result
+
+
+def blocked(mission: Mission, watchdog: Watchdog, _: str) -> dict[str, Any]:
+    dock = rospy.ServiceProxy("/apad1/commander/primitive/docking", DockingPrimitiveService)
+    rospy.wait_for_service(dock.resolved_name, PATIENCE_S)
+    mission.wait_until(lambda: mission.place_m is not None, "no stateRef")
+    assert dock(docking_action=True, docking_slot=0, search_yaw_rate=0.1, max_surge_speed=0.1).status
+    docked_ms = mission.now_ms
+    mission.heart_beats, mission.ends = False, 0
+    said = watchdog.until("HELD")
+    blocked_ms = mission.now_ms - docked_ms
+    mission.let_pass(DRIFT_S * 1000)
+    return {"falls_silent": said, "blocked_ms": blocked_ms, "ends": mission.ends}
+
+
+PLAYS = {"silent": (silent, 5), "lost": (lost, 5), "blocked": (blocked, 2)}
+"""Each with its speed."""
+
+
 def main() -> None:
     rospy.init_node("mission", disable_signals=True)
-    pilot = rospy.Publisher("/apad1/manual", Bool, queue_size=1, latch=True)
-    mission = Mission()
+    play, speed = PLAYS[sys.argv[3]]
+    mission = Mission(speed)
     watchdog = Watchdog(sys.argv[1])
-    result: dict[str, Any] = {}
     try:
-        result["hears"] = watchdog.until("WATCHING")
-        mission.wait_until(lambda: mission.place_m is not None, "no stateRef")
-        SEND_AWAY[sys.argv[2]](mission)
-        mission.wait_until(lambda: mission.status == 1, "no go-to under way")
-        mission.heart_beats = False
-        result["falls_silent"] = watchdog.until("HELD")
-        mission.wait_until(lambda: mission.watchdog_says == "HELD", "/apad1/watchdog does not say so")
-        mission.wait_until(lambda: mission.status != 1, "the go-to goes on")
-        result["status"] = mission.status
-        held_m = mission.let_pass(STEADY_MS)
-        there_m = mission.let_pass(DRIFT_S * 1000)
-        result["drifted_m"] = [there_m[it] - held_m[it] for it in (0, 1)]
-        mission.heart_beats = True
-        result["hears_again"] = watchdog.until("WATCHING")
-        pilot.publish(Bool(True))
-        ears = 1 + (sys.argv[2] == "b")  # the watchdog, and the vehicle of generation B
-        mission.wait_until(lambda: pilot.get_num_connections() >= ears, "nobody hears the pilot")
-        mission.heart_beats = False
-        result["piloted"] = watchdog.until("PILOTED")
+        hears = watchdog.until("WATCHING")
+        result = play(mission, watchdog, sys.argv[2])
         assert watchdog.process.poll() is None
     finally:
         watchdog.process.terminate()
         watchdog.process.wait(PATIENCE_S)
-    print(json.dumps(result))
+    print(json.dumps(result | {"hears": hears}))
 
 
 if __name__ == "__main__":

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import ast
 import importlib
-import importlib.util
 import itertools
 import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib.machinery import SourceFileLoader
-from pathlib import Path
 from random import Random
 from types import SimpleNamespace
 from typing import Any
@@ -19,20 +16,8 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from watchdog_script import SCRIPT, WATCHDOG
 
-SCRIPT = Path(__file__).parents[3] / "launch_scripts" / "vehicle_watchdog"
-
-
-def loaded() -> Any:
-    loader = SourceFileLoader("vehicle_watchdog", str(SCRIPT))
-    spec = importlib.util.spec_from_loader(loader.name, loader)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    loader.exec_module(module)
-    return module
-
-
-WATCHDOG = loaded()
 SQUARE = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)]
 
 
@@ -587,5 +572,9 @@ def test_it_keeps_to_the_syntax_of_python_2_7() -> None:
             assert node.bases and not node.keywords, f"{node.name} is a class of the old kind in Python 2"
         if isinstance(node, ast.Raise):
             assert node.cause is None
+        if isinstance(node, ast.List | ast.Tuple | ast.Set):
+            assert not any(isinstance(it, ast.Starred) for it in node.elts)
+        if isinstance(node, ast.Call):
+            assert sum(isinstance(it, ast.Starred) for it in node.args) < 2
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "super":
             assert node.args

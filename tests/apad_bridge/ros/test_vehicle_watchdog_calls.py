@@ -1,0 +1,151 @@
+"""The watchdog's calls of services, over real sockets: no master, no answer, connections that ended."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from std_srvs.srv import Trigger, TriggerResponse
+from watchdog_script import WATCHDOG
+
+PATIENCE_S = 30.0
+_LENGTH = struct.Struct("<I")
+
+
+class Server:
+    """A service as its bytes say, written here by the protocol's text. `answers` while it is not blocked.
+
+    `seen` are its connections' ends and requests, in their order.
+    """
+
+    def __init__(self) -> None:
+        self.answers = threading.Event()
+        self.answers.set()
+        self.seen: queue.Queue[str] = queue.Queue()
+        self.headers: list[bytes] = []
+        self._connections: list[socket.socket] = []
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        self._listener.close()
+
+    def cut(self) -> None:
+        """Ends every connection, as a node that starts again does."""
+        for connection in self._connections:
+            with contextlib.suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            for number in range(1000):
+                connection = self._listener.accept()[0]
+                self._connections.append(connection)
+                threading.Thread(target=self._serve, args=(number, connection), daemon=True).start()
+
+    def _serve(self, number: int, connection: socket.socket) -> None:
+        with connection, contextlib.suppress(ConnectionError, struct.error):
+            self.headers.append(_block(connection))  # one connection is handed out after another
+            fields = [f"type={Trigger._type}", f"md5sum={Trigger._md5sum}", "callerid=/apad"]
+            told = b"".join(_LENGTH.pack(len(it)) + it.encode() for it in fields)
+            connection.sendall(_LENGTH.pack(len(told)) + told)
+            while b"probe=1" not in self.headers[-1]:
+                _block(connection)
+                self.seen.put(f"request on {number}")
+                if self.answers.is_set():
+                    connection.sendall(b"\x01" + _LENGTH.pack(5) + b"\x00" + _LENGTH.pack(0))
+        if b"probe=1" not in self.headers[number]:
+            self.seen.put(f"end of {number}")
+
+    def next(self, count: int) -> list[str]:
+        return [self.seen.get(timeout=PATIENCE_S) for _ in range(count)]
+
+
+def _block(connection: socket.socket) -> bytes:
+    (size,) = _LENGTH.unpack(connection.recv(4, socket.MSG_WAITALL))
+    return connection.recv(size, socket.MSG_WAITALL) if size else b""
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    made = Server()
+    yield made
+    made.answers.set()
+    made.close()
+    made.cut()
+
+
+@pytest.fixture
+def service(server: Server, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Without a master: whoever asked one would wait or fail here."""
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
+    made = WATCHDOG.Service("/apad1/commander/stop_mission")
+    made.resolve(f"rosrpc://127.0.0.1:{server.port}/")
+    yield made
+    made._close()
+
+
+def test_it_asks_for_the_type_once_and_keeps_its_connection(server: Server, service: Any) -> None:
+    for _ in range(3):
+        assert service.call() == TriggerResponse(False, "")
+    assert server.next(3) == ["request on 1", "request on 1", "request on 1"]
+    assert b"probe=1" in server.headers[0] and b"persistent=1" in server.headers[1]
+
+
+def test_a_connection_that_ended_is_opened_again_by_the_kept_address(server: Server, service: Any) -> None:
+    service.connect()
+    server.cut()
+    assert server.next(1) == ["end of 1"]
+    service.call()
+    assert server.next(1) == ["request on 2"]
+
+
+def test_a_call_without_an_answer_ends_its_connection_before_the_next_request_goes_out(
+    server: Server, service: Any
+) -> None:
+    service.connect()
+    server.answers.clear()
+    for number in (1, 2, 3):
+        begun_s = time.monotonic()
+        with pytest.raises(WATCHDOG.NotTaken, match="no answer") as not_taken:
+            service.call()
+        assert not_taken.value.is_late
+        assert WATCHDOG.TAKEN_S * 0.9 < time.monotonic() - begun_s < WATCHDOG.TAKEN_S + 5.0
+        assert server.next(2) == [f"request on {number}", f"end of {number}"]
+    server.answers.set()
+    service.call()
+    assert server.next(1) == ["request on 4"]
+
+
+def test_a_server_that_does_not_even_shake_hands_gets_no_request() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        service = WATCHDOG.Service("/apad1/commander/stop_mission")
+        service.resolve(f"rosrpc://127.0.0.1:{listener.getsockname()[1]}")
+        with pytest.raises(WATCHDOG.NotTaken) as not_taken:
+            service.call()
+        assert not not_taken.value.is_late
+        with listener.accept()[0] as connection, contextlib.suppress(ConnectionError):
+            got = b""
+            while piece := connection.recv(4096):
+                got += piece
+            (size,) = _LENGTH.unpack(got[:4])
+            assert len(got) == 4 + size, "more than a handshake"
+
+
+def test_what_the_aPad_does_not_offer_or_no_longer_serves_is_told(server: Server, service: Any) -> None:
+    with pytest.raises(WATCHDOG.NotTaken, match="does not offer it"):
+        WATCHDOG.Service("/apad1/VelCon_enable").call()
+    server.close()
+    server.cut()
+    with pytest.raises(WATCHDOG.NotTaken, match=r"refused|reset|closed") as not_taken:
+        service.call()
+        service.call()
+    assert not not_taken.value.is_late
