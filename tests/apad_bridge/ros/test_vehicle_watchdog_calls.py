@@ -1,4 +1,4 @@
-"""The watchdog's calls of services, over real sockets: no master, no answer, connections that ended."""
+"""The watchdog's calls of services, over real sockets: no master, no answer, connections that ended. And its terminal."""
 
 from __future__ import annotations
 
@@ -149,3 +149,28 @@ def test_what_the_aPad_does_not_offer_or_no_longer_serves_is_told(server: Server
         service.call()
         service.call()
     assert not not_taken.value.is_late
+
+
+def test_a_terminal_that_blocks_or_fails_holds_up_nobody_and_shows_the_rest_when_it_is_back() -> None:
+    class Out:
+        def __init__(self) -> None:
+            self.is_back = threading.Event()
+            self.shown: queue.Queue[str] = queue.Queue()
+
+        def write(self, text: str) -> None:
+            assert self.is_back.wait(PATIENCE_S)
+            if text == "lost":
+                raise OSError(5, "Input/output error")
+            self.shown.put(text)
+
+        def flush(self) -> None:
+            pass
+
+    out = Out()
+    terminal = WATCHDOG.Terminal(out)
+    for text in ("first", "lost", "last"):
+        terminal.write(text)
+        terminal.flush()
+    assert out.shown.empty()
+    out.is_back.set()
+    assert [out.shown.get(timeout=PATIENCE_S) for _ in range(2)] == ["first", "last"]
