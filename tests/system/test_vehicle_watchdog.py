@@ -64,10 +64,10 @@ def test_an_apad_whose_mission_falls_silent_is_held_where_it_is_and_a_pilot_is_n
 ) -> None:
     told = told_by(tmp_path, generation, "silent")
     assert told["hears"] == ["WATCHING"] and told["hears_again"] == ["WATCHING"]
-    assert told["falls_silent"][0] == "SILENT" and told["falls_silent"][-1].startswith("HELD at ")
+    assert "SILENT" in told["falls_silent"] and told["falls_silent"][-1].startswith("HELD at ")
     # Nobody held it, it would be 1.5 m north and 3 m west of there after half a minute.
     assert told["status"] == PREEMPTED and told["drifted_m"] == pytest.approx([0.0, 0.0], abs=0.5)
-    assert told["piloted"] == ["SILENT", "PILOTED"]
+    assert told["piloted"][-2:] == ["SILENT", "PILOTED"]
 
 
 @pytest.mark.parametrize("generation", ["a", "b"])
@@ -77,7 +77,7 @@ def test_without_a_master_it_is_held_and_at_a_bad_position_it_loses_its_thrust_u
     told = told_by(tmp_path, generation, "lost")
     assert told["falls_silent"][-1].startswith("HELD at ")
     assert told["status"] == PREEMPTED and told["drifted_m"] == pytest.approx([0.0, 0.0], abs=0.5)
-    assert told["is_blind"] == ["SILENT", "OFF: the aPad's position is not finite"]
+    assert told["is_blind"][-2:] == ["SILENT", "OFF: the aPad's position is not finite"]
     assert told["off_m"] == pytest.approx([30 * it for it in DRIFT_M_S], abs=0.3)
     assert told["stays"] == "OFF"
 
@@ -86,7 +86,7 @@ def test_a_vehicle_that_blocks_its_calls_while_it_docks_carries_out_no_backlog_o
     tmp_path: Path,
 ) -> None:
     told = told_by(tmp_path, "b", "blocked", fault="blocks")
-    assert "not ordered yet: " in told["falls_silent"][1] and "no answer" in told["falls_silent"][1]
+    assert any(it.startswith("not ordered yet: ") and "no answer" in it for it in told["falls_silent"])
     assert told["falls_silent"][-1].startswith("HELD at ")
     assert told["blocked_ms"] >= 27_000  # at twice the wall's speed, in which it tried about ten times
     # A hold ended the docking. The next one is the repetition, because the first may have been an old one.

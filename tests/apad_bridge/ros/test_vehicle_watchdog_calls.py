@@ -9,6 +9,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -149,6 +150,52 @@ def test_what_the_aPad_does_not_offer_or_no_longer_serves_is_told(server: Server
         service.call()
         service.call()
     assert not not_taken.value.is_late
+
+
+def test_the_address_of_a_service_that_started_again_replaces_the_old_one(
+    server: Server, service: Any
+) -> None:
+    service.call()
+    other = Server()
+    try:
+        service.resolve(f"rosrpc://localhost:{other.port}")
+        service.call()
+        assert server.next(2) == ["request on 1", "end of 1"] and other.next(1) == ["request on 1"]
+    finally:
+        other.close()
+        other.cut()
+
+
+def test_a_goal_that_nobody_takes_is_sent_again_as_the_same_goal_so_that_no_backlog_grows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An action server takes a goal of a known id for the same one. Two metres away the aPad holds another place."""
+    sent: list[tuple[str, float]] = []
+
+    class Goals(WATCHDOG.Goals):  # type: ignore[misc, name-defined]
+        def __init__(self) -> None:
+            self._goals = SimpleNamespace(
+                get_num_connections=lambda: 1,
+                publish=lambda it: sent.append((it.goal_id.id, it.goal.pose.position.x)),
+            )
+            self._kind, self._number, self._order = self._empty, 0, None
+            self._taken = threading.Event()
+
+        @staticmethod
+        def _empty() -> Any:
+            place = SimpleNamespace(position=SimpleNamespace(x=0.0, y=0.0))
+            goal = SimpleNamespace(id=None, pose=place)
+            return SimpleNamespace(header=SimpleNamespace(), goal_id=SimpleNamespace(), goal=goal)
+
+    monkeypatch.setattr(WATCHDOG, "TAKEN_S", 0.01)
+    monkeypatch.setattr(WATCHDOG.rospy, "Time", SimpleNamespace(now=lambda: 0))
+    goals = Goals()
+    for north_m in (10.0, 11.5, 12.5, 13.0):
+        with pytest.raises(WATCHDOG.NotTaken) as not_taken:
+            goals.hold(north_m, 5.0)
+        assert not_taken.value.is_late
+    assert [it[1] for it in sent] == [10.0, 10.0, 12.5, 12.5]
+    assert [it[0] == sent[0][0] for it in sent] == [True, True, False, False] and sent[2][0] == sent[3][0]
 
 
 def test_a_terminal_that_blocks_or_fails_holds_up_nobody_and_shows_the_rest_when_it_is_back() -> None:

@@ -198,6 +198,15 @@ def test_three_heartbeats_and_not_a_burst_of_old_ones_end_a_silence() -> None:
     assert vessel.taken == ["hold 10 10"]
 
 
+def test_it_tells_beforehand_that_a_silence_would_mean_off() -> None:
+    vessel = watched()
+    vessel.position = Position(60.0)
+    vessel.seconds(5)
+    assert vessel.said[-1] == "a silence would mean OFF: the aPad's position has jumped"
+    vessel.seconds(10)
+    assert vessel.said[-1] == "a silence would mean HOLD" and not vessel.orders.tried
+
+
 def test_nothing_is_ordered_while_heartbeats_come_again() -> None:
     vessel = watched()
     vessel.age_s, vessel.orders.refuses = None, WATCHDOG.NotTaken("not now")
