@@ -137,7 +137,7 @@ def test_a_watchdog_that_was_started_while_the_bench_is_silent_orders_nothing_wh
     assert vessel.state == "WAITING" and not vessel.orders.tried
 
 
-@pytest.mark.parametrize("age_s", [3.1, math.inf, -math.inf, -1.0])
+@pytest.mark.parametrize("age_s", [3.1, math.inf, -math.inf, -0.5])
 def test_a_bench_that_has_no_fresh_position_counts_as_silent(age_s: float) -> None:
     vessel = watched()
     vessel.age_s = age_s
@@ -148,6 +148,31 @@ def test_a_bench_that_does_not_trust_the_position_makes_it_a_bad_one() -> None:
     vessel = watched()
     vessel.age_s = math.nan
     assert vessel.seconds(8).state == "OFF" and vessel.taken == ["off"]
+
+
+def test_after_an_off_of_the_bench_a_silence_means_off_too() -> None:
+    vessel = watched()
+    vessel.age_s = -1.0
+    assert vessel.seconds(60).state == "WATCHING" and not vessel.orders.tried
+    vessel.age_s = None
+    assert vessel.seconds(60).state == "OFF" and vessel.taken == ["off"]
+    vessel.age_s = 0.1  # a person has continued
+    vessel.seconds(10)
+    vessel.age_s = None
+    assert vessel.seconds(8).state == "HELD" and vessel.taken == ["off", "hold 10 10"]
+
+
+def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
+    vessel = watched()
+    vessel.age_s, vessel.position = -1.0, Position(60.0)
+    vessel.seconds(60)
+    vessel.age_s = 0.1
+    vessel.seconds(1)
+    assert vessel.watchdog._position.fault() == ""
+    vessel = watched()
+    vessel.age_s, vessel.position = -1.0, Position(60.0)
+    vessel.seconds(60)
+    assert "jumped" in vessel.watchdog._position.fault()
 
 
 def test_what_is_not_taken_is_ordered_again_each_second() -> None:
