@@ -3,9 +3,9 @@
     python lossy_link.py PEER_PID LOSS DELAY_S SEED     (in a namespace of its own, as its root)
 
 The namespace of the process PEER_PID is the far end. Each packet, either way, is lost with probability LOSS, and arrives
-DELAY_S later otherwise. It prints `ready`. A line of standard input is the LOSS from then on: 1 cuts the link, with what
-is under way in it. It ends with its starter, at the end of its standard input. Kernels without netem have no such link by
-themselves.
+DELAY_S later otherwise. It prints `ready`. A line of standard input is LOSS and DELAY_S from then on: a LOSS of 1 cuts the
+link, with what is under way in it. It ends with its starter, at the end of its standard input. Kernels without netem have
+no such link by themselves.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ def relay(near: int, far: int, loss: float, delay_s: float, chance: random.Rando
         wait_s = max(0.0, under_way[0][0] - time.monotonic()) if under_way else _RESTS_S
         ready, _, _ = select.select([near, far, sys.stdin], [], [], wait_s)
         if sys.stdin in ready:
-            words = os.read(sys.stdin.fileno(), _LONGEST).split()
-            if not words:
+            lines = os.read(sys.stdin.fileno(), _LONGEST).splitlines()
+            if not lines:
                 return
-            loss = float(words[-1])
+            loss, delay_s = map(float, lines[-1].split())
             if loss == 1:
                 under_way.clear()
         now_s = time.monotonic()

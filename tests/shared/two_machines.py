@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from lossy_link import FAR, NEAR
 
@@ -30,6 +31,12 @@ class Link:
     loss: float = 0.0
     delay_s: float = 0.0
     seed: int = 1
+
+
+class Lose(Protocol):
+    """Changes a link: each packet is lost with the probability `share`, 1 cuts it, or arrives `delay_s` later."""
+
+    def __call__(self, share: float, delay_s: float = ..., /) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +77,8 @@ def two_machines(link: Link) -> Iterator[tuple[Machine, Machine]]:
 
 
 @contextmanager
-def linked_machines(link: Link) -> Iterator[tuple[Machine, Machine, Callable[[float], None]]]:
-    """`two_machines`, and a function that changes the loss of their link: 1 cuts it."""
+def linked_machines(link: Link) -> Iterator[tuple[Machine, Machine, Lose]]:
+    """`two_machines`, and a function that changes their link."""
     with ExitStack() as stack:
         near = _keeper(stack, ["unshare", "-rn"])
         inside = ["nsenter", "-t", str(near), "-U", "-n", "--preserve-credentials"]
@@ -79,9 +86,9 @@ def linked_machines(link: Link) -> Iterator[tuple[Machine, Machine, Callable[[fl
         words = [sys.executable, str(_LINK), str(far), str(link.loss), str(link.delay_s), str(link.seed)]
         carrier = _started(stack, [*inside, *words], "ready")
 
-        def lose(share: float) -> None:
+        def lose(share: float, delay_s: float = link.delay_s) -> None:
             assert carrier.stdin is not None
-            carrier.stdin.write(f"{share}\n")
+            carrier.stdin.write(f"{share} {delay_s}\n")
             carrier.stdin.flush()
 
         yield Machine(NEAR, near), Machine(FAR, far), lose

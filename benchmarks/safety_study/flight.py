@@ -1,0 +1,468 @@
+"""One flight on two machines: a vehicle's computer with master, hull, relay and watchdog, and a laptop with the bench.
+
+The machines are network namespaces, and the cable between them is a process that can cut, lose and delay. `Flight` starts
+all of it, does to it what a row asks for, and keeps the facts of the wire. It does not judge.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import random
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from two_machines import Link, Lose, Machine, Programs, linked_machines, master_uri
+
+from benchmarks.safety_study.judge import PERCH, Fact, Place, Told
+
+ROOT = Path(__file__).parents[2]
+SCENARIO = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
+SIDE_M = 60.0
+FENCE: tuple[Place, ...] = ((0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M))
+START_M: Place = (30.0, 30.0)
+CORNERS: tuple[Place, ...] = ((49.0, 47.0), (46.0, 12.0), (13.0, 14.0), (14.0, 48.0))
+"""The aMussels' places: a leg of 23 m takes the vehicle 45 s."""
+SHIFT_M = 2.0
+CLEARANCE_M = 5.0
+HULL = "/apad1_simulated"
+TRUTH = "/hull/position"
+UNDER_WAY_M = 2.0
+NEVER_OVERRIDDEN = ("fence", "position", "pilot", "stop")
+ANSWER_S = 30.0
+PATIENCE_S = 60.0
+BEGIN_S = 180.0
+_PRESSED = """
+import sys
+from apad_bridge.commands import control
+from apad_bridge.commands.main import main
+print("warm", flush=True)
+sys.stdin.readline()
+sys.argv[1:] = sys.argv[2:]
+sys.exit(main())
+"""
+"""`musselbed` with all of it loaded before: the time of an order is not that of an interpreter's start."""
+
+_PAGE = """
+import http.cookiejar, json, sys, urllib.request
+base, token, act = sys.argv[1:]
+opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(http.cookiejar.CookieJar()))
+opener.open(f"{base}/?token={token}", timeout=20).read()
+print("warm", flush=True)
+sys.stdin.readline()
+body = json.dumps({"act": act, "by": "judge on the page"}).encode()
+answer = json.load(opener.open(urllib.request.Request(f"{base}/orders", body), timeout=20))
+print(answer)
+sys.exit(0 if answer["accepted"] else 3)
+"""
+
+
+class NoFlight(Exception):
+    """The flight did not begin; the text is the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """The differences of a flight from a plain one."""
+
+    clock_off_s: float = 0.0
+    """The vehicle's wall clock against the laptop's."""
+    current_m_s: Place = (0.0, 0.0)
+    near_m: float | None = None
+    """The first aMussel floats so far from the start; by default all are far."""
+    full: bool = False
+    """The laptop's disk can be filled: the run's folder is a small file system of its own."""
+    watchdog: bool = True
+    silence_s: float = 10.0
+    ahead_m: float = 8.0
+    """The way that lies ahead when the flight is handed over."""
+    rests: bool = False
+    """All aMussels are full and age as the clock goes: the vehicle holds its place for hours."""
+    run_words: tuple[str, ...] = ()
+
+
+@dataclass
+class Pressed:
+    """A person's command that waits for its moment, and its answer."""
+
+    words: tuple[str, ...]
+    process: subprocess.Popen[str]
+    asked_s: float = math.nan
+
+    def press(self) -> None:
+        assert self.process.stdin is not None
+        self.asked_s = time.monotonic()
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+
+    def answer(self) -> Told:
+        code: int | None
+        try:
+            text, _ = self.process.communicate(timeout=ANSWER_S)
+            code = self.process.returncode
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            text, code = "no answer", None
+        return Told(" ".join(self.words), self.asked_s, time.monotonic(), code, code == 0, text)
+
+
+@dataclass
+class Flight:
+    """A flight in `home`, which ends with `stack`."""
+
+    home: Path
+    generation: str
+    rng: random.Random
+    setup: Setup
+    stack: ExitStack
+    duration_s: float = 3600.0
+    """The mission's."""
+    facts: list[Fact] = field(default_factory=list)
+    told: list[Told] = field(default_factory=list)
+    words_s: list[float] = field(default_factory=list)
+    despite: list[str] = field(default_factory=list)
+    vehicle: Machine = field(init=False)
+    bench: Machine = field(init=False)
+    link: Lose = field(init=False)
+    programs: Programs = field(init=False)
+    _processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    _read_bytes: int = 0
+    _starts: int = 0
+
+    def begin(self) -> None:
+        """Returns when the vehicle is under way; NoFlight when it does not come to that."""
+        self.vehicle, self.bench, self.link = self.stack.enter_context(linked_machines(Link()))
+        self.programs = Programs(self.home, master_uri(self.vehicle), self.stack, PATIENCE_S)
+        self.scenario = self._write_scenario("scenario", START_M)
+        self._write_fleet()
+        if self.setup.full:
+            self._mount_small_disk()
+        self._on_vehicle("wire", sys.executable, "-m", "benchmarks.safety_study.wire", "/apad1", HULL, TRUTH)
+        self._wait_for("wire", "wire", "reading")
+        self.boot(self.scenario)
+        self.actor("stranger")
+        self._fly()
+
+    # What flies.
+
+    def boot(self, scenario: Path) -> None:
+        """Starts all that runs on the vehicle's computer."""
+        self._starts += 1
+        clock, off_s = [], self.setup.clock_off_s
+        environment = {"PYTHONPATH": str(ROOT)}
+        if off_s:
+            clock = ["faketime", "--exclude-monotonic", "-f", f"{off_s:+g}s"]
+            environment["PYTHONPATH"] += f":{ROOT / 'tests' / 'shared' / 'beside_faketime'}"
+        self._processes["master"] = self.programs.start(
+            self.vehicle,
+            f"master-{self._starts}",
+            *clock,
+            "/usr/bin/rosmaster",
+            "--core",
+            environment=environment,
+        )
+        self.programs.wait_until(self._master_answers, "the master does not answer")
+        hull = [
+            *clock,
+            sys.executable,
+            "-m",
+            "benchmarks.nodes.hull",
+            "--scenario",
+            str(scenario),
+            "--time",
+            "wall",
+        ]
+        self._start("hull", *hull, "--tether", "1.0", environment=environment)
+        self._wait_ready("hull")
+        workspace = environment | self._workspace(environment["PYTHONPATH"])
+        self._start("relay", *clock, *self._node("relay"), environment=workspace)
+        self._wait_ready("relay")
+        if self.setup.watchdog:
+            words = [*clock, "/usr/bin/python3", str(ROOT / "launch_scripts" / "vehicle_watchdog")]
+            words += ["--apad", "/apad1", "--silence-s", f"{self.setup.silence_s:g}"]
+            self._start("watchdog", *words, environment=workspace)
+
+    def actor(self, name: str, *words: str) -> None:
+        """Another node on the vehicle's computer: `stranger`, or a second `relay`."""
+        script = "relay" if name == "second" else name
+        environment = self._workspace(str(ROOT))
+        self._start(name, *self._node(script, name), *words, environment=environment)
+        self._wait_ready(name)
+
+    def _node(self, script: str, name: str = "") -> list[str]:
+        name = name or script
+        path = self.home / f"{name}-{self._starts}.sock"
+        program = str(ROOT / "benchmarks" / "nodes" / f"{script}.py")
+        return ["/usr/bin/python3", program, f"actor_{name}", str(path)]
+
+    def _workspace(self, before: str) -> dict[str, str]:
+        """The environment of a shell in the vehicle's workspace."""
+        messages = str(Path(sys.prefix) / "share" / "musselbed" / "ros")
+        return {"PYTHONPATH": f"{before}:{messages}", "ROS_PACKAGE_PATH": messages}
+
+    def _start(self, name: str, *words: str, environment: dict[str, str]) -> None:
+        self._processes[name] = self.programs.start(
+            self.vehicle, f"{name}-{self._starts}", *words, environment=environment
+        )
+
+    def _on_vehicle(self, name: str, *words: str) -> None:
+        self._processes[name] = self.programs.start(
+            self.vehicle, name, *words, environment={"PYTHONPATH": str(ROOT)}
+        )
+
+    def _wait_ready(self, name: str) -> None:
+        self._wait_for(name, f"{name}-{self._starts}", "ready")
+
+    def _wait_for(self, name: str, log: str, word: str) -> None:
+        """Until the program says so; NoFlight when it ends before."""
+        process = self._processes[name]
+        self.programs.wait_until(
+            lambda: word in self.programs.said(log) or process.poll() is not None, f"{name} does not start"
+        )
+        if process.poll() is not None:
+            raise NoFlight(f"{name} ended: {self.programs.said(log)[-500:]}")
+
+    def _master_answers(self) -> bool:
+        connect = f"import socket; socket.create_connection(({self.vehicle.address!r}, 11311), 1).close()"
+        return (
+            subprocess.run(
+                self.vehicle.command(sys.executable, "-c", connect), stderr=subprocess.DEVNULL
+            ).returncode
+            == 0
+        )
+
+    def _fly(self) -> None:
+        """Starts the bench; what its preflight holds against a machine like this one is overridden by name."""
+        for number in range(4):
+            process = self._start_run(number)
+            with suppress(TimeoutError):
+                self.wait(lambda: self._has_begun() or self.run_ended(), BEGIN_S, "")
+            if process.poll() is None and self._has_begun():
+                return
+            red = self._red()
+            if process.poll() is None or not red or set(red) <= set(self.despite):
+                break
+            self.despite += [it for it in red if it not in self.despite]
+        raise NoFlight(self.programs.said(f"run-{number}")[-1500:])
+
+    def _has_begun(self) -> bool:
+        return bool(self.orders()) if self.setup.rests else self.is_under_way()
+
+    def _start_run(self, number: int) -> subprocess.Popen[bytes]:
+        self.run = self.programs.folder(self.bench) / f"run-{number}"
+        words = [*MUSSELBED, "run", str(self.scenario), "--apad", "ros", "--out", str(self.run)]
+        words += [word for it in self.despite for word in ("--despite", it)] + [*self.setup.run_words]
+        process = self.programs.start(self.bench, f"run-{number}", *words)
+        self._processes["run"] = process
+        return process
+
+    def _red(self) -> list[str]:
+        """The checks on which the preflight stood, as its lines name them."""
+        said = self.programs.said(self.run.name)
+        keys = re.findall(r"^(?:FAIL|CANNOT TELL|CANNOT_TELL) +([a-z][a-z-]*):", said, re.M)
+        return [it for it in dict.fromkeys(keys) if it not in NEVER_OVERRIDDEN]
+
+    def _write_scenario(self, name: str, start_m: Place) -> Path:
+        data = yaml.safe_load(SCENARIO.read_text())
+        corners = [list(it) for it in FENCE]
+        data["area"] |= {"polygon_m": corners, "fence": corners, "home_m": list(START_M)}
+        data["fleet"] |= {"count": len(CORNERS), "start": str(self.home / "fleet.csv")}
+        data["guards"] |= {"clearance_m": CLEARANCE_M}
+        data["apad"] |= {
+            "start_m": list(start_m),
+            "generation": self.generation,
+            "drift_m_s": list(self.setup.current_m_s),
+        }
+        data["duration_s"] = self.duration_s
+        if self.setup.rests:
+            data["theta"] = 1
+        path = self.home / f"{name}.yaml"
+        path.write_text(yaml.safe_dump(data, sort_keys=False))
+        return path
+
+    def _write_fleet(self) -> None:
+        places = [
+            (n + self.rng.uniform(-SHIFT_M, SHIFT_M), e + self.rng.uniform(-SHIFT_M, SHIFT_M))
+            for n, e in CORNERS
+        ]
+        if self.setup.near_m is not None:
+            angle = self.rng.uniform(0, 2 * math.pi)
+            near = self.setup.near_m
+            places[0] = (START_M[0] + near * math.cos(angle), START_M[1] + near * math.sin(angle))
+        charge = 1.0 if self.setup.rests else 0.5
+        rows = [f"{number},{n:.3f},{e:.3f},{charge}" for number, (n, e) in enumerate(places, 1)]
+        (self.home / "fleet.csv").write_text("\n".join(["id,north,east,battery", *rows]) + "\n")
+
+    def _mount_small_disk(self) -> None:
+        folder = self.programs.folder(self.bench)
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=48m", "tmpfs", str(folder)], check=True)
+        self.stack.callback(subprocess.run, ["umount", "-l", str(folder)], check=False)
+
+    # What is done to it.
+
+    def falsify(self, kind: str, who: str = "relay", **how: Any) -> None:
+        self._send(who, {"position": {"kind": kind, **how}})
+
+    def tell_battery(self, **how: Any) -> None:
+        self._send("relay", {"battery": how})
+
+    def stranger(self, do: str, **how: Any) -> None:
+        self._send("stranger", {"do": do, **how})
+
+    def _send(self, who: str, order: dict[str, Any]) -> None:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as out:
+            out.sendto(json.dumps(order).encode(), str(self.home / f"{who}-{self._starts}.sock"))
+
+    def kill(self, *names: str) -> None:
+        """Programs of the vehicle's computer, as when their process is killed."""
+        for name in names:
+            with suppress(ProcessLookupError):
+                os.killpg(self._processes[name].pid, signal.SIGKILL)
+            self._processes[name].wait()
+
+    def cut_power(self, off_s: float) -> None:
+        """The vehicle's computer dies, and starts again where the hull is then."""
+        here = self.place()
+        self.kill("watchdog", "relay", "stranger", "hull", "master")
+        time.sleep(off_s)
+        self.boot(self._write_scenario("after", here))
+
+    def tether(self) -> None:
+        os.killpg(self._processes["hull"].pid, signal.SIGUSR1)
+
+    def signal_bench(self, number: int, *words: str) -> None:
+        """All processes of the laptop, or those with one of the words in their command line."""
+        found = self.processes(*words)
+        if not found:
+            raise NoFlight(f"no process of {' or '.join(words)} on the laptop")
+        for pid in found:
+            with suppress(ProcessLookupError):
+                os.kill(pid, number)
+
+    def processes(self, *words: str) -> list[int]:
+        """Pids in the laptop's network namespace, but for the one that keeps it."""
+        keeper = self.bench._keeper
+        network = os.readlink(f"/proc/{keeper}/ns/net")
+        found = []
+        for entry in Path("/proc").iterdir():
+            if not entry.name.isdigit() or int(entry.name) == keeper:
+                continue
+            with suppress(OSError):
+                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+                is_there = os.readlink(entry / "ns" / "net") == network
+                if is_there and (not words or any(it in line for it in words)):
+                    found.append(int(entry.name))
+        return found
+
+    def fill_disk(self) -> None:
+        with suppress(OSError), (self.programs.folder(self.bench) / "filling").open("wb") as out:
+            while True:
+                out.write(bytes(2**16))
+                out.flush()
+
+    # A person.
+
+    def person(self, *words: str) -> Pressed:
+        """`musselbed WORDS[0] RUN WORDS[1:]` on the laptop, which waits to be pressed."""
+        command = self.bench.command(
+            sys.executable, "-c", _PRESSED, "musselbed", words[0], str(self.run), *words[1:]
+        )
+        return self._waiting(words, command)
+
+    def order_by_console(self, act: str) -> Pressed:
+        """The order that the live page's button gives, which waits to be pressed."""
+        found = re.search(r"(http://127\.0\.0\.1:\d+)/\?token=(\S+)", self.programs.said(self.run.name))
+        if found is None:
+            raise NoFlight("the run printed no address of its console")
+        command = self.bench.command(sys.executable, "-c", _PAGE, *found.groups(), act)
+        return self._waiting(("console", act), command)
+
+    def _waiting(self, words: tuple[str, ...], command: list[str]) -> Pressed:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=self.bench.environment(self.programs.uri) | {"ROS_HOME": str(self.home / "ros")},
+            cwd=ROOT,
+        )
+        self.stack.callback(_end, process)
+        assert process.stdout is not None
+        if process.stdout.readline().strip() != "warm":
+            raise NoFlight(f"{' '.join(words)} cannot be loaded")
+        return Pressed(words, process)
+
+    # The wire.
+
+    def look(self) -> list[Fact]:
+        """All facts until now."""
+        if self._processes["wire"].poll() is not None:
+            raise NoFlight(f"the observer ended: {self.programs.said('wire')[-300:]}")
+        with (self.home / "wire.out").open("rb") as said:
+            said.seek(self._read_bytes)
+            new = said.read()
+        whole = new[: new.rfind(b"\n") + 1]
+        self._read_bytes += len(whole)
+        self.facts += [json.loads(it) for it in whole.splitlines() if it.startswith(b"{")]
+        return self.facts
+
+    def place(self) -> Place:
+        last = next(it for it in reversed(self.look()) if it["fact"] == "truth")
+        return last["north"], last["east"]
+
+    def orders(self) -> list[Fact]:
+        """The bench's orders until now."""
+        return [
+            it for it in self.look() if it["fact"] in ("call", "goal") and it["by"].startswith("/musselbed")
+        ]
+
+    def is_under_way(self) -> bool:
+        """The bench's newest order is a way, and a good part of it lies ahead."""
+        orders = self.orders()
+        places = [(it["north"], it["east"]) for it in self.facts if it["fact"] == "truth"]
+        if not orders or not places or orders[-1].get("place") is None:
+            return False
+        gone_m, ahead_m = (math.dist(places[-1], it) for it in (places[0], orders[-1]["place"]))
+        return gone_m > UNDER_WAY_M and ahead_m > self.setup.ahead_m
+
+    def is_docking(self) -> bool:
+        """The vehicle is where it was sent, and the bench has ordered what comes after a way."""
+        orders = [
+            it
+            for it in self.orders()
+            if "goal" in it["fact"] or it["order"].startswith("commander/primitive")
+        ]
+        return len(orders) > 1 and (
+            orders[-1].get("kind") == PERCH or "dynamic" in orders[-1].get("order", "")
+        )
+
+    def wait(self, is_so: Callable[[], bool], patience_s: float, failure: str) -> None:
+        until_s = time.monotonic() + patience_s
+        while not is_so():
+            if time.monotonic() > until_s:
+                raise TimeoutError(failure)
+            time.sleep(0.2)
+
+    def run_ended(self) -> bool:
+        return self._processes["run"].poll() is not None
+
+
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    process.kill()
+    with suppress(ValueError):
+        process.communicate()

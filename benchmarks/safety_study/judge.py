@@ -1,0 +1,420 @@
+"""Judges the facts that `wire.py` printed: stops, orders that should not have come, and what the operator was told.
+
+All geometry is its own, from the vehicle's true position: standard library only, and no module of what it judges.
+
+A stop, by generation:
+
+    B off    commander/stop_mission
+    B hold   dynamic positioning within a metre of where the vehicle truly is, while its position was told truly
+    A off    a cancel and VelCon_enable false
+    A hold   a go-to within a metre of where the vehicle truly is, while its position was told truly
+
+An arm is no stop, nor is a cancel alone: generation A goes on to its old goal after it. The vehicle has taken a service's
+request when it answers it well, and a goal when its status is active or beyond.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from enum import Enum
+from itertools import pairwise
+from typing import Any
+
+Place = tuple[float, float]
+Fact = dict[str, Any]
+
+AT_PLACE_M = 1.0
+"""A hold so near to the true place is a stop: 0.6 m/s, and a look each second."""
+FENCE_ERROR_M = 0.01
+"""float32 in the published scripts, and rounding."""
+OFF_PARTS_S = 5.0
+"""Generation A's cancel and its switch belong together within so long."""
+PILOT_GRACE_S = 0.5
+"""An order may be under way while the pilot's flag arrives."""
+REST_M, REST_S = 0.15, 3.0
+TAKEN = (1, 3)
+"""actionlib_msgs/GoalStatus: ACTIVE, SUCCEEDED."""
+PERCH, RELEASE = 1, 2
+LIMIT_S = 3.0
+
+
+class Kind(Enum):
+    """Orders by what they do to the vehicle."""
+
+    MOVE = "move"
+    DOCK = "dock"
+    HOLD = "hold"
+    OFF = "off"
+    OTHER = "other"
+    """A cancel, a switch that is half of an order, an arm."""
+
+
+@dataclass(slots=True)
+class Order:
+    at_s: float
+    by: str
+    kind: Kind
+    what: str
+    place: Place | None = None
+    number: int | None = None
+    key: str | None = None
+    taken_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """An operator's command: when it was given and answered, and whether the answer says that the vehicle has taken it."""
+
+    what: str
+    asked_s: float
+    answered_s: float
+    code: int | None
+    """The command's exit code; None for one that did not end."""
+    says_taken: bool
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One flight's disturbance, and the rules that hold in it. Times are the monotonic clock's."""
+
+    generation: str
+    fence: tuple[Place, ...]
+    begun_s: float
+    """The disturbance, or the person's order."""
+    is_stop_due: bool = True
+    limit_s: float = LIMIT_S
+    lies: bool = False
+    """From `begun_s` on the position that is told is not the truth: no place may be ordered."""
+    deaf: tuple[float, float] | None = None
+    """Nobody could reach the vehicle between these times. Later only the watchdog may hold it, and the bench nothing."""
+    nothing_after_s: float = math.inf
+    """From then on even a hold is too much: the vehicle was away, and hands may be in its docks."""
+    must_be: Kind | None = None
+    """The stop that it has to be; None for either."""
+    words_s: tuple[float, ...] = ()
+    """A person allowed it to move on."""
+    told: tuple[Told, ...] = ()
+    strangers: tuple[str, ...] = ("/actor_",)
+    """Nodes with names that begin so are neither the bench nor its watchdog."""
+    is_rest_due: bool = True
+    """False where the water carries the vehicle along."""
+    may_stop: bool = True
+    """False for a healthy flight: neither may the bench switch the controllers off, nor the watchdog order anything."""
+    must_move: bool = False
+    """After the last word the bench orders a way again."""
+    other_faults: tuple[str, ...] = ()
+    """Faults that the row itself saw."""
+
+
+@dataclass(slots=True)
+class Verdict:
+    """One flight. `failures` is empty for a good one."""
+
+    stop_s: float | None = None
+    """Seconds from the disturbance to the first stop on the wire."""
+    stop_kind: str | None = None
+    stop_by: str | None = None
+    taken_s: float | None = None
+    outside: int = 0
+    against_pilot: int = 0
+    unasked: int = 0
+    untaken: int = 0
+    """Times that an operator was told `taken` or `done` while the vehicle had accepted no stop."""
+    nuisances: int = 0
+    """Stops of a healthy vehicle."""
+    coasting_m: float | None = None
+    rest_s: float | None = None
+    furthest_out_m: float = 0.0
+    """The vehicle's greatest true distance outside the fence, after the disturbance."""
+    moved_m: float = 0.0
+    """The true way from the disturbance on."""
+    orders: int = 0
+    failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def is_inside(place: Place, corners: tuple[Place, ...]) -> bool:
+    """By the sum of the angles under which the corners are seen: a whole turn from inside, none from outside."""
+    turn = 0.0
+    for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+        ax, ay, bx, by = a[0] - place[0], a[1] - place[1], b[0] - place[0], b[1] - place[1]
+        turn += math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    return abs(turn) > math.pi
+
+
+def edge_m(place: Place, corners: tuple[Place, ...]) -> float:
+    """The distance to the fence's edge."""
+    best = math.inf
+    for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+        dx, dy = b[0] - a[0], b[1] - a[1]
+        along = ((place[0] - a[0]) * dx + (place[1] - a[1]) * dy) / (dx * dx + dy * dy)
+        along = min(1.0, max(0.0, along))
+        best = min(best, math.dist(place, (a[0] + along * dx, a[1] + along * dy)))
+    return best
+
+
+def out_m(place: Place, corners: tuple[Place, ...]) -> float:
+    """Metres outside the fence; 0 inside."""
+    if not all(map(math.isfinite, place)):
+        return math.inf
+    return 0.0 if is_inside(place, corners) else edge_m(place, corners)
+
+
+def way_out_m(start: Place, goal: Place, corners: tuple[Place, ...], step_m: float = 0.25) -> float:
+    """The greatest distance outside the fence on the straight way."""
+    if not all(map(math.isfinite, goal)):
+        return math.inf
+    steps = max(1, math.ceil(math.dist(start, goal) / step_m))
+    return max(
+        out_m(
+            (start[0] + (goal[0] - start[0]) * it / steps, start[1] + (goal[1] - start[1]) * it / steps),
+            corners,
+        )
+        for it in range(steps + 1)
+    )
+
+
+class Track:
+    """The true positions."""
+
+    def __init__(self, facts: list[Fact]) -> None:
+        truths = [it for it in facts if it["fact"] == "truth"]
+        self.times_s = [it["at_s"] for it in truths]
+        self.places: list[Place] = [(it["north"], it["east"]) for it in truths]
+
+    def at(self, at_s: float) -> Place | None:
+        number = bisect_right(self.times_s, at_s) - 1
+        return self.places[number] if number >= 0 else None
+
+    def since(self, at_s: float) -> list[tuple[float, Place]]:
+        number = bisect_right(self.times_s, at_s)
+        return list(zip(self.times_s[number:], self.places[number:], strict=True))
+
+    def rest(self, since_s: float) -> tuple[float, float] | None:
+        """Seconds from `since_s` until it stays where it is, and the metres that it came away meanwhile."""
+        begin = self.at(since_s)
+        rows = self.since(since_s)
+        if begin is None or not rows:
+            return None
+        furthest_m = 0.0
+        for number, (at_s, place) in enumerate(rows):
+            furthest_m = max(furthest_m, math.dist(begin, place))
+            later = [other for then_s, other in rows[number:] if then_s <= at_s + REST_S]
+            if rows[-1][0] < at_s + REST_S:
+                return None
+            if all(math.dist(place, other) < REST_M for other in later):
+                return at_s - since_s, furthest_m
+        return None
+
+
+def orders_of(facts: list[Fact], case: Case, track: Track) -> list[Order]:
+    """The orders in the order of their arrival, with the time at which the vehicle took each."""
+    orders: list[Order] = []
+    by_number: dict[int, Order] = {}
+    by_key: dict[str, Order] = {}
+    for it in facts:
+        match it["fact"]:
+            case "call":
+                place = None if it.get("place") is None else (it["place"][0], it["place"][1])
+                order = Order(it["at_s"], it["by"], Kind.OTHER, it["order"], place, it["number"])
+                order.kind = _kind_of_call(order, it.get("enable"), case, track)
+                if "enable" in it:
+                    order.what += " true" if it["enable"] else " false"
+                orders.append(order)
+                by_number[it["number"]] = order
+            case "goal":
+                place = None if it["place"] is None else (it["place"][0], it["place"][1])
+                kind = (
+                    Kind.DOCK
+                    if it["kind"] in (PERCH, RELEASE)
+                    else _kind_of_place(it["at_s"], place, case, track)
+                )
+                order = Order(it["at_s"], it["by"], kind, f"goal {it['kind']}", place, key=it["key"])
+                orders.append(order)
+                by_key[it["key"]] = order
+            case "cancel":
+                orders.append(Order(it["at_s"], it["by"], Kind.OTHER, "cancel", taken_s=it["at_s"]))
+            case "arms":
+                if it["by"] and "/musselbed" in it["by"]:
+                    orders.append(Order(it["at_s"], it["by"], Kind.OTHER, f"arm {it['open']}"))
+            case "answer":
+                if it["took"] and (asked := by_number.get(it["number"])) is not None:
+                    asked.taken_s = it["at_s"]
+            case "status":
+                for key, code in it["goals"].items():
+                    if code in TAKEN and (asked := by_key.get(key)) is not None and asked.taken_s is None:
+                        asked.taken_s = it["at_s"]
+    _join_off_of_a(orders)
+    return orders
+
+
+def _kind_of_call(order: Order, enable: bool | None, case: Case, track: Track) -> Kind:
+    match order.what:
+        case "commander/stop_mission":
+            return Kind.OFF
+        case "commander/primitive/dynamic_positioning":
+            return _kind_of_place(order.at_s, order.place, case, track)
+        case "commander/primitive/go2point" | "commander/go2point" | "commander/continue_mission":
+            return Kind.MOVE
+        case "commander/primitive/docking" | "commander/docking":
+            return Kind.DOCK
+        case "VelCon_enable" | "FADP_enable":
+            return Kind.MOVE if enable else Kind.OTHER
+    return Kind.OTHER
+
+
+def _kind_of_place(at_s: float, place: Place | None, case: Case, track: Track) -> Kind:
+    here = track.at(at_s)
+    is_told_truly = not case.lies or at_s < case.begun_s
+    if is_told_truly and here is not None and place is not None and math.dist(here, place) <= AT_PLACE_M:
+        return Kind.HOLD
+    return Kind.MOVE
+
+
+def _join_off_of_a(orders: list[Order]) -> None:
+    """The switch of generation A is an OFF with a cancel near it: whichever comes later is when the OFF is whole."""
+    cancels = [it.at_s for it in orders if it.what == "cancel"]
+    for it in orders:
+        if it.what == "VelCon_enable false":
+            near = [at_s for at_s in cancels if abs(at_s - it.at_s) <= OFF_PARTS_S]
+            if near:
+                it.kind = Kind.OFF
+                it.at_s = max(it.at_s, min(near))
+
+
+def judge(facts: list[Fact], case: Case) -> Verdict:
+    track = Track(facts)
+    orders = orders_of(facts, case, track)
+    ours = [it for it in orders if not it.by.startswith(case.strangers)]
+    verdict = Verdict(orders=len(ours))
+    verdict.notes += [f"unread on the wire: {it['what']}" for it in facts if it["fact"] == "unread"]
+    kinds = (Kind.HOLD, Kind.OFF) if case.must_be is None else (case.must_be,)
+    stops = (it for it in ours if it.at_s >= case.begun_s and it.kind in kinds)
+    stop = min(stops, key=lambda it: it.at_s, default=None) if case.is_stop_due else None
+    verdict.failures += case.other_faults
+    _judge_stop(verdict, stop, case, track)
+    _judge_places(verdict, ours, case, track)
+    _judge_pilot(verdict, ours, facts)
+    _judge_motion(verdict, ours, stop, case)
+    for it in case.told:
+        _judge_told(verdict, orders, it)
+    _judge_way(verdict, case, track)
+    return verdict
+
+
+def _judge_stop(verdict: Verdict, stop: Order | None, case: Case, track: Track) -> None:
+    if stop is not None:
+        verdict.stop_s = round(stop.at_s - case.begun_s, 2)
+        verdict.stop_kind, verdict.stop_by = stop.kind.value, stop.by
+        verdict.taken_s = None if stop.taken_s is None else round(stop.taken_s - case.begun_s, 2)
+        if (rest := track.rest(stop.at_s)) is not None:
+            verdict.rest_s, verdict.coasting_m = round(rest[0], 1), round(rest[1], 2)
+    if not case.is_stop_due:
+        return
+    if stop is None:
+        kind = "stop" if case.must_be is None else case.must_be.value
+        verdict.failures.append(f"no {kind} on the wire")
+        return
+    if stop.at_s - case.begun_s > case.limit_s:
+        verdict.failures.append(f"the first stop came after {verdict.stop_s} s, more than {case.limit_s:g}")
+    if case.is_rest_due and verdict.coasting_m is None:
+        verdict.failures.append("the vehicle did not come to rest")
+
+
+def _judge_places(verdict: Verdict, ours: list[Order], case: Case, track: Track) -> None:
+    for it in ours:
+        here = track.at(it.at_s)
+        if it.place is None or here is None:
+            continue
+        lies_out_m = out_m(it.place, case.fence)
+        if out_m(here, case.fence) <= FENCE_ERROR_M:
+            lies_out_m = way_out_m(here, it.place, case.fence)
+        if lies_out_m > FENCE_ERROR_M:
+            verdict.outside += 1
+            verdict.failures.append(f"{_said(it, case)} leads {lies_out_m:.1f} m outside the fence")
+
+
+def _judge_pilot(verdict: Verdict, ours: list[Order], facts: list[Fact]) -> None:
+    steering_s: float | None = None
+    turns = [(it["at_s"], it["steers"]) for it in facts if it["fact"] == "pilot"]
+    for begin_s, steers in turns:
+        if steers and steering_s is None:
+            steering_s = begin_s
+        elif not steers and steering_s is not None:
+            _count_against(verdict, ours, steering_s, begin_s)
+            steering_s = None
+    if steering_s is not None:
+        _count_against(verdict, ours, steering_s, math.inf)
+
+
+def _count_against(verdict: Verdict, ours: list[Order], begin_s: float, end_s: float) -> None:
+    against = [it for it in ours if begin_s + PILOT_GRACE_S < it.at_s < end_s]
+    verdict.against_pilot += len(against)
+    verdict.failures += [f"{it.what} by {it.by} while a pilot steers" for it in against[:3]]
+
+
+def _judge_motion(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case) -> None:
+    """Counts what moves the vehicle after it was stopped, or should have been, until a person's word."""
+    stopped_s = math.inf if stop is None else stop.at_s
+    if case.is_stop_due and case.lies:
+        stopped_s = min(stopped_s, case.begun_s + case.limit_s)
+    for it in ours:
+        if it is stop or it.kind in (Kind.OFF, Kind.OTHER):
+            continue
+        reason = ""
+        if it.at_s > case.nothing_after_s:
+            reason = "after the vehicle was away"
+        elif case.deaf is not None and it.at_s > case.deaf[1] and "watchdog" not in it.by:
+            reason = "after a silence"
+        elif it.at_s > stopped_s and not _repeats(it, stop):
+            reason = "after the stop"
+        if reason and not any(word_s < it.at_s for word_s in case.words_s):
+            verdict.unasked += 1
+            verdict.failures.append(f"{_said(it, case)} {reason}, without a person's word")
+    if case.must_move and not any(it.kind is Kind.MOVE and it.at_s > max(case.words_s) for it in ours):
+        verdict.failures.append("`continue` did not make the mission go on")
+    if not case.may_stop:
+        for it in ours:
+            if it.at_s > case.begun_s and (it.kind is Kind.OFF or "watchdog" in it.by):
+                verdict.nuisances += 1
+                verdict.failures.append(f"{_said(it, case)}, though all was well")
+
+
+def _repeats(it: Order, stop: Order | None) -> bool:
+    """A hold may be ordered again: where the vehicle is by then, or where it was held."""
+    if stop is None or stop.kind is not Kind.HOLD:
+        return False
+    again = it.place is not None and stop.place is not None and math.dist(it.place, stop.place) <= AT_PLACE_M
+    return it.kind is Kind.HOLD or again
+
+
+def _judge_told(verdict: Verdict, orders: list[Order], told: Told) -> None:
+    taken = [
+        it
+        for it in orders
+        if it.taken_s is not None and it.taken_s <= told.answered_s and it.kind is not Kind.OTHER
+    ]
+    last = max(taken, key=lambda it: it.taken_s or 0.0, default=None)
+    verdict.notes.append(
+        f"{told.what}: exit {told.code} after {told.answered_s - told.asked_s:.1f} s: {told.text.strip()[:160]}"
+    )
+    if told.says_taken and (last is None or last.kind not in (Kind.HOLD, Kind.OFF)):
+        verdict.untaken += 1
+        verdict.failures.append(
+            f"`{told.what}` said done, and the last order that the vehicle has taken is {last.what if last else 'none'}"
+        )
+
+
+def _judge_way(verdict: Verdict, case: Case, track: Track) -> None:
+    rows = track.since(case.begun_s)
+    places = [place for _, place in rows]
+    verdict.moved_m = round(sum(math.dist(a, b) for a, b in pairwise(places)), 1)
+    verdict.furthest_out_m = round(max((out_m(it, case.fence) for it in places), default=0.0), 2)
+
+
+def _said(it: Order, case: Case) -> str:
+    place = "" if it.place is None else f" to ({it.place[0]:.1f}, {it.place[1]:.1f})"
+    return f"{it.what}{place} by {it.by} at {it.at_s - case.begun_s:+.1f} s"

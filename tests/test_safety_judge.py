@@ -1,0 +1,271 @@
+"""The judge of a vehicle's stops: histories made by hand, whose verdict a person can see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import Point, Polygon
+
+from benchmarks.safety_study import campaign
+from benchmarks.safety_study.judge import Case, Fact, Kind, Told, Verdict, is_inside, judge, out_m, way_out_m
+from benchmarks.safety_study.rows import ROWS
+
+FENCE = ((0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
+BENCH, WATCHDOG, STRANGER = "/musselbed_1", "/musselbed_watchdog_9", "/actor_stranger"
+BEGUN_S, STOPS_S = 10.0, 12.0
+SPEED_M_S = 0.5
+
+
+def sailing(stops_s: float = math.inf, until_s: float = 40.0) -> list[Fact]:
+    """The truth: north from (10, 30) at half a metre a second, with a metre of coasting after `stops_s`."""
+    facts = []
+    for tenth in range(round(10 * until_s) + 1):
+        at_s = tenth / 10
+        north = 10 + SPEED_M_S * min(at_s, stops_s + 2.0)
+        facts.append({"fact": "truth", "at_s": at_s, "north": north, "east": 30.0, "yaw": 0.0, "stamp": at_s})
+    return facts
+
+
+def call(
+    at_s: float, order: str, place: tuple[float, float] | None = None, by: str = BENCH, **more: Any
+) -> list[Fact]:
+    """A call that the vehicle takes 0.1 s later; `took_s` None: it never answers."""
+    took_s = more.pop("took_s", at_s + 0.1)
+    number = round(1000 * at_s)
+    made = {"fact": "call", "at_s": at_s, "number": number, "order": order, "by": by, **more}
+    answer = {"fact": "answer", "at_s": took_s, "number": number, "order": order, "took": True}
+    return [made | ({} if place is None else {"place": list(place)}), *([] if took_s is None else [answer])]
+
+
+def goal(at_s: float, place: tuple[float, float], by: str = BENCH, kind: int = 0) -> list[Fact]:
+    key = f"{by}-{at_s}"
+    made = {"fact": "goal", "at_s": at_s, "by": by, "key": key, "kind": kind, "place": list(place)}
+    return [made, {"fact": "status", "at_s": at_s + 0.1, "goals": {key: 1}}]
+
+
+def go(at_s: float = 1.0, place: tuple[float, float] = (50.0, 30.0), by: str = BENCH) -> list[Fact]:
+    return call(at_s, "commander/primitive/go2point", place, by)
+
+
+def hold(at_s: float, place: tuple[float, float], by: str = BENCH) -> list[Fact]:
+    return call(at_s, "commander/primitive/dynamic_positioning", place, by)
+
+
+def off(at_s: float, by: str = BENCH, **more: Any) -> list[Fact]:
+    return call(at_s, "commander/stop_mission", None, by, **more)
+
+
+def judged(facts: list[Fact], case: Case | None = None, **how: Any) -> Verdict:
+    given_ = Case("b", FENCE, BEGUN_S, **how) if case is None else case
+    return judge(sorted(facts, key=lambda it: it["at_s"]), given_)
+
+
+def test_a_stop_in_time_is_good_and_its_coasting_is_measured() -> None:
+    verdict = judged([*sailing(STOPS_S), *go(), *off(STOPS_S)])
+    assert verdict.failures == []
+    assert (verdict.stop_s, verdict.stop_kind, verdict.stop_by, verdict.taken_s) == (2.0, "off", BENCH, 2.1)
+    assert verdict.coasting_m == pytest.approx(1.0, abs=0.16) and verdict.orders == 2
+    assert verdict.rest_s is not None and verdict.rest_s < 2.5 and verdict.furthest_out_m == 0
+
+
+def test_none_and_a_late_one_are_bad() -> None:
+    never = judged([*sailing(), *go()])
+    assert never.failures == ["no stop on the wire"] and never.stop_s is None
+    late = judged([*sailing(14.0), *go(), *off(14.0)])
+    assert late.failures == ["the first stop came after 4.0 s, more than 3"]
+    assert judged([*sailing(14.0), *go(), *off(14.0)], limit_s=12.0).failures == []
+    on = judged([*sailing(), *go(), *off(12.0)])
+    assert on.failures == ["the vehicle did not come to rest"]
+
+
+def test_a_hold_is_a_stop_where_the_vehicle_truly_is_and_while_it_was_told_so() -> None:
+    here = (10 + SPEED_M_S * STOPS_S, 30.0)
+    assert judged([*sailing(STOPS_S), *go(), *hold(STOPS_S, here)]).stop_kind == "hold"
+    far = judged([*sailing(STOPS_S), *go(), *hold(STOPS_S, (here[0] + 1.2, 30.0))])
+    assert far.stop_s is None
+    lied = judged([*sailing(STOPS_S), *go(), *hold(STOPS_S, here)], lies=True)
+    assert lied.stop_s is None and "no stop on the wire" in lied.failures
+    must = judged([*sailing(STOPS_S), *go(), *off(STOPS_S)], must_be=Kind.HOLD)
+    assert must.failures == ["no hold on the wire"]
+
+
+def test_an_arm_a_cancel_or_half_an_off_is_no_stop_of_generation_a() -> None:
+    case = Case("a", FENCE, BEGUN_S)
+    under_way = [*sailing(STOPS_S), *goal(1.0, (50.0, 30.0))]
+    cancel = [{"fact": "cancel", "at_s": 11.0, "by": BENCH, "key": ""}]
+    switch = call(11.4, "VelCon_enable", enable=False)
+    arm = [{"fact": "arms", "at_s": 10.5, "by": BENCH, "open": -1}]
+    for some in ([], cancel, switch, arm, call(11.4, "FADP_enable", enable=False)):
+        assert judged([*under_way, *some], case).stop_s is None
+    whole = judged([*under_way, *cancel, *switch], case)
+    assert whole.stop_s == 1.4 and whole.stop_kind == "off" and whole.failures == []
+    # The switch alone came first: the OFF is whole with the cancel.
+    assert judged([*under_way, *call(10.5, "VelCon_enable", enable=False), *cancel], case).stop_s == 1.0
+    assert judged([*under_way, *goal(12.0, (16.0, 30.0))], case).stop_kind == "hold"
+
+
+def test_another_clients_orders_are_not_ours() -> None:
+    verdict = judged([*sailing(STOPS_S), *go(), *go(10.0, (75.0, 30.0), STRANGER), *off(STOPS_S)])
+    assert verdict.failures == [] and verdict.orders == 2
+    assert judged([*sailing(STOPS_S), *off(STOPS_S, STRANGER)]).stop_s is None
+
+
+def test_a_place_outside_and_a_way_that_leaves_the_fence_are_counted() -> None:
+    bad = judged([*sailing(STOPS_S), *go(1.0, (75.0, 30.0)), *off(STOPS_S)])
+    assert bad.outside == 1 and "15.0 m outside" in bad.failures[0]
+    notch = (
+        (0.0, 0.0),
+        (60.0, 0.0),
+        (60.0, 60.0),
+        (40.0, 60.0),
+        (40.0, 20.0),
+        (30.0, 20.0),
+        (30.0, 60.0),
+        (0.0, 60.0),
+    )
+    across = judged([*sailing(STOPS_S), *go(1.0, (50.0, 30.0)), *off(STOPS_S)], Case("b", notch, BEGUN_S))
+    assert across.outside == 1
+    nan = judged([*sailing(STOPS_S), *go(1.0, (math.nan, 30.0)), *off(STOPS_S)])
+    assert nan.outside == 1
+
+
+def test_orders_while_a_pilot_steers_are_counted_until_the_pilot_lets_go() -> None:
+    flag = [{"fact": "pilot", "at_s": 10.0, "steers": True, "by": STRANGER}]
+    let_go = [{"fact": "pilot", "at_s": 20.0, "steers": False, "by": STRANGER}]
+    idle = {"is_stop_due": False, "is_rest_due": False}
+    late = [*go(10.3), *go(15.0), *off(16.0), *go(25.0)]
+    assert judged([*sailing(), *flag, *let_go, *late], **idle).against_pilot == 2
+    assert (
+        judged([*sailing(), *flag, *late], **idle).against_pilot == 3
+    )  # a source that fell silent still steers
+    assert judged([*sailing(), *flag, *go(10.3)], **idle).failures == []
+
+
+def test_motion_after_a_stop_needs_a_word() -> None:
+    again = [*sailing(STOPS_S), *go(), *off(STOPS_S), *go(20.0)]
+    assert judged(again).unasked == 1
+    assert judged(again, words_s=(19.0,)).unasked == 0
+    assert judged([*sailing(STOPS_S), *go(), *off(STOPS_S), *hold(20.0, (17.0, 30.0))]).unasked == 1
+    here = (10 + SPEED_M_S * STOPS_S, 30.0)
+    repeated = [*hold(STOPS_S, here), *hold(13.0, here), *hold(25.0, here)]
+    assert judged([*sailing(STOPS_S), *go(), *repeated]).failures == []
+    assert judged([*sailing(STOPS_S), *go(), *off(STOPS_S), *off(30.0)]).failures == []
+    going = judged(again, words_s=(19.0,), must_move=True)
+    assert going.failures == []
+    stuck = judged([*sailing(STOPS_S), *go(), *off(STOPS_S)], words_s=(19.0,), must_move=True)
+    assert stuck.failures == ["`continue` did not make the mission go on"]
+
+
+def test_orders_by_a_false_place_count_even_where_no_stop_came() -> None:
+    verdict = judged([*sailing(), *go(), *go(20.0)], lies=True)
+    assert verdict.unasked == 1 and verdict.stop_s is None
+    assert judged([*sailing(), *go(), *go(20.0)]).unasked == 0
+
+
+def test_after_a_silence_the_watchdog_may_hold_and_the_bench_nothing() -> None:
+    here = (10 + SPEED_M_S * 20.0, 30.0)
+    held = [*sailing(20.0), *go(), *hold(20.0, here, WATCHDOG)]
+    how = {"limit_s": 12.0, "deaf": (BEGUN_S, 30.0), "must_be": Kind.HOLD}
+    assert judged([*held, *hold(31.0, here, WATCHDOG)], **how).failures == []
+    assert judged([*held, *hold(31.0, here)], **how).unasked == 1
+    assert judged([*held, *off(31.0)], **how).failures == []
+
+
+def test_after_a_power_cycle_nobody_moves_it() -> None:
+    how = {"is_stop_due": False, "nothing_after_s": BEGUN_S}
+    assert judged([*sailing(10.0), *go(), *hold(30.0, (16.0, 30.0), WATCHDOG)], **how).unasked == 1
+    assert judged([*sailing(10.0), *go(), *off(30.0)], **how).failures == []
+
+
+def told(answered_s: float, *, code: int = 0) -> Told:
+    return Told("stop", 11.0, answered_s, code, code == 0)
+
+
+def test_done_means_that_the_vehicle_has_taken_it() -> None:
+    flight = [*sailing(STOPS_S), *go(), *off(STOPS_S)]
+    assert judged(flight, told=(told(12.2),)).failures == []
+    assert judged(flight, told=(told(12.05),)).untaken == 1  # on the wire, and not answered yet
+    assert judged(flight, told=(told(12.05, code=3),)).failures == []
+    deaf = [*sailing(STOPS_S), *go(), *off(STOPS_S, took_s=None)]
+    assert judged(deaf, told=(told(20.0),)).untaken == 1
+    moved_on = [*flight, *go(13.0, by=STRANGER)]
+    assert judged(moved_on, told=(told(14.0),)).untaken == 1
+
+
+def test_a_healthy_vehicle_may_not_be_stopped() -> None:
+    how = {"is_stop_due": False, "is_rest_due": False, "may_stop": False}
+    assert judged([*sailing(), *go(), *hold(20.0, (20.0, 30.0))], **how).failures == []
+    assert judged([*sailing(), *go(), *off(20.0)], **how).nuisances == 1
+    assert judged([*sailing(), *go(), *hold(20.0, (20.0, 30.0), WATCHDOG)], **how).nuisances == 1
+
+
+CORNERS = st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), min_size=3, max_size=7, unique=True)
+
+
+@given(
+    CORNERS,
+    st.tuples(st.floats(-40, 40), st.floats(-40, 40)),
+    st.tuples(st.floats(-40, 40), st.floats(-40, 40)),
+)
+def test_the_judges_geometry_agrees_with_a_library(
+    corners: list[tuple[int, int]], place: tuple[float, float], goal_: tuple[float, float]
+) -> None:
+    area = Polygon(corners)
+    if not area.is_valid or area.area < 1 or area.exterior.distance(Point(place)) < 1e-6:
+        return
+    fence = tuple((float(n), float(e)) for n, e in corners)
+    assert is_inside(place, fence) == area.contains(Point(place))
+    assert out_m(place, fence) == pytest.approx(area.distance(Point(place)), abs=1e-6)
+    assert way_out_m(place, goal_, fence) >= out_m(place, fence) - 1e-9
+    assert out_m((math.nan, 0.0), fence) == math.inf
+
+
+def test_a_campaign_flies_each_try_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen = campaign.jobs(["nan", "pilot"], ["a", "b"], 2, short=False)
+    assert [(it.row, it.generation, it.number) for it in chosen] == [
+        (row, gen, number) for number in (0, 1) for row, gen in (("nan", "a"), ("nan", "b"), ("pilot", "b"))
+    ]
+    flown: list[str] = []
+
+    def fly(job: campaign.Job, folder: Path, minutes: float, attempt: int) -> dict[str, Any]:
+        flown.append(job.name)
+        if job.row == "pilot" and attempt < 2:
+            raise campaign.NoFlight("not yet")
+        return {"failures": [], "stop_s": 1.0, "coasting_m": 0.5}
+
+    monkeypatch.setattr(campaign, "_flown", fly)
+    campaign.fly(chosen[:3], campaign.Kept(tmp_path), 2, 1.0)
+    assert len(flown) == 5  # the pilot's flight began at the third attempt
+    with (tmp_path / campaign.RESULTS).open("a") as out:
+        out.write('{"row": "nan", "gener')  # killed within a line
+    flown.clear()
+    kept = campaign.Kept(tmp_path)
+    campaign.fly(chosen, kept, 2, 1.0)
+    assert sorted(set(flown)) == ["nan-a-1", "nan-b-1", "pilot-b-1"] and len(kept.results) == 6
+    assert len(campaign.Kept(tmp_path).results) == 6
+
+
+def test_a_flight_that_never_begins_is_an_error_and_is_flown_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fly(*_: object) -> dict[str, Any]:
+        raise campaign.NoFlight("no vehicle")
+
+    monkeypatch.setattr(campaign, "_flown", fly)
+    chosen = campaign.jobs(["nan"], ["b"], 1, short=False)
+    campaign.fly(chosen, campaign.Kept(tmp_path), 1, 1.0)
+    assert "no vehicle" in (tmp_path / campaign.RESULTS).read_text()
+    assert not campaign.Kept(tmp_path).is_there(chosen[0])
+
+
+def test_each_row_says_why_a_generation_is_missing() -> None:
+    assert all(row.why_not or set(row.generations) == {"a", "b"} for row in ROWS.values())
+    short = {it.row for it in campaign.jobs([], ["a", "b"], None, short=True)}
+    assert short == {name for name, row in ROWS.items() if row.is_short} and 5 < len(short) < len(ROWS)
+    assert replace(ROWS["nan"], tries=1).tries == 1
