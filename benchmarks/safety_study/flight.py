@@ -43,6 +43,7 @@ NEVER_OVERRIDDEN = ("fence", "position", "pilot", "stop")
 ANSWER_S = 30.0
 PATIENCE_S = 60.0
 BEGIN_S = 180.0
+IMC_PORT = 16_001
 _PRESSED = """
 import sys
 from apad_bridge.commands import control
@@ -387,6 +388,11 @@ class Flight:
             raise NoFlight("the run printed no address of its console")
         command = self.bench.command(sys.executable, "-c", _PAGE, *found.groups(), act)
         return self._waiting(("console", act), command)
+
+    def stop_by_imc(self) -> Pressed:
+        """The stop of an IMC console at IMC_PORT, which waits to be pressed."""
+        program = str(ROOT / "benchmarks" / "nodes" / "imc_stop.py")
+        return self._waiting(("imc", "stop"), self.bench.command(sys.executable, program, str(IMC_PORT)))
 
     def _waiting(self, words: tuple[str, ...], command: list[str]) -> Pressed:
         process = subprocess.Popen(

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from benchmarks.safety_study.flight import FENCE, SIDE_M, Flight, Setup
+from benchmarks.safety_study.flight import FENCE, IMC_PORT, SIDE_M, Flight, Setup
 from benchmarks.safety_study.judge import LIMIT_S, Case, Kind, Told
 
 WATCHDOG_LIMIT_S = 12.0
@@ -223,7 +223,7 @@ def older_stop(it: Try) -> Case:
 def orders_at_once(it: Try) -> Case:
     flight = it.flight
     pressed = [flight.person("stop", "--by", f"judge{number}") for number in range(3)]
-    pressed.append(flight.order_by_console("stop"))
+    pressed += [flight.order_by_console("stop"), flight.stop_by_imc()]
     for one in pressed:
         one.press()
     it.told += [one.answer() for one in pressed]
@@ -412,7 +412,9 @@ ROWS: dict[str, Row] = {
         Setup(run_words=("--console", "--imc")),
     ),
     "at once": Row(
-        "`stop` by console and three shells at once", orders_at_once, Setup(run_words=("--console",))
+        "`stop` by the page, an IMC console and three shells at once",
+        orders_at_once,
+        Setup(run_words=("--console", "--imc", "--neptus", f"0x4001@127.0.0.1:{IMC_PORT}")),
     ),
     "power cycle": Row("power cycle of the vehicle", power_cycled, is_short=True),
     "tether": Row("a tether holds the vehicle", tethered),
