@@ -86,18 +86,22 @@ def summary(name: str, generation: str, results: list[dict[str, Any]]) -> dict[s
         "coasting_m": max(coasting_m, default=None),
         "furthest_out_m": max((it["furthest_out_m"] for it in flown), default=None),
         "errors": len(results) - len(flown),
+        "despite": sorted({check for it in flown for check in it["despite"]}),
         "failures": list(dict.fromkeys(why for it in flown for why in it["failures"]))[:5],
     }
 
 
 def show(result: dict[str, Any], console: Console) -> None:
-    names = [it for it in result["rows"][0] if it != "failures"]
+    names = [it for it in result["rows"][0] if it not in ("failures", "despite")]
     table = Table(*(name.replace("_", " ") for name in names))
     for row in result["rows"]:
         table.add_row(*("-" if row[name] is None else str(row[name]) for name in names))
     console.print(table)
     for row in result["rows"]:
+        cell = f"{row['row']}, {row['generation']}"
         for why in row["failures"]:
-            console.print(f"{row['row']}, {row['generation']}: {why}", markup=False)
+            console.print(f"{cell}: {why}", markup=False)
+        if row["despite"]:
+            console.print(f"{cell}: flown despite these checks of the preflight: {', '.join(row['despite'])}")
     for what, why in result["not_tried"].items():
         console.print(f"not tried: {what}: {why}")

@@ -183,6 +183,16 @@ def test_after_a_power_cycle_nobody_moves_it() -> None:
     assert judged([*sailing(10.0), *go(), *off(30.0)], **how).failures == []
 
 
+def test_a_persons_stop_that_is_not_taken_is_bad_where_the_vehicle_is_within_reach() -> None:
+    stands = [*sailing(8.0), *go(), *off(8.0)]
+    refused = {"told": (told(12.0, code=3),)}
+    assert len(judged([*sailing(STOPS_S), *go(), *off(STOPS_S)], **refused).failures) == 1
+    assert judged(stands, must_take=False, **refused).failures == ["no stop on the wire"]
+    assert judged(stands, must_take=False, may_stand=True, **refused).failures == []
+    gone_on = [*stands, *go(9.0)]
+    assert judged(gone_on, must_take=False, may_stand=True, **refused).stop_s is None
+
+
 def told(answered_s: float, *, code: int = 0) -> Told:
     return Told("stop", 11.0, answered_s, code, code == 0)
 
@@ -191,7 +201,7 @@ def test_done_means_that_the_vehicle_has_taken_it() -> None:
     flight = [*sailing(STOPS_S), *go(), *off(STOPS_S)]
     assert judged(flight, told=(told(12.2),)).failures == []
     assert judged(flight, told=(told(12.05),)).untaken == 1  # on the wire, and not answered yet
-    assert judged(flight, told=(told(12.05, code=3),)).failures == []
+    assert judged(flight, told=(told(12.05, code=3),)).untaken == 0
     deaf = [*sailing(STOPS_S), *go(), *off(STOPS_S, took_s=None)]
     assert judged(deaf, told=(told(20.0),)).untaken == 1
     moved_on = [*flight, *go(13.0, by=STRANGER)]

@@ -9,11 +9,8 @@ order on. Orders are lines of JSON to the datagram socket: {"position": {"kind":
 from __future__ import annotations
 
 import copy
-import json
 import math
-import os
 import random
-import socket
 import sys
 import threading
 import time
@@ -24,7 +21,8 @@ import rospy
 from auv_msgs.msg import NavSts
 from std_msgs.msg import Float64
 
-NANOSECONDS = 10**9
+from benchmarks.nodes.ordered import serve
+
 STEP_S = 0.02
 LONGEST_LAG_S = 8.0
 LAG_GROWTH = 0.5
@@ -158,7 +156,7 @@ class Relay:
                 self._falsifier = Falsifier(order["position"], self._last, self._rng)
             self._battery = order.get("battery", self._battery)
 
-    def pass_late(self) -> None:
+    def step(self) -> None:
         with self._lock:
             self._publish(self._falsifier.due())
 
@@ -181,23 +179,5 @@ class Relay:
                 self._charge.publish(Float64(value))
 
 
-def main() -> None:
-    name, path = sys.argv[1:3]
-    orders = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    orders.bind(path)
-    orders.settimeout(STEP_S)
-    rospy.init_node(name, disable_signals=True)
-    relay = Relay(name, mute="mute" in sys.argv[3:])
-    print("ready", flush=True)
-    while True:
-        try:
-            relay.obey(json.loads(orders.recv(4096)))
-        except TimeoutError:
-            relay.pass_late()
-
-
 if __name__ == "__main__":
-    try:
-        main()
-    finally:
-        os._exit(0)  # rospy's threads wait for a master that may be gone
+    serve(lambda: Relay(sys.argv[1], mute="mute" in sys.argv[3:]), STEP_S)

@@ -10,10 +10,6 @@ Orders are lines of JSON to the datagram socket:
 
 from __future__ import annotations
 
-import json
-import os
-import socket
-import sys
 import time
 from typing import Any
 
@@ -23,6 +19,8 @@ from auv_msgs.msg import NavSts
 from geometry_msgs.msg import Point
 from misc_msgs.srv import Go2pointPrimitiveService
 from std_msgs.msg import Bool
+
+from benchmarks.nodes.ordered import serve
 
 STEP_S = 0.05
 MANUAL_STEPS = 4
@@ -71,23 +69,5 @@ class Stranger:
             self._docked.publish(NavSts())
 
 
-def main() -> None:
-    name, path = sys.argv[1:3]
-    orders = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    orders.bind(path)
-    orders.settimeout(STEP_S)
-    rospy.init_node(name, disable_signals=True)
-    stranger = Stranger()
-    print("ready", flush=True)
-    while True:
-        try:
-            stranger.obey(json.loads(orders.recv(4096)))
-        except TimeoutError:
-            stranger.step()
-
-
 if __name__ == "__main__":
-    try:
-        main()
-    finally:
-        os._exit(0)  # rospy's threads wait for a master that may be gone
+    serve(Stranger, STEP_S)

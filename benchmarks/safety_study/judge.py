@@ -103,6 +103,10 @@ class Case:
     """False where the water carries the vehicle along."""
     may_stop: bool = True
     """False for a healthy flight: neither may the bench switch the controllers off, nor the watchdog order anything."""
+    must_take: bool = True
+    """Each `stop` and `hands` has to end with 0; False where the vehicle, or the run, may be out of reach."""
+    may_stand: bool = False
+    """A stop that the vehicle had taken before `begun_s`, and still follows, counts as one at once."""
     must_move: bool = False
     """After the last word the bench orders a way again."""
     other_faults: tuple[str, ...] = ()
@@ -294,6 +298,8 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     kinds = (Kind.HOLD, Kind.OFF) if case.must_be is None else (case.must_be,)
     stops = (it for it in ours if it.at_s >= case.begun_s and it.kind in kinds)
     stop = min(stops, key=lambda it: it.at_s, default=None) if case.is_stop_due else None
+    if case.may_stand and stop is None and (known := _followed(orders, case.begun_s)) is not None:
+        stop = known if known.kind in kinds else None
     verdict.failures += case.other_faults
     _judge_stop(verdict, stop, case, track)
     _judge_places(verdict, ours, case, track)
@@ -301,13 +307,15 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     _judge_motion(verdict, ours, stop, case)
     for it in case.told:
         _judge_told(verdict, orders, it)
+        if case.is_stop_due and case.must_take and it.code != 0 and it.what.startswith(("stop", "hands")):
+            verdict.failures.append(f"`{it.what}` ended with {it.code}: {it.text.strip()[:160]}")
     _judge_way(verdict, case, track)
     return verdict
 
 
 def _judge_stop(verdict: Verdict, stop: Order | None, case: Case, track: Track) -> None:
     if stop is not None:
-        verdict.stop_s = round(stop.at_s - case.begun_s, 2)
+        verdict.stop_s = round(max(0.0, stop.at_s - case.begun_s), 2)
         verdict.stop_kind, verdict.stop_by = stop.kind.value, stop.by
         verdict.taken_s = None if stop.taken_s is None else round(stop.taken_s - case.begun_s, 2)
         if (rest := track.rest(stop.at_s)) is not None:
@@ -370,7 +378,7 @@ def _judge_motion(verdict: Verdict, ours: list[Order], stop: Order | None, case:
         elif case.deaf is not None and it.at_s > case.deaf[1] and "watchdog" not in it.by:
             reason = "after a silence"
         elif it.at_s > stopped_s and not _repeats(it, stop):
-            reason = "after the stop"
+            reason = "after the stop" if stop is not None else "when it should have stopped"
         if reason and not any(word_s < it.at_s for word_s in case.words_s):
             verdict.unasked += 1
             verdict.failures.append(f"{_said(it, case)} {reason}, without a person's word")
@@ -391,16 +399,18 @@ def _repeats(it: Order, stop: Order | None) -> bool:
     return it.kind is Kind.HOLD or again
 
 
-def _judge_told(verdict: Verdict, orders: list[Order], told: Told) -> None:
+def _followed(orders: list[Order], at_s: float) -> Order | None:
+    """The order that the vehicle had taken last at that time."""
     taken = [
-        it
-        for it in orders
-        if it.taken_s is not None and it.taken_s <= told.answered_s and it.kind is not Kind.OTHER
+        it for it in orders if it.kind is not Kind.OTHER and it.taken_s is not None and it.taken_s <= at_s
     ]
-    last = max(taken, key=lambda it: it.taken_s or 0.0, default=None)
-    verdict.notes.append(
-        f"{told.what}: exit {told.code} after {told.answered_s - told.asked_s:.1f} s: {told.text.strip()[:160]}"
-    )
+    return max(taken, key=lambda it: it.taken_s or 0.0, default=None)
+
+
+def _judge_told(verdict: Verdict, orders: list[Order], told: Told) -> None:
+    waited_s = told.answered_s - told.asked_s
+    verdict.notes.append(f"{told.what}: exit {told.code} after {waited_s:.1f} s: {told.text.strip()[:160]}")
+    last = _followed(orders, told.answered_s)
     if told.says_taken and (last is None or last.kind not in (Kind.HOLD, Kind.OFF)):
         verdict.untaken += 1
         verdict.failures.append(

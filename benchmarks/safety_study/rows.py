@@ -392,7 +392,8 @@ ROWS: dict[str, Row] = {
         "`stop` in a docking", stopped("stop", before=in_docking), Setup(near_m=8.0, ahead_m=2.0)
     ),
     "lossy": Row(
-        "`stop` over 30 % loss and 1 s round trip", stopped("stop", before=lossy, limit_s=LOSSY_LIMIT_S)
+        "`stop` over 30 % loss and 1 s round trip",
+        stopped("stop", before=lossy, limit_s=LOSSY_LIMIT_S, must_take=False),
     ),
     "current": Row("`stop` in a steady current of 0.25 m/s", stopped("stop"), Setup(current_m_s=(0.2, 0.15))),
     "clock off": Row("`stop` with the vehicle's clock 30 s off", stopped("stop"), Setup(clock_off_s=30.0)),
@@ -403,7 +404,9 @@ ROWS: dict[str, Row] = {
         why_not="generation B says nothing of its docks",
     ),
     "disk full": Row(
-        "`stop` with the laptop's disk full", stopped("stop", before=with_full_disk), Setup(full=True)
+        "`stop` with the laptop's disk full",
+        stopped("stop", before=with_full_disk, must_take=False, may_stand=True),
+        Setup(full=True),
     ),
     "nursery and parent": Row("nursery and parent killed, then `stop`", nursery_and_parent_killed),
     "gateways": Row(
