@@ -82,6 +82,7 @@ def summary(name: str, generation: str, results: list[dict[str, Any]]) -> dict[s
         "against_pilot": sum(it["against_pilot"] for it in flown),
         "unasked": sum(it["unasked"] for it in flown),
         "told_untaken": sum(it["untaken"] for it in flown),
+        "answer_s": max((it["answer_s"] for it in flown if it["answer_s"] is not None), default=None),
         "nuisances": sum(it["nuisances"] for it in flown),
         "coasting_m": max(coasting_m, default=None),
         "furthest_out_m": max((it["furthest_out_m"] for it in flown), default=None),

@@ -29,6 +29,7 @@ from benchmarks.safety_study.judge import PERCH, Fact, Place, Told
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
+BY_EYE = SCENARIO.with_name("pool-12-camera.yaml")
 SIDE_M = 60.0
 FENCE: tuple[Place, ...] = ((0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M))
 START_M: Place = (30.0, 30.0)
@@ -87,6 +88,10 @@ class Setup:
     full: bool = False
     """The laptop's disk can be filled: the run's folder is a small file system of its own."""
     watchdog: bool = True
+    fault: str | None = None
+    """A fault of the simulated vehicle, as its scenario names it."""
+    docks_by_eye: bool = False
+    """Generation B docks by its own primitive, before the bench's camera."""
     silence_s: float = 10.0
     ahead_m: float = 8.0
     """The way that lies ahead when the flight is handed over."""
@@ -153,7 +158,7 @@ class Flight:
             self._mount_small_disk()
         self._on_vehicle("wire", sys.executable, "-m", "benchmarks.safety_study.wire", "/apad1", HULL, TRUTH)
         self._wait_for("wire", "wire", "reading")
-        self.boot(self.scenario)
+        self.boot(self._write_scenario("hull", START_M, self.setup.fault))
         self.actor("stranger")
         self._fly()
 
@@ -276,7 +281,8 @@ class Flight:
         keys = re.findall(r"^(?:FAIL|CANNOT TELL|CANNOT_TELL) +([a-z][a-z-]*):", said, re.M)
         return [it for it in dict.fromkeys(keys) if it not in NEVER_OVERRIDDEN]
 
-    def _write_scenario(self, name: str, start_m: Place) -> Path:
+    def _write_scenario(self, name: str, start_m: Place, fault: str | None = None) -> Path:
+        """The shipped scenario in our square; the bench is not told of a `fault` of the hull."""
         data = yaml.safe_load(SCENARIO.read_text())
         corners = [list(it) for it in FENCE]
         data["area"] |= {"polygon_m": corners, "fence": corners, "home_m": list(START_M)}
@@ -288,6 +294,10 @@ class Flight:
             "drift_m_s": list(self.setup.current_m_s),
             "battery": {"capacity_wh": BATTERY_WH},
         }
+        if fault is not None:
+            data["apad"]["fault"] = fault
+        if self.setup.docks_by_eye:
+            data["mission"]["docking"] = yaml.safe_load(BY_EYE.read_text())["mission"]["docking"]
         data["duration_s"] = self.duration_s
         if self.setup.rests:
             data["theta"] = 1
@@ -340,7 +350,7 @@ class Flight:
         here = self.place()
         self.kill("watchdog", "relay", "stranger", "hull", "master")
         time.sleep(off_s)
-        self.boot(self._write_scenario("after", here))
+        self.boot(self._write_scenario("after", here, self.setup.fault))
 
     def tether(self) -> None:
         os.killpg(self._processes["hull"].pid, signal.SIGUSR1)
@@ -436,6 +446,10 @@ class Flight:
         return [
             it for it in self.look() if it["fact"] in ("call", "goal") and it["by"].startswith("/musselbed")
         ]
+
+    def ordered(self, order: str) -> bool:
+        """The bench has called this service of the vehicle."""
+        return any(it.get("order") == order for it in self.orders())
 
     def is_under_way(self) -> bool:
         """The bench's newest order is a way, and a good part of it lies ahead."""

@@ -125,6 +125,8 @@ class Verdict:
     outside: int = 0
     against_pilot: int = 0
     unasked: int = 0
+    answer_s: float | None = None
+    """The longest that an operator waited for an answer."""
     untaken: int = 0
     """Times that an operator was told `taken` or `done` while the vehicle had accepted no stop."""
     nuisances: int = 0
@@ -408,7 +410,8 @@ def _followed(orders: list[Order], at_s: float) -> Order | None:
 
 
 def _judge_told(verdict: Verdict, orders: list[Order], told: Told) -> None:
-    waited_s = told.answered_s - told.asked_s
+    waited_s = round(told.answered_s - told.asked_s, 2)
+    verdict.answer_s = max(waited_s, verdict.answer_s or 0.0)
     verdict.notes.append(f"{told.what}: exit {told.code} after {waited_s:.1f} s: {told.text.strip()[:160]}")
     last = _followed(orders, told.answered_s)
     if told.says_taken and (last is None or last.kind not in (Kind.HOLD, Kind.OFF)):

@@ -24,6 +24,7 @@ LOSSY_LIMIT_S = 30.0
 """30 % of the packets are lost and a way there and back takes 1 s: as soon as TCP can."""
 SHOWN_S, AFTER_S = 12.0, 15.0
 """A fault that can heal does so after SHOWN_S, and the flight goes on for AFTER_S."""
+SERVO_S = 27.0
 OUTSIDE_M = (SIDE_M + 15.0, SIDE_M / 2)
 BOTH = ("a", "b")
 SUPERVISOR = ("runs.supervisor_process",)
@@ -295,6 +296,15 @@ def in_docking(it: Try) -> None:
     time.sleep(2.0)
 
 
+def blocked(it: Try) -> Case:
+    """The vehicle answers nothing for 27 s while it docks: one stop waits there, and no backlog is carried out after it."""
+    it.flight.wait(lambda: it.flight.ordered("commander/primitive/docking"), 120.0, "no docking began")
+    time.sleep(3.0)
+    begun_s = it.order("stop")
+    time.sleep(SERVO_S + AFTER_S)
+    return it.case(begun_s, must_take=False, is_rest_due=False)
+
+
 def lossy(it: Try) -> None:
     it.flight.link(0.3, 0.5)
     time.sleep(5.0)
@@ -390,6 +400,13 @@ ROWS: dict[str, Row] = {
     "older stop": Row("`continue` of an older stop, then of the newest", older_stop),
     "in docking": Row(
         "`stop` in a docking", stopped("stop", before=in_docking), Setup(near_m=8.0, ahead_m=2.0)
+    ),
+    "blocked": Row(
+        "`stop` while the vehicle blocks its services for a docking",
+        blocked,
+        Setup(near_m=8.0, ahead_m=2.0, fault="blocks", docks_by_eye=True),
+        generations=("b",),
+        why_not="generation A perches at once",
     ),
     "lossy": Row(
         "`stop` over 30 % loss and 1 s round trip",
