@@ -41,9 +41,16 @@ def shifted(it: Any, seconds: float) -> Any:
 class Falsifier:
     """Falsifies positions by one order: `take` returns those that leave now, each a copy of its own."""
 
-    def __init__(self, order: dict[str, Any], last: Any, rng: random.Random) -> None:
-        self._order, self._rng = order, rng
-        self._begun_s = time.monotonic()
+    def __init__(
+        self,
+        order: dict[str, Any],
+        last: Any,
+        rng: random.Random,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`last` is the newest position before the order."""
+        self._order, self._rng, self._clock = order, rng, clock
+        self._begun_s = clock()
         self._last = copy.deepcopy(last)
         self._late: list[tuple[float, Any]] = []
         self._passed_s = -math.inf
@@ -56,7 +63,7 @@ class Falsifier:
 
     def due(self) -> list[Any]:
         """Those that were kept and leave now."""
-        now_s = time.monotonic()
+        now_s = self._clock()
         lag_s = min(LONGEST_LAG_S, LAG_GROWTH * (now_s - self._begun_s))
         ready = [it for at_s, it in self._late if now_s - at_s >= lag_s]
         self._late = self._late[len(ready) :]
@@ -100,7 +107,7 @@ class Falsifier:
         return [it]
 
     def _late_more(self, it: Any) -> list[Any]:
-        self._late.append((time.monotonic(), it))
+        self._late.append((self._clock(), it))
         return []
 
     def _stamps(self, it: Any) -> list[Any]:
@@ -114,14 +121,14 @@ class Falsifier:
         return [shifted(it, -2 * (stamp_s - self._first_stamp_s))]
 
     def _slow(self, it: Any) -> list[Any]:
-        if time.monotonic() - self._passed_s < self._order["every_s"]:
+        if self._clock() - self._passed_s < self._order["every_s"]:
             return []
-        self._passed_s = time.monotonic()
+        self._passed_s = self._clock()
         return [it]
 
     def _rough(self, it: Any) -> list[Any]:
         """A healthy receiver on a healthy sea: noise, waves, and a gap now and then."""
-        at_s = time.monotonic() - self._begun_s
+        at_s = self._clock() - self._begun_s
         if at_s % GAP_EVERY_S > GAP_EVERY_S - self._order["gap_s"]:
             return []
         wave_m = self._order["waves_m"] * math.sin(2 * math.pi * at_s / WAVE_PERIOD_S)
