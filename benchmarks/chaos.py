@@ -1,17 +1,19 @@
 """Faults in flights in virtual time, each by itself and in seeded mixes: which laws of a run they break.
 
-The faults are the rows of docs/faults.md, and the laws those of `musselbed check`. A mix that breaks a law is flown again
-with fewer and fewer of its faults, until each that is left is needed for that.
+The faults are the rows of docs/faults.md, and the laws those of `musselbed check`. In a mix the supervisor is killed
+several times, each time with stimuli under way, and another goes on from the journal with the same aMussels. A mix that
+breaks a law is flown again with fewer and fewer of its faults, until each that is left is needed for that.
 """
 
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,17 +21,26 @@ from typing import Any, TypeVar
 from rich.console import Console
 from rich.table import Table
 
+from agents.hosting.in_process import InProcessHost
 from apad_bridge.analysis.invariants import check_run
+from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.safety import safety_of
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import read_journal
+from apad_bridge.records.journal import JournalTail, read_journal
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.flying import open_in_process
+from apad_bridge.runs.flying import PreparedFlight, RunSpec, prepare
 from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.resuming import begin_run, ongoing_faults, resume_run
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, FaultMix, Faults, Injection, TimedFault, planned
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.vehicle.link import InProcessVehicle
 
 SCENARIOS = Path(__file__).parents[1] / "launch_scripts" / "scenarios"
 SCENARIO, WITH_SOUND = SCENARIOS / "pool-12.yaml", SCENARIOS / "sound-12.yaml"
@@ -37,6 +48,8 @@ SCENARIO, WITH_SOUND = SCENARIOS / "pool-12.yaml", SCENARIOS / "sound-12.yaml"
 FLIGHT_S = 900
 TRIES = 10
 SEED = 20261122
+KILLS = 7
+"""Kills of the supervisor in a mix."""
 _FAULTS_OF_A_MIX = 60
 _EVERY_S = 2
 
@@ -49,6 +62,8 @@ class Outcome:
 
     happened: int
     broken: tuple[str, ...]
+    killed: int = 0
+    """The number of supervisors that were killed."""
 
 
 def in_one_process(path: Path, flight_s: int = FLIGHT_S) -> Scenario:
@@ -56,19 +71,32 @@ def in_one_process(path: Path, flight_s: int = FLIGHT_S) -> Scenario:
     return replace(whole, duration_s=flight_s, fleet=replace(whole.fleet, hosting=Hosting.ONE_PROCESS))
 
 
-def flown(scenario: Scenario, faults: Sequence[FaultAt]) -> Outcome:
-    """Flies the scenario in this process with these faults, and checks its records. An exception breaks a law, too."""
+def flown(scenario: Scenario, faults: Sequence[FaultAt], kills: int = 0) -> Outcome:
+    """Flies the scenario in this process with these faults, and checks its records. An exception breaks a law, too.
+
+    The supervisor is killed and resumed up to `kills` times, each time after a tick that queued stimuli.
+    """
     scenario = replace(scenario, faults=Faults(at=tuple(faults)))
     with tempfile.TemporaryDirectory(prefix="chaos-") as folder, ExitStack() as stack:
-        directory, starts = RunDirectory(Path(folder)), starts_of(scenario)
+        directory, starts = RunDirectory(Path(folder) / "run"), starts_of(scenario)
+        directory.path.mkdir()
         directory.write_inputs(scenario, starts)
         progress = stack.enter_context(
             FlightProgress(scenario.name, round(1000 * scenario.duration_s), quiet=True)
         )
         try:
-            prepared = open_in_process(stack, scenario, starts, directory, progress)
-            prepared.flight.run()
-            prepared.finish()
+            supervisors = _Supervisors(scenario, progress, stack)
+            flying = supervisors.begin(directory)
+            for n in range(1, kills + 1):
+                if not _stimulated(flying, directory, 1000 * scenario.duration_s * n / (kills + 1)):
+                    break
+                left = RunDirectory(directory.path.with_name(f"resumed-{n}"))
+                shutil.copytree(directory.path, left.path)  # what a kill leaves: closing would write more
+                flying.recorder.close()
+                directory, flying = left, supervisors.begin(left)
+            if not flying.flight.supervisor.has_ended:
+                flying.flight.run()
+            flying.finish()
         except Exception as error:  # the very thing that is looked for
             frame = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(frame.filename).name}, line {frame.lineno}"
@@ -76,7 +104,60 @@ def flown(scenario: Scenario, faults: Sequence[FaultAt]) -> Outcome:
         broken = tuple(f"{it.law}: {it.reason}" for it in check_run(directory))
         lines = read_journal(directory.journal).lines
     happened = sum(it["kind"] == EventKind.FAULT and "refused" not in it for it in lines)
-    return Outcome(happened, broken)
+    return Outcome(happened, broken, supervisors.begun - 1)
+
+
+def _stimulated(flying: PreparedFlight, directory: RunDirectory, due_ms: float) -> bool:
+    """Flies to the first tick from `due_ms` on that queues a stimulus; False if the flight ends before."""
+    with closing(JournalTail(directory.journal)) as tail:
+        while not flying.flight.step():
+            queued = any(it["kind"] == EventKind.STIMULUS for it in tail.read_new().lines)
+            if queued and flying.flight.now_ms > due_ms:
+                return True
+    return False
+
+
+class _Supervisors:
+    """Makes one supervisor after the other for the same aMussels and the same aPad, which live on when one is killed."""
+
+    def __init__(self, scenario: Scenario, progress: FlightProgress, stack: ExitStack) -> None:
+        self.begun = 0
+        self._scenario, self._progress, self._stack = scenario, progress, stack
+        self._config = flight_config(scenario)
+        bodies = fleet_parts.initial_states(scenario, starts_of(scenario))
+        self._host = InProcessHost(fleet_parts.fleet_config(self._config), bodies)
+        self._vehicle = InProcessVehicle(parts.simulated_apad(scenario))
+        self._granted_ms: Mapping[int, int] = dict.fromkeys(bodies, 0)
+
+    def begin(self, directory: RunDirectory) -> PreparedFlight:
+        """The next supervisor's flight; a second one goes on from the files in the directory."""
+        config = self._config
+        options = RunOptions(
+            *(Part.WHOLE, APadKind.SIM, TimeSource.ASAP, 1.0, OnDeath.WAIT),
+            owns_master=True,
+            epoch=self.begun + 1,
+        )
+        if self.begun:
+            state = resume_run(directory, config, options, lambda line: None)
+        else:
+            state = begin_run(directory, config, options)
+        self.begun += 1
+        self._stack.callback(state.recorder.close)
+        fleet = fleet_parts.fleet_of(config, self._host, self._granted_ms, state.start_ms)
+        self._granted_ms = fleet.coordinator.granted_ms
+        state = state.deliver_again(fleet.coordinator)
+        last_ms = state.journal.last_ms if state.journal.lines else -1
+        context = FlightContext(
+            vehicle=self._vehicle,
+            pace=AsFastAsPossible(),
+            fleet=fleet,
+            safety=safety_of(self._scenario),
+            held=state.held,
+            faults=parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.journal)),
+        )
+        state.recorder.begin_checkpoint(state.learned, state.start_ms)
+        spec = RunSpec(state.resume_point, state.learned)
+        return prepare(config, context, state.recorder, self._progress, spec)
 
 
 def alone(fault: TimedFault, ids: Sequence[int]) -> list[FaultAt]:
@@ -125,19 +206,19 @@ def measure(tries: int = TRIES) -> dict[str, Any]:
     rows = [_row(f"{it} alone", pool, alone(it, ids)) for it in faults]
     for n in range(tries):
         scenario = sound if n % 2 else pool
-        rows.append(
-            _row(f"mix, seed {SEED + n}, {scenario.name}", scenario, mixed(SEED + n, scenario.fleet.ids))
-        )
+        story = mixed(SEED + n, scenario.fleet.ids)
+        rows.append(_row(f"mix, seed {SEED + n}, {scenario.name}", scenario, story, KILLS))
     return {"flight_s": FLIGHT_S, "rows": rows}
 
 
-def _row(name: str, scenario: Scenario, story: Sequence[FaultAt]) -> dict[str, Any]:
-    outcome = flown(scenario, story)
-    needed = shrunk(story, lambda part: bool(flown(scenario, part).broken)) if outcome.broken else []
+def _row(name: str, scenario: Scenario, story: Sequence[FaultAt], kills: int = 0) -> dict[str, Any]:
+    outcome = flown(scenario, story, kills)
+    needed = shrunk(story, lambda part: bool(flown(scenario, part, kills).broken)) if outcome.broken else []
     row = {
         "story": name,
         "asked": len(story),
         "happened": outcome.happened,
+        "killed": outcome.killed,
         "broken": list(outcome.broken[:5]),
         "needed": [
             f"{it.fault} of {'the aPad' if it.id is None else f'aMussel {it.id}'} at {it.at_s:g} s"
@@ -149,9 +230,10 @@ def _row(name: str, scenario: Scenario, story: Sequence[FaultAt]) -> dict[str, A
 
 
 def show(result: dict[str, Any], console: Console) -> None:
-    table = Table("faults", "asked for", "happened", "laws broken")
+    table = Table("faults", "asked for", "happened", "supervisors killed", "laws broken")
     for row in result["rows"]:
-        table.add_row(row["story"], str(row["asked"]), str(row["happened"]), str(len(row["broken"])))
+        figures = (row["asked"], row["happened"], row["killed"], len(row["broken"]))
+        table.add_row(row["story"], *map(str, figures))
     console.print(table)
     for row in result["rows"]:
         if row["broken"]:

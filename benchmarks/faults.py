@@ -33,21 +33,24 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
+from killing import kill_supervisor
 from rich.console import Console
 from rich.table import Table
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
 from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import ChargeLost, from_json
 from apad_bridge.analysis.invariants import check_run
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import JournalContents, Line, read_journal
+from apad_bridge.records.journal import JournalContents, JournalTail, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.schema import Fleet, RandomStart
+from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
 from firmware_model.power.charge import FULL, ChargeModel
 
 ROOT = Path(__file__).parents[1]
@@ -62,6 +65,7 @@ _GONE_S = 10.0
 """The time that a run's processes have to be gone, once its command has ended."""
 _END_S = 240.0
 """The longest time that a command may take; it takes some seconds, and a busy machine longer."""
+_KILLS_WITH_LEAKS = 14
 _UPTIME_POINTS = 1.0
 """Percent points of uptime that deaths with restarts may cost."""
 _TRACEBACK = "Traceback (most recent call last)"
@@ -171,12 +175,14 @@ class Try:
         *options: str,
         duration_s: float = 300,
         fleet: Fleet | None = None,
+        faults: Faults | None = None,
         run_dir: Path | None = None,
         limits: Mapping[int, int] | None = None,
     ) -> Terminal:
         """Starts `musselbed run` of the paper's pool, for so many seconds of mission time, perhaps with another fleet."""
         path, scenario = self.folder / "scenario.yaml", load(SCENARIO)
-        write_resolved(path, replace(scenario, duration_s=duration_s, fleet=fleet or scenario.fleet))
+        fleet = fleet or scenario.fleet
+        write_resolved(path, replace(scenario, duration_s=duration_s, fleet=fleet, faults=faults))
         return self.start("run", path, "--out", run_dir or self.run_dir, *options, limits=limits)
 
     def processes(self, words: str = "") -> list[int]:
@@ -479,6 +485,41 @@ def _killed_at_random(attempt: Try) -> str | None:
     return str(broken[0]) if broken else None
 
 
+def _killed_with_leaks(attempt: Try) -> str | None:
+    """The supervisor again and again, just after it journaled what leaking batteries lose: their next window brings it."""
+    duration_s = 20 * 60 * attempt.minutes
+    leaks = [
+        FaultAt(fault=TimedFault.BATTERY_AGEING, at_s=5, id=n, for_s=duration_s)
+        for n in load(SCENARIO).fleet.ids
+    ]
+    flying = attempt.run(
+        *(*_WALL, "--on-supervisor-death", "resume"), duration_s=duration_s, faults=Faults(at=tuple(leaks))
+    )
+    attempt.has_flown(10)
+    journal, supervisors, under_way = attempt.run_dir / "journal.jsonl", 0, 0
+    with closing(JournalTail(journal)) as tail:
+        while supervisors < _KILLS_WITH_LEAKS and flying.code is None:
+            tail.read_new()
+            leaked_ms = attempt.wait_for(lambda: _leaked_ms(tail.read_new().lines), "a leak")
+            kill_supervisor(attempt.run_dir)
+            under_way += all(it["t"] <= leaked_ms for it in tail.read_new().lines)
+            supervisors += 1
+            _flies_on(attempt)
+    attempt.figures |= {"supervisors_killed": supervisors, "kills_with_stimuli_under_way": under_way}
+    if (lost := _expect(flying, {0})) is not None:
+        return lost
+    broken = check_run(RunDirectory.open(attempt.run_dir))
+    return f"{len(broken)} broken laws, the first: {broken[0].law}: {broken[0].reason}" if broken else None
+
+
+def _leaked_ms(lines: Sequence[Line]) -> int | None:
+    """The mission time of the newest of these lines, if one of them is a leak's stimulus."""
+    leaked = any(
+        it["kind"] == EventKind.STIMULUS and isinstance(from_json(it["wire"]), ChargeLost) for it in lines
+    )
+    return max(it["t"] for it in lines) if leaked else None
+
+
 def _flies_on(attempt: Try) -> None:
     """Returns when another supervisor has flown on for five seconds of mission time."""
     before_ms = attempt.flown_ms()
@@ -717,6 +758,7 @@ FAULTS = (
     Fault("silent TCP connections", _silent_connections),
     Fault("agents, nursery and supervisor killed again and again", _killed_again_and_again),
     Fault("a random agent killed every two seconds, the supervisor three times", _killed_at_random),
+    Fault("the supervisor killed again and again, with leaking batteries", _killed_with_leaks),
 )
 
 

@@ -123,6 +123,13 @@ def test_a_flight_with_faults_is_checked_by_the_laws_of_a_run(monkeypatch: pytes
     assert broken.startswith("energy is neither made nor lost: aMussel 3")
 
 
+def test_supervisors_that_are_killed_lose_no_stimulus_of_theirs() -> None:
+    """Batteries that leak in every tick, so that each kill leaves a loss of charge that the aMussels have not felt."""
+    scenario = chaos.in_one_process(chaos.SCENARIO, flight_s=240)
+    leaks = [chaos.FaultAt(fault=chaos.TimedFault.BATTERY_AGEING, at_s=2, id=n) for n in scenario.fleet.ids]
+    assert chaos.flown(scenario, leaks, kills=5) == chaos.Outcome(len(leaks), (), 5)
+
+
 @pytest.mark.parametrize("file", ["pool-12.yaml", "bay-24.yaml"])
 def test_held_out_configurations_have_other_shapes_and_charges_for_all_strategies_alike(file: str) -> None:
     plan = planner.plan_for(planner.CONDITIONS["free surfacing"], file, 40)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
-from agents.mussel.stimuli import Placed, from_json, to_wire
+from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, Stimulus, from_json
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import JournalContents, Line
+from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
@@ -30,7 +30,6 @@ from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
 
-_PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]
 _LARGE_BYTES = 100_000_000
 """Size of bags; the repair of a gigabyte takes about ten seconds."""
 
@@ -97,21 +96,27 @@ def ongoing_faults(journal: JournalContents) -> list[Ongoing]:
     return list(begun.values())
 
 
-def repeat_placements(
-    journal: JournalContents, coordinator: Coordinator, recorder: Recorder, now_ms: int
-) -> None:
-    """Repeats the placements that had not reached the aMussels' bodies when the supervisor died."""
-    granted_ms = coordinator.granted_ms
-    placed = {line["id"]: line for line in journal.lines if _is_placing(line)}
-    for agent_id, line in placed.items():
-        if line["agent_ms"] >= granted_ms.get(agent_id, line["agent_ms"] + 1):
-            agent_ms = coordinator.receive(agent_id, from_json(line["wire"]), now_ms)
-            at_ms = max(now_ms, journal.last_ms)
-            recorder.event(at_ms, EventKind.STIMULUS, id=agent_id, agent_ms=agent_ms, wire=line["wire"])
+def undelivered(journal: JournalContents, granted_ms: Mapping[int, int]) -> list[Undelivered]:
+    """The journal's stimuli that had not reached their aMussels when the supervisor died, in the journal's order.
+
+    A stimulus is journaled in the tick that queues it, and delivered in the next window of its aMussel. So an aMussel
+    that has lived to `granted_ms`, in agent time, has received all with an earlier stamp.
+    """
+    return [
+        Undelivered(line["id"], line["agent_ms"], from_json(line["wire"]))
+        for line in journal.lines
+        if line["kind"] == EventKind.STIMULUS
+        and line["agent_ms"] >= granted_ms.get(line["id"], line["agent_ms"] + 1)
+    ]
 
 
-def _is_placing(line: Line) -> bool:
-    return bool(line["kind"] == EventKind.STIMULUS and line["wire"][0] == _PLACED)
+@dataclass(frozen=True, slots=True)
+class Undelivered:
+    """A journaled stimulus that its aMussel has not received; `agent_ms` is its stamp in agent time."""
+
+    agent_id: int
+    agent_ms: int
+    stimulus: Stimulus
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +128,15 @@ class StartState:
     learned: LearnedState
     resume_point: ResumePoint | None = None
     journal: JournalContents = field(default_factory=lambda: JournalContents([], 0))
+    undelivered: Sequence[Undelivered] = ()
+    """The former supervisor's stimuli that `deliver_again` has queued once more."""
+
+    def deliver_again(self, coordinator: Coordinator) -> StartState:
+        """Queues the stimuli that the fleet has not received, at their own times: the journal has their lines already."""
+        waiting = undelivered(self.journal, coordinator.granted_ms)
+        for it in waiting:
+            coordinator.receive_at(it.agent_id, it.stimulus, it.agent_ms)
+        return replace(self, undelivered=tuple(waiting))
 
     @property
     def docked(self) -> dict[int, int]:
@@ -133,12 +147,18 @@ class StartState:
     def held(self) -> tuple[int, ...]:
         """The aMussels whose bodies feel a dock.
 
-        The bodies' state counts, not the mission's: a contact that was on its way when a supervisor died is delivered
-        again, and one that a body has felt is not. The bodies of other fleets are not known here.
+        The bodies' state counts, not the mission's: a contact that only the mission knows of is delivered again, and one
+        that a body has felt, or that waits for it, is not. The bodies of other fleets are not known here.
         """
-        felt = tuple(it.agent_id for it in self.recorder.truths_at(self.start_ms) if it.docked)
+        felt = {it.agent_id for it in self.recorder.truths_at(self.start_ms) if it.docked}
+        for it in self.undelivered:
+            match it.stimulus:
+                case ContactClosed():
+                    felt.add(it.agent_id)
+                case ContactOpened() | Placed():
+                    felt.discard(it.agent_id)
         others = self.learned.allocation.served_for_others & set(self.docked.values())
-        return felt + tuple(sorted(others))
+        return tuple(sorted(felt)) + tuple(sorted(others))
 
     @property
     def start_ms(self) -> int:

@@ -87,7 +87,7 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
     try:
         with ExitStack() as stack:
             with let_in():  # it waits for others: for agents, the master, the aPad
-                fleet = _adopt_fleet(run)
+                run, fleet = _adopt_fleet(run)
                 context = stack.enter_context(_flight_context(run, fleet))
                 calls = stack.enter_context(primitives_offered(run.config.scenario, run.options))
                 if calls is not None:
@@ -164,16 +164,15 @@ def _begin_with_others(run: _Run, context: FlightContext) -> _Run:
     return replace(run, start_state=replace(run.start_state, resume_point=resume_point))
 
 
-def _adopt_fleet(run: _Run) -> Fleet | NoFleet:
-    """Adopts the run's fleet in the state in which the last supervisor left it."""
+def _adopt_fleet(run: _Run) -> tuple[_Run, Fleet | NoFleet]:
+    """Adopts the run's fleet in the state in which the last supervisor left it, with the stimuli that wait for it."""
     start_state, start_ms = run.start_state, run.start_state.start_ms
     if run.options.part is Part.MISSION:
-        return NoFleet()
+        return run, NoFleet()
     fleet = adopt(run.config, run.path, run.options.epoch, start_ms, run.options.open_modems, run.sea)
     start_state.recorder.truths(fleet.take_truths())
     start_state.presences.mute_as_before(fleet.coordinator)
-    resuming.repeat_placements(start_state.journal, fleet.coordinator, start_state.recorder, start_ms)
-    return fleet
+    return replace(run, start_state=start_state.deliver_again(fleet.coordinator)), fleet
 
 
 @contextmanager

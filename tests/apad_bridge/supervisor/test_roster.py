@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from itertools import product
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
@@ -13,20 +14,24 @@ from agents.coordinator import Coordinator, Heard
 from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
+from agents.mussel.stimuli import ContactClosed, ContactOpened, Stimulus, to_json
 from agents.packet_medium import Medium
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.runs.resuming import presence_changes, repeat_placements
+from apad_bridge.runs.resuming import StartState, presence_changes
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.fault_injection import FaultInjection
 from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
@@ -339,25 +344,70 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
     assert spoke == {1, 4}
 
 
-@pytest.mark.parametrize("felt", [False, True])
-def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -> None:
-    bench = Bench()
-    bench.ticks(3)
-    bench.ask(PresenceRequest(1, Trigger.RETIRE, "a test"))
-    bench.ask(PresenceRequest(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)))
-    if felt:
-        bench.ticks(1)
-    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
-    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
-    before = len(bench.recorder.events)
-    repeat_placements(
-        JournalContents(lines, 0), coordinator, cast(Recorder, bench.recorder), bench.flight.now_ms - 1000
+def resumed(bench: Bench, journal_lines: list[Any]) -> Coordinator:
+    """The fleet under a new coordinator, after a kill that left these lines in the journal."""
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in journal_lines]
+    journal = JournalContents(json.loads(json.dumps(lines)), 0)
+    state = StartState(
+        cast(Recorder, bench.recorder), bench.presences, cast(LearnedState, None), journal=journal
     )
-    events = bench.recorder.events[before:]
-    assert [(kind, data["id"]) for _, kind, data in events] == ([] if felt else [("stimulus", 1)])
-    coordinator.advance(bench.flight.now_ms)
-    newest = {it.agent_id: it.physical for it in bench.host.take_truths()}
-    assert felt or (newest[1].north_um, newest[1].east_um) == (7_000_000, 8_000_000)
+    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
+    state.deliver_again(coordinator)
+    return coordinator
+
+
+def bodies(bench: Bench) -> dict[int, Physical]:
+    return {it.agent_id: it.physical for it in [*bench.recorder.newest.values(), *bench.host.take_truths()]}
+
+
+@pytest.mark.parametrize("killed", ["before the window", "after the window, which nobody recorded"])
+@pytest.mark.parametrize(
+    "asked",
+    [
+        [
+            PresenceRequest(1, Trigger.RETIRE, "a test"),
+            PresenceRequest(1, Trigger.SPAWN, "a test", (7.0, 8.0)),
+        ],
+        [FaultRequest(1, TimedFault.BATTERY_LOSS, 0.25), FaultRequest(2, TimedFault.BATTERY_LOSS, 0.125)],
+        [FaultRequest(1, TimedFault.BUOYANCY_STUCK, None), FaultRequest(2, TimedFault.BROWN_OUT, None)],
+        [FaultRequest(2, TimedFault.CLOCK_SKEW, 50.0), FaultRequest(1, TimedFault.BATTERY_AGEING, 0.1)],
+    ],
+)
+def test_stimuli_under_way_as_the_supervisor_died_arrive_once_and_at_their_own_time(
+    asked: list[RosterRequest], killed: str
+) -> None:
+    calm, bench = Bench(), Bench()
+    for it in (calm, bench):
+        it.ticks(9)
+        for one in asked:
+            it.ask(one)
+    lines = list(bench.recorder.events)
+    assert any(kind == "stimulus" for _, kind, _ in lines)
+    end_ms = bench.flight.now_ms + 20_000
+    if killed.startswith("after"):
+        bench.coordinator.advance(bench.flight.now_ms)
+    resumed(bench, lines).advance(end_ms)
+    calm.coordinator.advance(end_ms)
+    assert bodies(bench) == bodies(calm)
+
+
+def test_a_contact_that_waits_for_a_body_is_not_closed_around_it_again(tmp_path: Path) -> None:
+    directory = RunDirectory(tmp_path)
+    wires: list[tuple[int, Stimulus]] = [
+        (1, ContactClosed(5, 6)),
+        (2, ContactClosed(5, 6)),
+        (2, ContactOpened()),
+    ]
+    lines = [
+        {"t": 1000, "kind": "stimulus", "id": n, "agent_ms": 1000, "wire": to_json(it)} for n, it in wires
+    ]
+    bench = Bench()
+    learned = parts.initial_learned_state(flight_config(bench.scenario))
+    recorder = Recorder(directory, bench.scenario, learned.allocation.served)
+    state = StartState(recorder, bench.presences, learned, journal=JournalContents(lines, 0))
+    held = state.deliver_again(bench.coordinator).held
+    recorder.close()
+    assert held == (1,)
 
 
 def test_changes_of_ids_that_are_not_of_the_fleet_are_nobodys() -> None:
