@@ -29,6 +29,8 @@ class EndReason(StrEnum):
     SEA_LOST = "loss of the sea"
     """The process is gone that owns the sea which several aPads share."""
     DISK_FULL = "a disk that takes no more"
+    RECORDS_GONE = "loss of the run's directory"
+    """The directory was deleted or moved while the run flew."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -122,6 +122,16 @@ class _ChunkedWriter(Writer):
 
     def close(self) -> None:
         """OSError if not everything could be written; the bag is valid all the same, without its end."""
+        assert self.bio is not None
+        # The descriptor leads to the file even if somebody has moved it.
+        with os.fdopen(os.dup(self.bio.fileno()), "wb") as same_file:
+            failure = self._end_and_close()
+            _pad(same_file)
+        if failure is not None:
+            raise failure
+
+    def _end_and_close(self) -> OSError | None:
+        """Writes the last chunk and the index, and drops chunks until they have room; returns the last failure."""
         failure: OSError | None = None
         try:
             self.end_chunk()
@@ -136,10 +146,7 @@ class _ChunkedWriter(Writer):
                 if not written:
                     raise
                 self._cut(written[-1])
-        with self.path.open("r+b") as file:
-            _pad(file)
-        if failure is not None:
-            raise failure
+        return failure
 
     def write_chunk(self, chunk: WriteChunk) -> None:
         assert self.bio is not None

@@ -94,6 +94,10 @@ class Journal:
         self._file.append({"t": at_ms, "kind": kind, **data}, at_ms)
         self.last_ms = max(self.last_ms, at_ms)
 
+    def refuse_gone(self) -> None:
+        """FileGone when the journal was deleted or moved, with its directory or alone."""
+        self._file.refuse_gone()
+
     def flush(self) -> None:
         self._file.flush()
         self.flushed_ms = max(self.flushed_ms, self.last_ms)

@@ -13,12 +13,18 @@ Line = dict[str, Any]
 _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
+class FileGone(OSError):
+    """A file that is being written has no longer its name: it was deleted, moved or replaced. The text says which."""
+
+
 class LineFile:
     """Appends lines to a file; they reach it at `flush`. It belongs to one writer alone."""
 
     def __init__(self, path: Path) -> None:
         """Opens the file at its end and creates it if needed; cuts off a torn last line."""
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        self._path = path
+        self._identity = _identity(path)
         self._waiting: list[tuple[int, str]] = []
         self.torn_bytes = _cut_torn_line(self._descriptor)
 
@@ -43,6 +49,14 @@ class LineFile:
         except OSError:
             os.ftruncate(self._descriptor, os.fstat(self._descriptor).st_size - written)
             raise
+
+    def refuse_gone(self) -> None:
+        """FileGone when the file's path does not lead to it any more: lines would go where nobody looks for them."""
+        if _identity(self._path) == self._identity:
+            return
+        now = os.readlink(f"/proc/self/fd/{self._descriptor}")
+        is_deleted = os.fstat(self._descriptor).st_nlink == 0
+        raise FileGone(f"{self._path} was {'deleted' if is_deleted else f'moved to {now}'}")
 
     def sync(self) -> None:
         """Returns when what was flushed survives a power cut, and not just the death of this process."""
@@ -111,6 +125,15 @@ def decoded(raw: bytes) -> Line | None:
     except (ValueError, RecursionError):
         return None
     return line if isinstance(line, dict) else None
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """The file at this path, by its device and number; None for no file."""
+    try:
+        status = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _cut_torn_line(descriptor: int) -> int:

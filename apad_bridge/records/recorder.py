@@ -11,6 +11,7 @@ from typing import Any, TypeVar, cast
 
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
@@ -18,6 +19,7 @@ from apad_bridge.records.checkpoint import Checkpoint
 from apad_bridge.records.digest import RunDigest
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import Journal, JournalContents, JournalDamaged, Line, read_journal
+from apad_bridge.records.line_file import FileGone
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
@@ -45,7 +47,11 @@ _JOURNAL_ONLY = frozenset({EventKind.STIMULUS})
 
 
 class RecordsFailed(PeerFailed):
-    """The disk takes no more of the records, which are whole up to there."""
+    """The records can take no more: the disk refuses, or their directory is gone. `reason` is the mission's end."""
+
+    def __init__(self, text: str, reason: EndReason) -> None:
+        super().__init__(text)
+        self.reason = reason
 
 
 _Write = TypeVar("_Write", bound=Callable[..., None])
@@ -234,6 +240,7 @@ class Recorder:
         docks: tuple[int | None, ...],
     ) -> None:
         """Ends a mission tick: samples it, journals the changes, and writes the tick's lines to disk."""
+        self._journal.refuse_gone()
         apad = None if pose is None else apad_sample(pose, battery, primitive, docks)
         self._beliefs = beliefs
         if apad is not None and (line := self._apad_changes.line(now_ms, apad)) is not None:
@@ -306,9 +313,15 @@ class Recorder:
     def fail(self, error: OSError) -> RecordsFailed:
         """Nothing more is written after this; the result is to be raised."""
         self.has_failed = True
+        if isinstance(error, FileGone):
+            return RecordsFailed(
+                f"{error} while the run flew: the run ends, and its records end there, without a summary",
+                EndReason.RECORDS_GONE,
+            )
         return RecordsFailed(
             f"the disk of {self._directory.path} takes no more data ({error.strerror}): the run ends, and "
-            "its records are complete up to there"
+            "its records are complete up to there",
+            EndReason.DISK_FULL,
         )
 
     @_on_disk

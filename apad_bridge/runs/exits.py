@@ -49,6 +49,7 @@ def exit_of(reason: EndReason) -> Exit:
             | EndReason.FLEET_LOST
             | EndReason.SEA_LOST
             | EndReason.DISK_FULL
+            | EndReason.RECORDS_GONE
         ):
             return Exit.PEER_FAILED
         case _:

@@ -195,9 +195,9 @@ def fly(
         with stopped_by_signals(prepared.flight):
             try:
                 prepared.flight.run()
-            except RecordsFailed:
+            except RecordsFailed as failed:
                 # Without records, but in order: a vehicle holds its place, and a mission gives up its orders.
-                prepared.flight.stop(MissionEnd(EndReason.DISK_FULL))
+                prepared.flight.stop(MissionEnd(failed.reason))
                 prepared.flight.run()
                 raise
         return prepared.finish()

@@ -338,6 +338,32 @@ def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(record
         pass
 
 
+@pytest.mark.parametrize("fate", ["deleted", "moved", "replaced"])
+def test_a_directory_that_is_gone_is_noticed_at_the_next_tick_and_named(recorder, tmp_path, fate):
+    path = recorder._directory.path
+    for second in range(1, 40):
+        recorder.tick(1000 * second, [], None, None, "", (None,) * 4)
+    moved = tmp_path / "elsewhere"
+    if fate == "deleted":
+        shutil.rmtree(path)
+    else:
+        path.rename(moved)
+    if fate == "replaced":
+        shutil.copytree(moved, path)
+    journal = path / "journal.jsonl"
+    words = (
+        f"{journal} was deleted" if fate == "deleted" else f"{journal} was moved to {moved / 'journal.jsonl'}"
+    )
+    with pytest.raises(RecordsFailed, match=f"^{words} while the run flew: the run ends") as failed:
+        recorder.tick(40_000, [], None, None, "", (None,) * 4)
+    assert failed.value.reason is EndReason.RECORDS_GONE
+    recorder.close()
+    if fate != "deleted":
+        assert read_journal(moved / "journal.jsonl").last_ms == 39_000
+        with Reader(moved / "run.bag"):
+            pass
+
+
 def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
     file = SampleFile(tmp_path / "samples.jsonl", 30)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
