@@ -54,7 +54,7 @@ def report(
             _print_next(console, directory, summary)
     sys.stdout.flush()
     reasons = reasons_of(summary)
-    if {EndReason.FLEET_LOST, EndReason.SEA_LOST} & set(reasons):
+    if {EndReason.FLEET_LOST, EndReason.SEA_LOST, EndReason.CLOCK_LOST} & set(reasons):
         print(f"musselbed: {summary['ended_by']}; see {directory.path}", file=sys.stderr)
     if EndReason.SCRIPT_FAILED in reasons:
         print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)

@@ -28,6 +28,8 @@ class EndReason(StrEnum):
     """No agent lives, and none can be started again."""
     SEA_LOST = "loss of the sea"
     """The process is gone that owns the sea which several aPads share."""
+    CLOCK_LOST = "loss of the clock"
+    """A simulated aPad does not confirm the time, or nobody publishes /clock any more."""
     DISK_FULL = "a disk that takes no more"
     RECORDS_GONE = "loss of the run's directory"
     """The directory was deleted or moved while the run flew."""

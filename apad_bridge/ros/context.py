@@ -38,6 +38,7 @@ from apad_bridge.ros.links.packet_topics import (
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
+from apad_bridge.ros.system.route import why_gone
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.firmware_config import charge_model
@@ -374,8 +375,11 @@ def _shown_truth(truths_at: TruthsAt) -> TruthSource:
 
 
 def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *, in_fine_steps: bool) -> Pace:
-    in_step = None if isinstance(vehicle, ContactsLink) else vehicle
+    in_step, uri = None if isinstance(vehicle, ContactsLink) else vehicle, options.master_uri
     if options.apad is APadKind.SIM and in_step is not None:
-        return OwnMasterClock(options.speed, in_step, now_ms, in_fine_steps=in_fine_steps)
+        return OwnMasterClock(
+            options.speed, in_step, now_ms, in_fine_steps=in_fine_steps, why_gone=lambda: why_gone(uri)
+        )
     following = options.time is TimeSource.ROS
-    return StampedByMaster(FollowedClock(now_ms, in_step) if following else WallClock(1.0), now_ms)
+    clock = FollowedClock(now_ms, in_step, why_gone=lambda: why_gone(uri)) if following else WallClock(1.0)
+    return StampedByMaster(clock, now_ms)

@@ -48,6 +48,7 @@ def exit_of(reason: EndReason) -> Exit:
             | EndReason.STRATEGY_FAILED
             | EndReason.FLEET_LOST
             | EndReason.SEA_LOST
+            | EndReason.CLOCK_LOST
             | EndReason.DISK_FULL
             | EndReason.RECORDS_GONE
         ):

@@ -37,7 +37,7 @@ from apad_bridge.runs.status import Status
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.clock import AsFastAsPossible, ClockLost
 from apad_bridge.supervisor.context import Announce, FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
@@ -200,6 +200,9 @@ def fly(
                 prepared.flight.stop(MissionEnd(failed.reason))
                 prepared.flight.run()
                 raise
+            except ClockLost as lost:
+                reason = EndReason.CLOCK_LOST
+                prepared.flight.end_at_once(MissionEnd(reason, f"{reason}: {lost}"))
         return prepared.finish()
 
 

@@ -29,7 +29,7 @@ from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.gateway.run_services import run_offered
 from apad_bridge.ros.system.ros_pace import StampedByMaster
 from apad_bridge.ros.system.ros_time import await_master, stamp_ms
-from apad_bridge.ros.system.route import why_silent
+from apad_bridge.ros.system.route import why_gone
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.children import supervising
 from apad_bridge.runs.display import ParentDisplay
@@ -97,8 +97,7 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
             summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
-        why, uri = why_silent(run.options.master_uri), run.options.master_uri
-        write(Failed(str(error) if why is None else f"the ROS master at {uri} is gone ({why})"))
+        write(Failed(why_gone(run.options.master_uri) or str(error)))
         return Exit.PEER_FAILED
     finally:
         run.start_state.recorder.close()

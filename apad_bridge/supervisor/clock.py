@@ -45,6 +45,10 @@ class StopSign:
         return self._is_set
 
 
+class ClockLost(TimeoutError):
+    """Mission time comes no further: a participant does not confirm it, or nobody publishes it. The text names who."""
+
+
 OnTimeReached = Callable[[int], None]
 """Called with a mission time that has come, between two ticks."""
 
@@ -59,7 +63,7 @@ class Pace(Protocol):
         Calls `between` about every `POLL_PERIOD_S`, with times before `now_ms` that have come; a pace without a wall clock
         does not call it.
 
-        TimeoutError, with the name, when a participant's confirmation does not come in the stated time.
+        ClockLost, with the name, when a participant's confirmation does not come in the stated time.
         """
         ...
 
@@ -73,7 +77,7 @@ class CommonClock(Pace, Protocol):
     """A pace by a clock that other flights have, too, so that several missions can begin at the same time."""
 
     def clock_ms(self) -> int:
-        """The clock now. TimeoutError when there is none."""
+        """The clock now. ClockLost when there is none."""
         ...
 
     def begin_at(self, clock_ms: int) -> None:

@@ -155,6 +155,12 @@ class Flight:
         self._stop_end = end
         self._stopped.set()
 
+    def end_at_once(self, end: MissionEnd) -> None:
+        """Ends the mission at the tick that the flight waits for, which its clock does not reach."""
+        self.stop(end)
+        self.tick(self.now_ms)
+        self._fleet.leave_water()
+
     def run(self) -> MissionEnd:
         """Flies until the mission has ended; returns its end."""
         while not self.step():

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import rospy
@@ -21,6 +22,7 @@ from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED
 from apad_bridge.supervisor.clock import (
     POLL_PERIOD_S,
     AsFastAsPossible,
+    ClockLost,
     CommonClock,
     OnTimeReached,
     Pace,
@@ -28,19 +30,27 @@ from apad_bridge.supervisor.clock import (
     WallClock,
 )
 
-PATIENCE_S = 5.0
-"""Wall seconds that the aPad's node may take for a tick. It takes milliseconds: after this it is dead or stopped."""
+PATIENCE_S = 60.0
+"""Wall seconds that the aPad's node may take for a tick. It takes milliseconds, and on a machine that is busy, or that was
+suspended, much longer. The parent notices a node that has died, and we a master that is gone, within a second or two."""
 _REPEAT_S = 1.0
 """Wall seconds without its answer after which the time is published again. An answer is lost when it leaves before rospy
 has added us to its receivers, which happens after we are informed of the connection."""
 SETTLE_S = 1.0
 """Wall seconds for its other topics. A message that misses this is received at a later tick, without more delay."""
-STANDSTILL_S = 10.0
+STANDSTILL_S = 60.0
+"""Wall seconds after which a /clock that stands still is lost; a person may pause a simulation."""
+FIRST_S = 10.0
+"""Wall seconds for the first /clock."""
 TAKEN_S = 3.0
 """Wall seconds for the vehicle's answers while a /clock waits for us: fewer than `paced_clock.PATIENCE_S`."""
 _STEPS_MS = (100, 200, 500, 1000)
 _STEP_WALL_S = 0.02
 """The shortest wall time between two /clock messages, which are also no finer than the aPad's 10 Hz."""
+
+
+WhyGone = Callable[[], str | None]
+"""Why the master does not answer; None when it does."""
 
 
 class InStep(Protocol):
@@ -59,9 +69,10 @@ class InStep(Protocol):
 class OwnMasterClock:
     """Publishes /clock `speed` times as fast as the wall clock (None: as fast as the aPad's node follows).
 
-    A tick is reached when the aPad's node confirms it: TimeoutError, with its name, after `patience_s`. Until then the same
-    time is published once a second. With `in_fine_steps` that holds for every tenth of a second: for a vehicle that acts on
-    the virtual camera.
+    A tick is reached when the aPad's node confirms it: ClockLost, with its name, after `patience_s`. Until then the same
+    time is published once a second, and a stopped flight waits no longer than that. When `why_gone` has a reason for the
+    master's silence, nobody can confirm anything, and the reason is raised at once. With `in_fine_steps` all this holds for
+    every tenth of a second: for a vehicle that acts on the virtual camera.
 
     /clock is latched, so that a later tool has the time at once. A hundred messages may wait for a slow reader; it then
     loses the oldest, and nobody waits for it.
@@ -75,8 +86,10 @@ class OwnMasterClock:
         patience_s: float = PATIENCE_S,
         *,
         in_fine_steps: bool = False,
+        why_gone: WhyGone = lambda: None,
     ) -> None:
         self._link = link
+        self._why_gone = why_gone
         self._patience_s = patience_s
         self._published_ms = start_ms
         self._has_published = False
@@ -101,25 +114,32 @@ class OwnMasterClock:
             self._clock.publish(Clock(to_ros(step_ms)))
             self._published_ms, self._has_published = step_ms, True
             if self._in_fine_steps and step_ms < now_ms:
-                self._wait_until_done(step_ms)
+                self._wait_until_done(step_ms, stopped)
             if between is not None and step_ms < now_ms:
                 between(step_ms)
-        self._wait_until_done(now_ms)
-        self._link.wait_until_heard(now_ms, SETTLE_S)
+        if self._wait_until_done(now_ms, stopped):
+            self._link.wait_until_heard(now_ms, SETTLE_S)
 
-    def _wait_until_done(self, now_ms: int) -> None:
+    def _wait_until_done(self, now_ms: int, stopped: StopFlag) -> bool:
+        """False when the flight was stopped before the node confirmed this time."""
         until_s = time.monotonic() + self._patience_s
         while not self._link.wait_until_done(now_ms, min(_REPEAT_S, max(0.0, until_s - time.monotonic()))):
+            if stopped.is_set():
+                return False
+            if (gone := self._why_gone()) is not None:
+                raise ClockLost(gone)
             if time.monotonic() >= until_s:
-                raise TimeoutError(
+                raise ClockLost(
                     f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
                     f"that it has come to {now_ms / 1000:g} s of mission time"
                 )
             self._clock.publish(Clock(to_ros(now_ms)))
+        return True
 
 
 class FollowedClock:
-    """Somebody else's /clock. TimeoutError when it stands still, or goes back, for `standstill_s` wall seconds.
+    """Somebody else's /clock. ClockLost when it stands still, or goes back, for `standstill_s` wall seconds, or when none
+    comes at first within `FIRST_S`. The text is that of `why_gone`, if it has one.
 
     Mission time `start_ms` is the newest /clock at the first `reach`, or the first one after it. Each `reach` publishes on
     /clock_reached the time of its tick, before which everything is handled: our own clock node waits for it. On a clock
@@ -127,12 +147,17 @@ class FollowedClock:
     """
 
     def __init__(
-        self, start_ms: int = 0, link: InStep | None = None, standstill_s: float = STANDSTILL_S
+        self,
+        start_ms: int = 0,
+        link: InStep | None = None,
+        standstill_s: float = STANDSTILL_S,
+        why_gone: WhyGone = lambda: None,
     ) -> None:
         self.behind_s = 0.0
         self._link = link
         self._start_ms = start_ms
         self._standstill_s = standstill_s
+        self._why_gone = why_gone
         self._clock_ms: int | None = None
         """The newest /clock."""
         self._origin_ms: int | None = None
@@ -159,20 +184,21 @@ class FollowedClock:
                 reached_ms, why = self._now_ms, self._why(now_ms)
             if reached_ms > last_ms:
                 moved_s, last_ms = time.monotonic(), reached_ms
-            elif time.monotonic() - moved_s > self._standstill_s:
-                raise TimeoutError(why)
+            elif time.monotonic() - moved_s > self._patience_s:
+                raise ClockLost(self._why_gone() or why)
             if between is not None and self._start_ms < reached_ms < now_ms:
                 between(reached_ms)
         with self._advanced:
             self.behind_s = max(0.0, (self._now_ms - now_ms) / 1000)
 
     def clock_ms(self) -> int:
-        """The newest /clock, or the first one. TimeoutError when none comes within the standstill."""
+        """The newest /clock, or the first one. ClockLost when none comes in time."""
         with self._advanced:
-            if not self._advanced.wait_for(lambda: self._clock_ms is not None, self._standstill_s):
-                raise TimeoutError(self._why(0))
-            assert self._clock_ms is not None
-            return self._clock_ms
+            if self._advanced.wait_for(lambda: self._clock_ms is not None, self._patience_s):
+                assert self._clock_ms is not None
+                return self._clock_ms
+            why = self._why(0)
+        raise ClockLost(self._why_gone() or why)
 
     def begin_at(self, clock_ms: int) -> None:
         """Mission time 0 is at this /clock."""
@@ -182,6 +208,10 @@ class FollowedClock:
     def close(self) -> None:
         self._subscriber.unregister()
         self._reached.unregister()
+
+    @property
+    def _patience_s(self) -> float:
+        return min(FIRST_S, self._standstill_s) if self._origin_ms is None else self._standstill_s
 
     @property
     def _now_ms(self) -> int:
@@ -210,7 +240,7 @@ class FollowedClock:
 
     def _why(self, now_ms: int) -> str:
         if self._origin_ms is None:
-            return f"no /clock came within {self._standstill_s:g} s: does its publisher run on this master?"
+            return f"no /clock came within {self._patience_s:g} s: does its publisher run on this master?"
         return (
             f"/clock has not come nearer to {now_ms / 1000:g} s of mission time for {self._standstill_s:g} s: "
             f"is its publisher paused, gone or started anew?"

@@ -36,6 +36,12 @@ def why_silent(master_uri: str) -> str | None:
     return None
 
 
+def why_gone(master_uri: str) -> str | None:
+    """One line for a master at which nothing listens any more; None when something does."""
+    why = why_silent(master_uri)
+    return None if why is None else f"the ROS master at {master_uri} is gone ({why})"
+
+
 def environment_for(
     master_uri: str, namespace: str = "", environment: Mapping[str, str] = os.environ
 ) -> dict[str, str]:

@@ -1,15 +1,27 @@
 """Why a mission ended decides the exit code, and is restored from records of any age."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag1 import Reader
+from scenario_files import POOL_FILE
 
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.commands.outcome import report
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.exits import Exit, exit_of
+from apad_bridge.runs.flying import fly, in_process_context, journal_start, open_fleet
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.clock import ClockLost, OnTimeReached, StopFlag
 
 FAILED = MissionEnd(EndReason.STRATEGY_FAILED, "failure of strategy 'x': ValueError: no")
 
@@ -56,3 +68,32 @@ def test_an_end_of_an_older_version_is_known_by_its_text(text: str, reason: str)
     del data["end_reason"]
     end = MissionState.from_json(data).ended_by
     assert (end is not None and end.reason, str(end)) == (reason, text)
+
+
+class ClockThatStops:
+    """A simulated aPad's node confirms the first five seconds and nothing more."""
+
+    behind_s = 0.0
+
+    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+        if now_ms > 5000:
+            raise ClockLost("the node of /apad1 did not say within 60 s that it has come to 6 s")
+
+
+def test_a_clock_that_is_lost_ends_the_mission_in_order_with_its_records(tmp_path: Path) -> None:
+    scenario = replace(load(POOL_FILE), duration_s=60)
+    scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
+    config, directory = flight_config(scenario), RunDirectory(tmp_path)
+    recorder = Recorder(directory, scenario, config.ids)
+    journal_start(recorder, scenario, starts_of(scenario))
+    fleet = open_fleet(config, starts_of(scenario), tmp_path)
+    context = replace(in_process_context(config, fleet), pace=ClockThatStops())
+    with FlightProgress(scenario.name, 60_000, quiet=True) as progress:
+        summary = fly(config, context, recorder, progress)
+    assert summary["ended_by"].startswith("loss of the clock: the node of /apad1 did not say")
+    assert exit_of(EndReason(summary["end_reason"])) is Exit.PEER_FAILED
+    assert json.loads(directory.summary.read_text()) == summary
+    (end,) = [line for line in read_journal(directory.journal).lines if line["kind"] == "end"]
+    assert (end["t"], end["end_reason"]) == (6000, "loss of the clock")
+    with Reader(directory.bags[0]):
+        pass

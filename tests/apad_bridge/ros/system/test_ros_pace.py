@@ -235,3 +235,22 @@ def test_a_followed_clock_tells_what_has_come_between(topics: list[Topic]) -> No
     deliver(topics, 100)
     clock.reach(1_000, threading.Event(), between)
     assert times_ms == [100, 500, 900]
+
+
+def test_a_stopped_flight_waits_no_minute_for_a_node_that_is_silent(topics: list[Topic]) -> None:
+    vehicle, stopped = Vehicle(done_ms=0), threading.Event()
+    stopped.set()
+    ros_pace.OwnMasterClock(None, vehicle).reach(1_000, stopped)
+    assert vehicle.calls.count("done 1000") == 1
+
+
+def test_without_a_master_nobody_is_waited_for_and_the_master_is_named(topics: list[Topic]) -> None:
+    vehicle = Vehicle(done_ms=0)
+    clock = ros_pace.OwnMasterClock(None, vehicle, why_gone=lambda: "the ROS master is gone (refused)")
+    with pytest.raises(ros_pace.ClockLost, match="the ROS master is gone"):
+        clock.reach(1_000, threading.Event())
+    assert vehicle.calls.count("done 1000") == 1
+
+
+def test_a_busy_node_has_a_minute() -> None:
+    assert ros_pace.PATIENCE_S == ros_pace.STANDSTILL_S == 60
