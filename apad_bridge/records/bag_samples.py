@@ -13,7 +13,6 @@ from typing import Any
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader
-from rosbags.rosbag1.reader import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -93,17 +92,20 @@ def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
         wanted = [it for it in reader.connections if it.msgtype in (TRUTH, BELIEFS)]
         store = definitions_in(path, wanted)
         truths: tuple[int, tuple[TruthSample, ...]] | None = None
-        for connection, stamp_ns, data in reader.messages(wanted) if wanted else ():
-            # The earliest stamp is a nanosecond, as ROS reads 0 as no time. A message that is not due is not unpacked.
-            if not grid.is_due(stamp_ns // 1_000_000):
-                continue
-            message: Any = store.deserialize_ros1(data, connection.msgtype)
-            at_ms = message.mission_time_ms
-            if connection.msgtype == TRUTH:
-                truths = at_ms, tuple(_truth(row) for row in message.agents)
-            elif truths is not None and truths[0] == at_ms and grid.accept(at_ms):
-                beliefs = tuple(_belief(row) for row in message.agents)
-                yield Instant(at_ms, message.agent_time_ms, truths[1], beliefs)
+        try:
+            for connection, stamp_ns, data in reader.messages(wanted) if wanted else ():
+                # The earliest stamp is a nanosecond, as ROS reads 0 as no time. A message that is not due is not unpacked.
+                if not grid.is_due(stamp_ns // 1_000_000):
+                    continue
+                message: Any = store.deserialize_ros1(data, connection.msgtype)
+                at_ms = message.mission_time_ms
+                if connection.msgtype == TRUTH:
+                    truths = at_ms, tuple(_truth(row) for row in message.agents)
+                elif truths is not None and truths[0] == at_ms and grid.accept(at_ms):
+                    beliefs = tuple(_belief(row) for row in message.agents)
+                    yield Instant(at_ms, message.agent_time_ms, truths[1], beliefs)
+        except Exception as error:  # of a damaged chunk the library may raise anything
+            raise BagUnreadable(f"{path}: damaged: {error or type(error).__name__}") from error
 
 
 @contextmanager
@@ -112,8 +114,8 @@ def open_bag(path: Path) -> Iterator[Reader]:
     reader = Reader(path)
     try:
         reader.open()
-    except (ReaderError, OSError, AssertionError) as error:
-        raise BagUnreadable(f"{path}: not a bag that can be read: {error}") from error
+    except Exception as error:  # of random bytes the library may raise anything
+        raise BagUnreadable(f"{path}: not a bag that can be read: {error or type(error).__name__}") from error
     try:
         yield reader
     finally:

@@ -268,6 +268,7 @@ class Recorder:
     def finish(self, at_ms: int, ending: Ending) -> Line:
         """Ends the run at mission time `at_ms`: writes ends.csv and summary.json, closes all files, returns the summary."""
         scenario = self._scenario
+        self._write_ends(at_ms)
         summary: Line = {
             "name": scenario.name,
             "theta": scenario.theta,
@@ -295,7 +296,7 @@ class Recorder:
             "dropped": dict(sorted(self._all_dropped(ending).items())),
             "digest": str(self._digest),
         }
-        self._write_ending(at_ms, summary)
+        self._write_ending(summary)
         return summary
 
     def close(self) -> None:
@@ -325,10 +326,18 @@ class Recorder:
         )
 
     @_on_disk
-    def _write_ending(self, at_ms: int, summary: Line) -> None:
+    def _write_ends(self, at_ms: int) -> None:
+        """Writes ends.csv. Without it the run has its summary all the same, which counts the loss with its reason."""
         ends = self._ends(at_ms)
-        if ends:
+        if not ends:
+            return
+        try:
             save_starts(self._directory.ends, ends, self._scenario.area.origin)
+        except ValueError as error:
+            self.dropped[f"{self._directory.ends.name}: {error}"] += 1
+
+    @_on_disk
+    def _write_ending(self, summary: Line) -> None:
         self._directory.write_json(self._directory.summary, summary)
         self.close()
         self._directory.checkpoint.unlink(missing_ok=True)  # an ended run cannot be resumed

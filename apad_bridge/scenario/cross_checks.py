@@ -13,7 +13,7 @@ from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.fence import Fence, fence_of
-from apad_bridge.scenario.firmware_config import can_fill
+from apad_bridge.scenario.firmware_config import can_fill, grains_of_milliwatts
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.names import load_names
@@ -22,6 +22,7 @@ from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.scenario.water import Water
+from firmware_model.power.rails import Rail
 
 Contradiction = tuple[str, str]
 _S_PER_HOUR = 3600
@@ -232,6 +233,13 @@ def _check_board(scenario: Scenario) -> Iterator[Contradiction]:
     whole = scenario.board.whole
     if whole is None:
         return
+    loads_mw = [getattr(whole.power.loads_mw, it.name.lower()) for it in Rail if it is not Rail.MOTORS]
+    if not any(grains_of_milliwatts(it, whole.power.capacity_wh) for it in loads_mw):
+        yield (
+            "board.whole.power.capacity_wh",
+            f"no module draws what could be counted of {whole.power.capacity_wh:g} Wh (the most: "
+            f"{max(loads_mw):g} mW): lower the capacity, or raise board.whole.power.loads_mw",
+        )
     if whole.power.motor_run_s >= whole.hover_period_s:
         yield (
             "board.whole.hover_period_s",

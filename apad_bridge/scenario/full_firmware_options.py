@@ -17,7 +17,6 @@ from apad_bridge.scenario.quantities import (
     Milliseconds,
     NotNegative,
     NotNegativeSeconds,
-    Positive,
     PositiveSeconds,
     frozen,
 )
@@ -87,7 +86,7 @@ class Ageing:
 @frozen
 class BoardPower:
     profile: Literal["table-one"] | None = None
-    capacity_wh: Positive
+    capacity_wh: Annotated[float, Ge(0.001), Le(1e6)]
     """The capacity of each of the two batteries."""
     loads_mw: ModuleLoads
     charge_segments: ChargeSegments

@@ -105,8 +105,12 @@ class RunOptions:
 
     @classmethod
     def load(cls, directory: Path) -> RunOptions:
-        """Raises FileNotFoundError if no run was started, and ValueError for a file of another version."""
-        data: dict[str, Any] = json.loads((directory / OPTIONS_NAME).read_text())
+        """FileNotFoundError if no run was started; ValueError for a file that is damaged or of another version."""
+        path = directory / OPTIONS_NAME
+        try:
+            data: dict[str, Any] = json.loads(path.read_bytes())
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{path} is damaged: {error}") from error
         try:
             return cls(
                 **{
@@ -122,8 +126,8 @@ class RunOptions:
                     "apads": tuple(data["apads"]),
                 }
             )
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"{directory / OPTIONS_NAME} was written by another version: {error}") from error
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path} was written by another version, or is damaged: {error}") from error
 
     def on_own_master(self, uri: str) -> RunOptions:
         return replace(self, master_uri=uri, owns_master=True)

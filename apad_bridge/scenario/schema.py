@@ -101,7 +101,7 @@ class DriftMode(StrEnum):
 @frozen
 class Drift:
     mode: DriftMode
-    amplitude_m: NotNegative = 0.0
+    amplitude_m: Annotated[float, Ge(0), Le(100)] = 0.0
     """Half width of the uniform step that `paper` mode adds to north and to east each mission second."""
     current_file: str | None = None
     """CSV: north_m, east_m, north_m_s, east_m_s; relative to the scenario file."""

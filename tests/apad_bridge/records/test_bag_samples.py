@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.modes import Mode
@@ -130,3 +134,31 @@ def test_a_sample_has_a_place_for_each_field_of_the_message() -> None:
     assert [name for name in fields if name in BeliefSample._fields] == [
         name for name in BeliefSample._fields if name in fields
     ]
+
+
+@given(st.binary(max_size=2000), st.booleans())
+def test_random_bytes_are_a_bag_that_cannot_be_read(
+    tmp_path_factory: pytest.TempPathFactory, noise: bytes, begins_as_a_bag: bool
+) -> None:
+    path = tmp_path_factory.mktemp("noise") / "run.bag"
+    path.write_bytes(b"#ROSBAG V2.0\n" * begins_as_a_bag + noise)
+    with pytest.raises(BagUnreadable, match=re.escape(str(path))):
+        list(instants([path], 1000))
+
+
+@given(st.integers(4200, 10_000), st.binary(min_size=1, max_size=40))
+@settings(max_examples=300)
+def test_a_bag_with_noise_in_it_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, at: int, noise: bytes
+) -> None:
+    folder = tmp_path_factory.mktemp("damaged")
+    bag = BagWriter(folder / "run.bag", THETA)
+    for second in range(5):
+        bag.sample(1000 * second, [TRUTH], [belief_sample(carried(), 61_500)], None)
+    bag.close()
+    path = bag.path
+    data = bytearray(path.read_bytes())
+    data[at : at + len(noise)] = noise
+    path.write_bytes(data)
+    with suppress(BagUnreadable):
+        list(instants([path], 1000))

@@ -364,6 +364,18 @@ def test_a_directory_that_is_gone_is_noticed_at_the_next_tick_and_named(recorder
             pass
 
 
+def test_a_summary_is_written_though_an_aMussel_is_on_no_chart(recorder, monkeypatch):
+    def too_far(*_):
+        raise ValueError("too far from the origin for a local plane: north 1e9 m, east 0 m")
+
+    monkeypatch.setattr("apad_bridge.records.recorder.save_starts", too_far)
+    recorder.truths([hand_made(7)])
+    summary = recorder.finish(1000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0.0, 0, None, {}))
+    assert json.loads(recorder._directory.summary.read_text()) == summary
+    (reason,) = summary["dropped"]
+    assert reason.startswith("ends.csv: too far from the origin")
+
+
 def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
     file = SampleFile(tmp_path / "samples.jsonl", 30)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -96,6 +96,13 @@ def test_options_of_another_version_are_refused_by_name(tmp_path: Path) -> None:
         RunOptions.load(tmp_path)
 
 
+@pytest.mark.parametrize("text", ["", "[1]", '{"part": ', "\x00\x01", "null"])
+def test_broken_options_are_named_by_their_file(tmp_path: Path, text: str) -> None:
+    (tmp_path / "run.json").write_text(text)
+    with pytest.raises(ValueError, match=rf"^{tmp_path}/run\.json (is damaged|was written by another)"):
+        RunOptions.load(tmp_path)
+
+
 POOL = load(POOL_FILE)
 CONFIG = flight_config(POOL)
 FREE = (None, None, None, None)

@@ -293,3 +293,13 @@ def test_the_worst_case_cannot_wait_for_a_battery_that_it_does_not_charge() -> N
         ScenarioError, match=r"mission\.full_when: a board without `whole` charges its primary"
     ):
         from_data(pool, "it")
+
+
+def test_a_battery_that_nothing_can_empty_is_refused_before_the_flight() -> None:
+    nothing = ", ".join(f"{it.name}: 0.000000001" for it in fields(ModuleLoads))
+    with pytest.raises(
+        ScenarioError, match=r"capacity_wh: no module draws what could be counted of 1e.06 Wh"
+    ):
+        changed(power_with(f"capacity_wh: 1000000, loads_mw: {{{nothing}}}"))
+    with pytest.raises(ScenarioError, match="capacity_wh: must be less than or equal to 1000000"):
+        changed(power_with("capacity_wh: 1000000000"))
