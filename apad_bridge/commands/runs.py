@@ -20,6 +20,9 @@ from apad_bridge.runs.exits import Exit, UserError
 
 FLIES = "flies"
 DID_NOT_END = "did not end"
+_COLUMNS_OF_FIGURES = 58
+"""Columns of a screen for a run's figures and the gaps beside them."""
+_LEAST = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,8 @@ class Row:
     planned_m: float | None = None
     services: int | None = None
     lost: int | None = None
+    stopped_s: float | None = None
+    """Mission time in which a person or a guard kept the mission from the aPad; None in a summary of an older version."""
 
 
 def add_parser(commands: Any) -> None:
@@ -66,7 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
     elif not rows:
         print(f"no runs in {arguments.folder}")
     else:
-        Console(markup=False).print(_table(rows))
+        console = Console(markup=False)
+        console.print(_table(rows, console.width))
     return Exit.DONE
 
 
@@ -94,6 +100,7 @@ def _row(directory: RunDirectory) -> Row:
             round(summary["planned_m"], 2),
             summary["services"],
             summary["amussels_lost"],
+            summary.get("stopped_s"),
         )
     except FileNotFoundError:
         members = [directory.path, *(it.parent for it in directory.path.glob("*/scenario.yaml"))]
@@ -103,17 +110,19 @@ def _row(directory: RunDirectory) -> Row:
         return Row(*named, f"summary.json cannot be read: {error}")
 
 
-def _table(rows: list[Row]) -> Table:
+def _table(rows: list[Row], width: int) -> Table:
+    """One line a run: of a long error as much as a screen of this width has room for."""
+    room = width - max(len(row.run) for row in rows) - _COLUMNS_OF_FIGURES
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("run", no_wrap=True, overflow="ignore")  # people copy it
-    table.add_column("ended by", overflow="fold")
+    table.add_column("ended by", no_wrap=True, overflow="ellipsis", max_width=max(_LEAST, room))
     for name in ("agents", "minutes", "uptime %", "m", "services", "lost"):
         table.add_column(name, justify="right")
     for row in rows:
         minutes = None if row.mission_s is None else row.mission_s / 60
         table.add_row(
             row.run,
-            row.state,
+            row.state if not row.stopped_s else f"stopped for {row.stopped_s / 60:.0f} min; {row.state}",
             *(_text(it, ".0f") for it in (row.agents, minutes)),
             _text(row.uptime, ".2f"),
             _text(row.planned_m, ".0f"),

@@ -9,6 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from apad_bridge.records.summary import interruption
 from apad_bridge.runs.studies.capacity import Bounds
 
 # Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
@@ -28,7 +29,9 @@ def print_table(
     console: Console, name: str, collection: str, summary: dict[str, Any], bounds: Bounds | None = None
 ) -> None:
     """Prints the row, the paper's row if it compares, the other figures, the bounds of any strategy, and the failures."""
-    table = Table(title=f"{name}: a row of the paper's Table II")
+    why_none = interruption(summary)
+    title = "a row of the paper's Table II" if why_none is None else "no row of the paper's Table II"
+    table = Table(title=f"{name}: {title}")
     for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
         table.add_column(column, justify="left" if not column else "right")
     if summary["uptime_paper"] is not None:
@@ -40,10 +43,13 @@ def print_table(
         table.row_count > 0
         and (paper := _PAPER.get((name, collection))) is not None
         and _is_as_shipped(summary)
+        and why_none is None
     ):
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     if table.row_count > 0:
         console.print(table)
+    if why_none is not None:
+        _print(console, f"Interrupted: {why_none}. Its figures compare with those of no whole flight.")
     _print(
         console,
         f"{summary['services']} served, {_count_text(summary['amussels_lost'])} lost, {_count_text(summary['emptied'])} "

@@ -27,6 +27,7 @@ from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_
 from apad_bridge.records.summary import (
     Ending,
     FailureCounts,
+    Interruptions,
     amussel_figures,
     apad_energy,
     uptime_figures,
@@ -121,6 +122,7 @@ class Recorder:
         self._given_up: set[int] = set()
         self._failures = FailureCounts()
         self._digest = RunDigest()
+        self._interruptions = Interruptions()
         self._services: Counter[int] = Counter()
         self._apad_changes = APadChanges()
         self._belief_changes = BeliefChanges()
@@ -173,6 +175,7 @@ class Recorder:
         self._journal.append(at_ms, kind, data)
         self._failures.take(at_ms, kind, data)
         self._digest.take(at_ms, kind, data)
+        self._interruptions.take(at_ms, kind, data)
         if kind == EventKind.DIED and data.get("gave_up") is not None:
             self._count_given_up(data)
         if kind == EventKind.PRESENCE:
@@ -275,6 +278,7 @@ class Recorder:
             "seed": scenario.seed,
             "agents": len(self._agent_ids),
             "mission_s": at_ms / 1000,
+            "stopped_s": self._interruptions.stopped_s(at_ms),
             "ended_by": str(ending.ended_by),
             "end_reason": ending.ended_by.reason.value,
             "first_cause": ending.first_cause,
@@ -381,6 +385,7 @@ class Recorder:
         for line in contents.lines:
             self._failures.take(line["t"], line["kind"], line)
             self._digest.take(line["t"], line["kind"], line)
+            self._interruptions.take(line["t"], line["kind"], line)
             if line["kind"] == EventKind.TRUTH:
                 truth = truth_of(line)
                 self.meter.take(truth)

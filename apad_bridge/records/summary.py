@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
-from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.event_kinds import BOOLEAN, INTEGER, NUMBER, TEXT, EventKind, Field, Type
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from apad_bridge.supervisor.roster import Presence
@@ -99,6 +99,73 @@ class FailureCounts:
         self._causes[cause] += 1
 
 
+class Interruptions:
+    """The spans in which a person or a guard kept the mission from the aPad, from the journal's events.
+
+    A span begins with a person's stop, with an override, with a guard's reaction, or with an order that is refused until
+    a person confirms it. It ends when the last of these is over: a person continues, the aPad is given back, the danger
+    has passed.
+    """
+
+    def __init__(self) -> None:
+        self._causes: set[str] = set()
+        self._since_ms = 0
+        self._spans_ms: list[tuple[int, int]] = []
+
+    def take(self, at_ms: int, kind: str, data: Mapping[str, Any]) -> None:
+        match kind, data:
+            case EventKind.OPERATOR, {"order": "stop" | "motors off"}:
+                self._begin(at_ms, _STOP)
+            case EventKind.OPERATOR, {"order": "continue"}:
+                self._end(at_ms, *(it for it in self._causes if it != _TAKEN))
+            case EventKind.OVERRIDE, {"taken": True}:
+                self._begin(at_ms, _TAKEN)
+            case EventKind.OVERRIDE, {"taken": False}:
+                self._end(at_ms, *self._causes)
+            case EventKind.GUARD, {"cause": cause}:
+                self._begin(at_ms, cause)
+            case EventKind.GUARD_OVER, {"cause": cause}:
+                self._end(at_ms, cause)
+            case EventKind.REFUSED, {"guard": "person"}:
+                self._begin(at_ms, _UNCONFIRMED)
+
+    def spans_ms(self, until_ms: int) -> list[tuple[int, int]]:
+        """(begin, end) of each span up to a mission time, in order."""
+        last = [(self._since_ms, until_ms)] if self._causes else []
+        return [*self._spans_ms, *last]
+
+    def stopped_s(self, until_ms: int) -> float:
+        return sum(end_ms - begin_ms for begin_ms, end_ms in self.spans_ms(until_ms)) / 1000
+
+    def _begin(self, at_ms: int, cause: str) -> None:
+        if not self._causes:
+            self._since_ms = at_ms
+        self._causes.add(cause)
+
+    def _end(self, at_ms: int, *causes: str) -> None:
+        if not self._causes:
+            return
+        self._causes.difference_update(causes)
+        if not self._causes and at_ms > self._since_ms:
+            self._spans_ms.append((self._since_ms, at_ms))
+
+
+_STOP, _TAKEN, _UNCONFIRMED = "a stop", "an override", "no confirmation"
+_WHOLE = frozenset({EndReason.MISSION_TIME, EndReason.APAD_BATTERY, EndReason.END_BY, EndReason.SCRIPT_ENDED})
+
+
+def interruption(summary: Mapping[str, Any]) -> str | None:
+    """Why the figures of a run, or of several aPads, are not those of a whole flight; None if they are.
+
+    A summary of an older version has no `stopped_s`, and counts as not stopped.
+    """
+    flights = summary.get("apads", {"": summary}).values()
+    stopped_s = max(it.get("stopped_s") or 0 for it in flights)
+    ends = [it["ended_by"] for it in flights if EndReason(it["end_reason"]) not in _WHOLE]
+    parts = [f"stopped for {stopped_s:g} s of {summary['mission_s']:g} s"] if stopped_s else []
+    return "; ".join([*parts, *(f"ended by {it}" for it in dict.fromkeys(ends))]) or None
+
+
 _SPREAD, _OBJECT = Type(dict, "{mean, max, min}"), Type(dict, "object")
 
 SUMMARY: tuple[Field, ...] = (
@@ -107,6 +174,12 @@ SUMMARY: tuple[Field, ...] = (
     Field("seed", INTEGER, "of all that is random"),
     Field("agents", INTEGER, "number of aMussels of the fleet"),
     Field("mission_s", NUMBER, "mission time at the end", "s"),
+    Field(
+        "stopped_s",
+        NUMBER,
+        "of it, the time in which a person or a guard kept the mission from the aPad",
+        "s",
+    ),
     Field("ended_by", TEXT, "why the mission ended, for people"),
     Field("end_reason", TEXT, "the same, one of a fixed set"),
     Field("first_cause", TEXT, "the first failure of the aPad that was not overcome"),

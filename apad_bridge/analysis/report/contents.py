@@ -14,6 +14,7 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.event_texts import event_text
 from apad_bridge.records.journal import Line
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.summary import Interruptions
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from firmware_model.power.charge import ChargeModel
@@ -73,12 +74,16 @@ class RunReport:
     troubles: list[Trouble]
     more_troubles: int
     """Number of troubles beyond those in the list."""
+    stopped_ms: list[tuple[int, int]]
+    """(begin, end) of each span in which a person or a guard kept the mission from the aPad."""
 
 
 def contents_of(directory: RunDirectory) -> RunReport:
     """RunDirectoryError, one line, when the directory holds no run that can be shown."""
     scenario, journal, summary, data = read_run(directory)
-    troubles = list(troubles_in(journal.lines))
+    troubles, interruptions = list(troubles_in(journal.lines)), Interruptions()
+    for line in journal.lines:
+        interruptions.take(line["t"], line["kind"], line)
     return RunReport(
         directory.path.resolve().name,
         data,
@@ -88,6 +93,7 @@ def contents_of(directory: RunDirectory) -> RunReport:
         scores_of(comparisons_in(directory.path, _PERIOD_MS, best_record(directory.path))),
         troubles[:_MOST_FAULTS],
         max(0, len(troubles) - _MOST_FAULTS),
+        interruptions.spans_ms(journal.last_ms),
     )
 
 

@@ -54,7 +54,8 @@ def _parts(reports: Sequence[RunReport]) -> Iterator[Part]:
         "Runs",
         _COLUMNS,
         [_row(it) for it in reports],
-        "avg, max and min: uptime as the paper counts it; cost: the straight legs that were ordered.",
+        "avg, max and min: uptime as the paper counts it; cost: the straight legs that were ordered. The figures of a run "
+        "that was stopped are those of no whole flight; its stops are shaded.",
     )
     yield figures.activity(reports)
     for report in reports:
@@ -73,6 +74,7 @@ def _parts(reports: Sequence[RunReport]) -> Iterator[Part]:
 def _row(report: RunReport) -> list[str]:
     data, known = report.data, report.summary or {}
     uptime = known.get("uptime_paper") or {}
+    ended = data["ended_by"] or "has not ended"
     return [
         report.name,
         f"{data['collection']} / {data['redeployment']}",
@@ -81,7 +83,7 @@ def _row(report: RunReport) -> list[str]:
         *(_number(uptime.get(key), ".2f") for key in ("mean", "max", "min")),
         *(_number(known.get(key), ".2f") for key in ("planned_m", "cost_m", "active_mean")),
         *(_number(known.get(key), "d") for key in ("services", "emptied", "amussels_lost", "steps_given_up")),
-        data["ended_by"] or "has not ended",
+        f"stopped for {stopped_s:g} s; {ended}" if (stopped_s := known.get("stopped_s")) else ended,
     ]
 
 

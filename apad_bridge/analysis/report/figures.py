@@ -28,7 +28,12 @@ def activity(reports: Sequence[RunReport]) -> Any:
     for report in reports:
         if report.data["has_truth"]:
             minutes = [ms / _MS_PER_MINUTE for ms in report.data["times_ms"]]
-            axes.step(minutes, report.data["active"], where="post", linewidth=1.4, label=report.name)
+            (line,) = axes.step(
+                minutes, report.data["active"], where="post", linewidth=1.4, label=report.name
+            )
+            for begin_ms, end_ms in report.stopped_ms:
+                span = begin_ms / _MS_PER_MINUTE, end_ms / _MS_PER_MINUTE
+                axes.axvspan(*span, color=line.get_color(), alpha=0.15, linewidth=0)
     axes.set(
         xlabel="mission time (min)", ylabel="active aMussels", title="Number of active aMussels (as Fig. 9)"
     )

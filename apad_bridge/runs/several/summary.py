@@ -47,6 +47,7 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "theta": flights[0]["theta"],
         "seed": flights[0]["seed"],
         "mission_s": max(flight["mission_s"] for flight in flights),
+        "stopped_s": sum(flight["stopped_s"] for flight in flights),
         "ended_by": _common_text(of_each, "ended_by"),
         "end_reason": flights[0]["end_reason"] if len({it["end_reason"] for it in flights}) == 1 else None,
         "first_cause": _common_text(of_each, "first_cause"),

@@ -97,6 +97,8 @@ SUMMARY = {
     "mission_s": 2400.0,
     "apart": None,
     "ended_by": "mission time",
+    "end_reason": "mission time",
+    "stopped_s": 0.0,
     "uptime_paper": {"mean": 74.3, "max": 85.0, "min": 61.9},
     "cost_m": 262.1,
     "planned_m": 276.9,
@@ -121,6 +123,7 @@ SUMMARY = {
         ({"seed": 2}, False),
         ({"agents": 8}, False),
         ({"uptime_paper": None}, False),
+        ({"stopped_s": 1260.0}, False),
     ],
 )
 def test_the_papers_row_stands_beside_the_papers_flight_alone(
@@ -128,6 +131,26 @@ def test_the_papers_row_stands_beside_the_papers_flight_alone(
 ) -> None:
     print_table(Console(width=100), "pool-12", "cautious", SUMMARY | change)
     assert ("(paper)" in capsys.readouterr().out) is is_beside
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"stopped_s": 1260.0}, "stopped for 1260 s of 2400 s"),
+        (
+            {"ended_by": "failure of the script: x", "end_reason": "failure of the script"},
+            "ended by failure of the script: x",
+        ),
+        ({"ended_by": "the operator", "end_reason": "the operator"}, "ended by the operator"),
+    ],
+)
+def test_a_run_that_was_stopped_or_failed_is_no_row_of_the_papers_table(
+    change: dict[str, object], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_table(Console(width=200), "pool-12", "cautious", SUMMARY | change)
+    shown = capsys.readouterr().out
+    assert "no row of the paper's Table II" in shown and "a row of" not in shown
+    assert f"Interrupted: {why}." in shown
 
 
 @pytest.mark.parametrize(("theta", "used", "figure"), [(1, 0.25, 0.25), (30, 0.25, None), (1, None, None)])

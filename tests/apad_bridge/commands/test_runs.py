@@ -46,6 +46,21 @@ def test_runs_are_listed_newest_first_with_their_figures(
     assert "did not end" in shown and "mission time" in shown
 
 
+def test_a_long_error_takes_one_line_and_a_stop_is_named(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = folder / "whole" / "summary.json"
+    error = "failure of the script: " + "a long reason, and another; " * 40
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"ended_by": error, "stopped_s": 1260.0}))
+    monkeypatch.setenv("COLUMNS", "120")
+    assert main(["runs", str(folder)]) == 0
+    (line,) = (it for it in capsys.readouterr().out.splitlines() if it.strip().startswith("whole"))
+    assert "stopped for 21 min; failure of the script" in line and "…" in line
+    assert main(["runs", str(folder), "--json"]) == 0
+    whole = json.loads(capsys.readouterr().out)[-1]
+    assert whole["state"] == error and whole["stopped_s"] == 1260
+
+
 def test_a_folder_that_is_not_there_is_a_mistake_and_an_empty_one_is_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

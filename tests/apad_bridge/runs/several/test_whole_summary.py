@@ -19,9 +19,16 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
     figures = {
         **{"theta": 30, "seed": 1, "agents": agents, "mission_s": 100.0, "ended_by": "mission time"},
         **{"uptime_paper": spread, "uptime_submerged": spread, "active_mean": agents * mean / 100},
-        **{"end_reason": "mission time"},
+        **{"end_reason": "mission time", "stopped_s": 0.0},
         **{"amussels_lost": 0, "emptied": 1, "dead_time_s": 5.0, "services": 4, "gave_up": 0},
-        **{"cost_m": 12.5, "planned_m": 13.0, "steps_given_up": 1, "causes": {"missed": 1}, "left_alone": []},
+        **{
+            "stopped_s": 0.0,
+            "cost_m": 12.5,
+            "planned_m": 13.0,
+            "steps_given_up": 1,
+            "causes": {"missed": 1},
+            "left_alone": [],
+        },
         **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
         **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None, "amussels": {}},
         **{
