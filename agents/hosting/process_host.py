@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
 import subprocess
 import time
@@ -13,6 +12,7 @@ from contextlib import suppress
 
 from agents.fleet import FleetConfig
 from agents.hosting.agent_links import AgentLinks, Answered
+from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
 from agents.hosting.look_ahead import LookAhead
@@ -64,7 +64,7 @@ class ProcessHost:
         self._truths: list[Truth] = []
         self._nurseries_died_at_s: list[float] = []
         self._dropped_before: Counter[str] = Counter()
-        _allow_many_descriptors()
+        raise_descriptor_limit()
         self._nursery = NurseryLink(run_dir, epoch)
         self._links = AgentLinks(self._nursery, window_timeout_s)
 
@@ -280,8 +280,3 @@ class ProcessHost:
         self._nursery.close()
         if self._process is not None:
             self._process.wait(_END_TIMEOUT_S)
-
-
-def _allow_many_descriptors() -> None:
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))

@@ -22,7 +22,6 @@ import enum  # noqa: F401
 import fcntl  # noqa: F401
 import mmap  # noqa: F401
 import os
-import resource
 import select  # noqa: F401
 import signal
 import socket
@@ -31,6 +30,7 @@ import sys
 
 import msgpack  # noqa: F401
 
+from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.started import end_with_starter, outlive_starter
 from agents.nursery.agent_processes import AgentProcesses
 from agents.nursery.fleet_file import FleetFile
@@ -58,8 +58,7 @@ def main(arguments: list[str]) -> int:
 
 def _prepare(run_dir: str) -> NurseryServer:
     file = FleetFile.read(run_dir)
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    raise_descriptor_limit()
     agents = AgentProcesses(run_dir, file)
     wakeup, waker = socket.socketpair()
     wakeup.setblocking(False)

@@ -6,10 +6,11 @@ import argparse
 import json
 import sys
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
@@ -67,11 +68,14 @@ def run(arguments: argparse.Namespace) -> int:
             json.dumps({"ended_by": reason}) if arguments.json else f"the run has ended: {reason}", flush=True
         )
 
+    def warn(text: str) -> None:
+        print(f"musselbed console: {text}", file=sys.stderr, flush=True)
+
     if arguments.directory is not None and arguments.apad is not None:
         raise UserError("--apad chooses a run on the master: leave out RUN")
     try:
         with _directory_of(arguments) as directory:
-            serve(directory, Address(arguments.host, arguments.port), tell, tell_end)
+            serve(directory, Address(arguments.host, arguments.port), tell, tell_end, warn)
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
     except OSError as error:
@@ -100,13 +104,21 @@ def _directory_of(arguments: argparse.Namespace) -> Iterator[Path]:
 
 
 @contextmanager
-def console_beside(directory: Path) -> Iterator[str]:
+def console_beside(directory: Path, tell: Callable[[str], None] = print) -> Iterator[str]:
     """A console of the run in a process of its own while this is entered; yields the page's address.
 
-    It ends after its pages have the run's summary, or without that after `_LAST_PAGE_S`. UserError when it cannot start.
+    It is watched, and one that is started again has the same address. It ends after its pages have the run's summary, or
+    without that after `_LAST_PAGE_S`. UserError when it cannot start.
     """
-    from apad_bridge.runs.children import served_beside
+    from apad_bridge.console.process import TOKEN_VARIABLE
+    from apad_bridge.runs.beside import Command, served_beside
 
     arguments = ["console", str(directory), "--json"]
-    with served_beside("console", arguments, directory, _LAST_PAGE_S) as line:
+
+    def again(line: str) -> Command:
+        url = urlsplit(json.loads(line)["url"])
+        token = url.query.removeprefix("token=")
+        return Command("console", directory, [*arguments, "--port", str(url.port)], {TOKEN_VARIABLE: token})
+
+    with served_beside(Command("console", directory, arguments), again, tell, _LAST_PAGE_S) as line:
         yield json.loads(line)["url"]

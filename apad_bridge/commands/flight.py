@@ -66,9 +66,9 @@ class Live:
     def open(self, stack: ExitStack, directory: Path, tell: Callable[[str], None]) -> None:
         """Starts it; `stack` ends it, and `tell` takes the lines for a person."""
         if self.console:
-            tell(f"live page: {stack.enter_context(console_beside(directory))}")
+            tell(f"live page: {stack.enter_context(console_beside(directory, tell))}")
         if self.imc is not None:
-            tell(stack.enter_context(imc_beside(directory, self.imc)))
+            tell(stack.enter_context(imc_beside(directory, self.imc, tell)))
 
 
 NOTHING_LIVE = Live()

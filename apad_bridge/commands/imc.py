@@ -6,7 +6,7 @@ import argparse
 import ipaddress
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -155,14 +155,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @contextmanager
-def imc_beside(directory: Path, asked: tuple[str, ...]) -> Iterator[str]:
+def imc_beside(directory: Path, asked: tuple[str, ...], tell: Callable[[str], None] = print) -> Iterator[str]:
     """A gateway of the run in a process of its own while this is entered; yields a line for people.
 
-    It ends by itself with the run. UserError when it cannot start.
+    It is watched, and ends by itself with the run. UserError when it cannot start.
     """
-    from apad_bridge.runs.children import served_beside
+    from apad_bridge.runs.beside import Command, served_beside
 
-    with served_beside("imc", ["imc", str(directory), *asked], directory, _LAST_PACKETS_S) as line:
+    command = Command("imc", directory, ["imc", str(directory), *asked])
+    with served_beside(command, lambda _: command, tell, _LAST_PACKETS_S) as line:
         yield line.rstrip("\n")
 
 

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from agents.hosting.descriptors import SHORT_OF_FILES
 from apad_bridge.analysis.replay.series import (
     COLUMNS,
     MAX_PACKETS,
@@ -18,7 +19,7 @@ from apad_bridge.analysis.replay.series import (
     RunView,
     sample_times,
 )
-from apad_bridge.records.journal import JournalTail, await_beginning
+from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
@@ -45,11 +46,7 @@ class Feed:
     """Follows one run. `poll` gives what is new for pages that are open, `page_data` all for one that opens now."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Waits for a run that is just starting.
-
-        RunDirectoryError, one line, when the directory holds no run that can be shown.
-        """
-        await_beginning(RunDirectory(run_dir))
+        """RunDirectoryError, one line, when the directory holds no run that has begun and can be shown."""
         self._directory = RunDirectory.open(run_dir)
         try:
             scenario = load(self._directory.scenario)
@@ -65,6 +62,7 @@ class Feed:
             raise RunDirectoryError(f"{self._directory.journal}: cannot be shown: {error}") from error
         for now_ms in sample_times(self._view.end_ms, self._view.agent_count):
             self._view.sample(now_ms)
+        self._told: dict[str, Any] = {"supervisor": False}
         self._told = self._state()
 
     def poll(self) -> dict[str, Any]:
@@ -108,10 +106,12 @@ class Feed:
     def _state(self) -> dict[str, Any]:
         """Tells whether a supervisor takes orders, why the mission ended, and its summary; null while it flies."""
         summary: dict[str, Any] | None = None
-        if self._view.ended_by is not None and self._directory.summary.is_file():
-            summary = json.loads(self._directory.summary.read_text(encoding="utf-8"))
-        return {
-            "supervisor": listens(self._directory.path),
-            "ended_by": self._view.ended_by,
-            "summary": summary,
-        }
+        try:
+            if self._view.ended_by is not None and self._directory.summary.is_file():
+                summary = json.loads(self._directory.summary.read_text(encoding="utf-8"))
+            supervisor = listens(self._directory.path)
+        except OSError as error:
+            if error.errno not in SHORT_OF_FILES:
+                raise
+            supervisor = self._told["supervisor"]  # cannot tell, and a stop may reach it all the same
+        return {"supervisor": supervisor, "ended_by": self._view.ended_by, "summary": summary}

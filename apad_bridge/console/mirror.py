@@ -6,19 +6,18 @@ run's directory takes this one.
 
 from __future__ import annotations
 
-import socket
-import socketserver
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.text_file import write_atomically
-from apad_bridge.supervisor.control import LONGEST_LINE, SOCKET_NAME, refused_line, short_path
+from apad_bridge.supervisor.control import SOCKET_NAME, refused_line, short_path
+from apad_bridge.supervisor.line_server import LineServer
 
 _FIXED = ("scenario.yaml", "run.json")
 _LOOK_S = 0.5
@@ -43,7 +42,7 @@ class Mirror:
         self._run = RunDirectory(folder)
         self._unheard = unheard
         self._copied = 0
-        self._server: _Server | None = None
+        self._server: LineServer | None = None
 
     def begin(self) -> None:
         """Copies what a run has from its start. Raises `unheard`."""
@@ -67,15 +66,13 @@ class Mirror:
             write_atomically(self._run.summary, summary.decode())
         if self._server is None:
             with short_path(self._folder) as path:
-                self._server = _Server(path, self._answered)
-            threading.Thread(target=self._server.serve_forever, name="orders", daemon=True).start()
+                self._server = LineServer(path, self._answered, is_of_our_user)
         return True
 
     def close(self) -> None:
         """Takes no orders any more."""
         if self._server is not None:
-            self._server.shutdown()
-            self._server.server_close()
+            self._server.close()
             self._server = None
             (self._folder / SOCKET_NAME).unlink(missing_ok=True)
 
@@ -107,26 +104,3 @@ def mirrored(far: Far, unheard: type[Exception]) -> Iterator[Path]:
             ended.set()
             thread.join(_CLIENT_S)
             mirror.close()
-
-
-class _Server(socketserver.ThreadingUnixStreamServer):
-    daemon_threads = True
-    block_on_close = False
-
-    def __init__(self, path: str, answered: Callable[[bytes], bytes]) -> None:
-        self.answered = answered
-        super().__init__(path, _Handler)
-
-    def verify_request(self, request: object, client_address: object) -> bool:
-        assert isinstance(request, socket.socket)
-        return is_of_our_user(request)
-
-
-class _Handler(socketserver.StreamRequestHandler):
-    timeout = _CLIENT_S
-    server: _Server
-
-    def handle(self) -> None:
-        with suppress(OSError):  # the client left: its order stands
-            if line := self.rfile.readline(LONGEST_LINE):
-                self.wfile.write(self.server.answered(line) + b"\n")

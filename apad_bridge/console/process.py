@@ -12,11 +12,18 @@ from pathlib import Path
 
 import uvicorn
 
+from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.interrupts import received_by
+from apad_bridge.console.bounded import bounded
 from apad_bridge.console.server import Ending, app_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
-_BACKLOG = 256
+TOKEN_VARIABLE = "MUSSELBED_CONSOLE_TOKEN"
+"""The token of a console that is started again, for pages that are open. Only this user reads a process's variables."""
+_BACKLOG = 32
+"""asyncio accepts so many connections at once, before any of them can be closed."""
+_MOST_CONNECTIONS = 256
+"""An open page has one or two."""
 _NICE = 5
 """Above the supervisor's: a page may wait for its processor, and a tick of the flight may not."""
 
@@ -29,15 +36,24 @@ class Address:
     port: int
 
 
-def serve(run_dir: Path, address: Address, tell: Callable[[str], None], ended: Callable[[str], None]) -> None:
+def serve(
+    run_dir: Path,
+    address: Address,
+    tell: Callable[[str], None],
+    ended: Callable[[str], None],
+    warn: Callable[[str], None],
+) -> None:
     """Serves until SIGINT or SIGTERM. `tell` takes the page's URL once the server listens, `ended` why the mission ended.
+
+    `warn` takes lines for a person.
 
     RunDirectoryError when the directory holds no run that can be shown; OSError when the address cannot be used.
     """
     if not RunDirectory(run_dir).scenario.is_file():
         raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
     os.nice(_NICE)
-    token = secrets.token_urlsafe(16)
+    most = min(_MOST_CONNECTIONS, raise_descriptor_limit() // 4)
+    token = os.environ.pop(TOKEN_VARIABLE, "") or secrets.token_urlsafe(16)
     asked_to_end = threading.Event()
     failures: list[Exception] = []
     with socket.create_server((address.host, address.port), backlog=_BACKLOG) as listener:
@@ -53,7 +69,9 @@ def serve(run_dir: Path, address: Address, tell: Callable[[str], None], ended: C
             end()
 
         config = uvicorn.Config(
-            app_of(run_dir, token, Ending(ended, asked_to_end.is_set, fail)),
+            app_of(run_dir, token, Ending(ended, asked_to_end.is_set, fail, warn)),
+            http=bounded(most),
+            backlog=_BACKLOG,
             log_level="warning",
             lifespan="on",
             timeout_graceful_shutdown=2,

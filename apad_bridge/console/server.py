@@ -32,7 +32,10 @@ from starlette.routing import Route
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import Counts
 from apad_bridge.console.feed import Feed
+from apad_bridge.records.journal import await_beginning
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.supervisor import control
+from apad_bridge.supervisor.line_server import LONGEST_LINE
 
 _POLL_S = 0.25
 _BEAT_S = 1.0
@@ -44,6 +47,12 @@ _REFUSED = PlainTextResponse(
     "This console needs its token: open the address that `musselbed console` printed.\n", status_code=403
 )
 
+_NOT_BEGUN = PlainTextResponse(
+    "The flight has not begun yet. This page opens it as soon as it does.\n",
+    headers={"Refresh": "1"},
+)
+"""`Refresh` has the browser ask again after a second."""
+
 
 @dataclass(frozen=True, slots=True)
 class Ending:
@@ -54,7 +63,9 @@ class Ending:
     is_asked_to_end: Callable[[], bool]
     """True when the console itself is to end: the streams to its pages then end."""
     failed: Callable[[Exception], None]
-    """Takes a defect of ours that ended the polling: the pages would stand still without a word."""
+    """Takes what ended the polling, a run that cannot be shown or a defect of ours: the pages would stand still untold."""
+    tell: Callable[[str], None] = lambda text: None
+    """Takes a line for a person."""
 
 
 class Broadcast:
@@ -126,19 +137,33 @@ def _encoded(message: dict[str, Any]) -> bytes:
 
 
 def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
-    """The console of a run. RunDirectoryError when the directory holds no run that can be shown."""
-    feed = Feed(run_dir)
-    broadcast = Broadcast(feed, ending)
-    pages = _Pages(run_dir, token, broadcast)
+    """The console of a run. Its pages say that the flight has not begun until it has."""
+    pages = _Pages(run_dir, token)
+
+    async def follow() -> None:
+        try:
+            begun = await asyncio.to_thread(
+                await_beginning, RunDirectory(run_dir), ending.is_asked_to_end, ending.tell
+            )
+            if not begun:
+                return
+            feed = await asyncio.to_thread(Feed, run_dir)
+        except Exception as error:
+            ending.failed(error)
+            return
+        try:
+            pages.broadcast = Broadcast(feed, ending)
+            await pages.broadcast.run()
+        finally:
+            feed.close()
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        polling = asyncio.create_task(broadcast.run())
+        polling = asyncio.create_task(follow())
         try:
             yield
         finally:
             polling.cancel()
-            feed.close()
 
     return Starlette(
         routes=[
@@ -154,28 +179,33 @@ def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
 class _Pages:
     """Answers requests; one without the token gets nothing."""
 
-    def __init__(self, run_dir: Path, token: str, broadcast: Broadcast) -> None:
+    def __init__(self, run_dir: Path, token: str) -> None:
         self._run_dir = run_dir
         self._token = token
-        self._broadcast = broadcast
+        self.broadcast: Broadcast | None = None
+        """None until the flight has begun."""
 
     async def page(self, request: Request) -> Response:
         if self._is_token(request.query_params.get("token", "")):
             answer = RedirectResponse("/", status_code=303)
             answer.set_cookie(_cookie(request), self._token, httponly=True, samesite="strict")
             return answer
-        return HTMLResponse(await self._broadcast.page()) if self._is_known(request) else _REFUSED
+        if not self._is_known(request):
+            return _REFUSED
+        return _NOT_BEGUN if self.broadcast is None else HTMLResponse(await self.broadcast.page())
 
     async def live(self, request: Request) -> Response:
         if not self._is_known(request):
             return _REFUSED
+        if self.broadcast is None:
+            return _NOT_BEGUN
         try:
             trace, events, plans, packets = map(int, request.query_params["counts"].split(","))
         except (KeyError, ValueError):
             return PlainTextResponse("counts are four numbers\n", status_code=400)
         counts = trace, events, plans, packets
         return StreamingResponse(
-            self._broadcast.stream(counts),
+            self.broadcast.stream(counts),
             media_type="text/event-stream",
             headers={"Cache-Control": "no-store"},
         )
@@ -185,7 +215,7 @@ class _Pages:
             return _REFUSED
         length = request.headers.get("content-length", "")
         # The digits before the number: a text of five thousand is no integer to Python.
-        if not (re.fullmatch("[0-9]{1,9}", length) and 0 < int(length) <= control.LONGEST_LINE):
+        if not (re.fullmatch("[0-9]{1,9}", length) and 0 < int(length) <= LONGEST_LINE):
             return PlainTextResponse("an order is one short line of JSON, with its length\n", status_code=400)
         try:
             asked = _ORDER.validate_json(await request.body())

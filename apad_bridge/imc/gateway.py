@@ -24,6 +24,7 @@ from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import System, amussel_system, apad_system
 from apad_bridge.imc.wire import Address, Console, Received, Wire
 from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
@@ -50,6 +51,7 @@ _WARNINGS = frozenset(
         EventKind.STANDS_DOWN,
         EventKind.VEHICLE_SILENT,
         EventKind.MASTER_GONE,
+        EventKind.GRAPH_DEAF,
     }
 )
 
@@ -110,9 +112,11 @@ class Gateway:
     def run(self, is_asked_to_end: Callable[[], bool]) -> str | None:
         """Shows the run until it ends, and returns why; or None when `is_asked_to_end` says so before it.
 
-        RunDirectoryError for a run that does not begin, and for one that cannot be read.
+        RunDirectoryError for a run that cannot be read.
         """
         try:
+            if not await_beginning(RunDirectory(self._run_dir), is_asked_to_end, self._tell):
+                return None
             picture = Picture(self._run_dir, self._scenario)
             try:
                 return self._show(picture, is_asked_to_end)

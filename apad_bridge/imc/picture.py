@@ -13,7 +13,7 @@ from pathlib import Path
 from apad_bridge.analysis.replay.history import Event, History
 from apad_bridge.mission.state import Phase
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import JournalTail, Line, await_beginning
+from apad_bridge.records.journal import JournalTail, Line
 from apad_bridge.records.line_file import LineTail
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.firmware_config import charge_models
@@ -76,9 +76,7 @@ class Picture:
     """Follows one run: `poll` reads what is new, the properties are as of the newest line."""
 
     def __init__(self, run_dir: Path, scenario: Scenario) -> None:
-        """Waits for a run that is just starting. RunDirectoryError, one line, for a directory that holds no run."""
-        directory = RunDirectory(run_dir)
-        await_beginning(directory)
+        """RunDirectoryError, one line, for a directory that holds no run that has begun."""
         self._directory = RunDirectory.open(run_dir)
         self._journal = JournalTail(self._directory.journal)
         begun = self._journal.read_new()

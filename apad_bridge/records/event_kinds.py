@@ -74,6 +74,8 @@ class EventKind(StrEnum):
     MODEM = "modem"
     MASTER_GONE = "master_gone"
     MASTER_BACK = "master_back"
+    GRAPH_DEAF = "graph_deaf"
+    GRAPH_HEARS = "graph_hears"
     VEHICLE_SILENT = "vehicle_silent"
     VEHICLE_HEARD = "vehicle_heard"
     LEFT_WATER = "left_water"
@@ -661,6 +663,16 @@ KINDS: tuple[Kind, ...] = (
             Field("gone_s", NUMBER, "the length of its absence, by the wall clock", "s"),
             Field("registered", INTEGER, "topics and services"),
         ),
+    ),
+    Kind(
+        EventKind.GRAPH_DEAF,
+        "no node can connect to the run's own node: its services and its new subscribers get no answer",
+        (Field("why", TEXT, "the symptom"),),
+    ),
+    Kind(
+        EventKind.GRAPH_HEARS,
+        "nodes can connect again",
+        (Field("deaf_s", NUMBER, "the length of that, by the wall clock", "s"),),
     ),
     Kind(
         EventKind.VEHICLE_SILENT,

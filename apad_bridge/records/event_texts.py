@@ -51,6 +51,7 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
                 | EventKind.GUARD
                 | EventKind.OTHERS
                 | EventKind.LEFT_WATER
+                | EventKind.GRAPH_DEAF
             ),
             _,
         ):
@@ -136,6 +137,10 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return "the ROS master is gone"
         case EventKind.MASTER_BACK, _:
             return "the ROS master is back"
+        case EventKind.GRAPH_DEAF, {"why": why}:
+            return f"no ROS node can connect to this run: {why}"
+        case EventKind.GRAPH_HEARS, _:
+            return "ROS nodes can connect to this run again"
         case EventKind.VEHICLE_SILENT, _:
             return "the aPad is silent"
         case EventKind.VEHICLE_HEARD, _:

@@ -7,8 +7,9 @@ versions up to 0.1 were not sorted.)
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -138,18 +139,27 @@ class JournalTail:
         self._tail.close()
 
 
-def await_beginning(directory: RunDirectory) -> None:
-    """Waits until a run that is just starting has written the first line of its journal.
+def await_beginning(
+    directory: RunDirectory, is_asked_to_end: Callable[[], bool], tell: Callable[[str], None]
+) -> bool:
+    """Waits until a run that is starting has written the first line of its journal; False when asked to end before.
 
-    It returns at once for a directory without a scenario. RunDirectoryError after `_BEGINS_S`.
+    It returns at once for a directory without a scenario, and for that of several aPads. After `_BEGINS_S` it tells a
+    person once that it still waits: somebody else's master, or a large fleet, may need longer.
     """
-    deadline_s = time.monotonic() + _BEGINS_S
+    told_s = time.monotonic() + _BEGINS_S
     while directory.scenario.is_file() and not (
         directory.journal.is_file() and directory.journal.stat().st_size
     ):
-        if time.monotonic() > deadline_s:
-            raise RunDirectoryError(f"{directory.path}: no flight began within {_BEGINS_S:g} s")
+        if is_asked_to_end():
+            return False
+        if any(directory.path.glob("*/journal.jsonl")):
+            break
+        if time.monotonic() > told_s:
+            told_s = math.inf
+            tell(f"no flight began in {directory.path} within {_BEGINS_S:g} s; still waiting for it")
         time.sleep(_LOOK_S)
+    return True
 
 
 class _LineReader:

@@ -36,6 +36,7 @@ from apad_bridge.ros.links.packet_topics import (
     PacketTopics,
 )
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
+from apad_bridge.ros.system.handshakes import HearingWatch
 from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
 from apad_bridge.ros.system.route import why_gone
@@ -350,15 +351,20 @@ def _standard_topics(
 def _graph_events(
     stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
 ) -> Callable[[int], list[GraphEvent]]:
-    """Reports when somebody else's master or vehicle goes and comes back. With ours the run ends."""
+    """Reports when nobody can connect to us, and when somebody else's master or vehicle goes and comes back.
+
+    With a master or a vehicle of ours the run ends.
+    """
+    hearing = HearingWatch()
+    stack.callback(hearing.close)
     if options.apad is APadKind.SIM:
-        return lambda now_ms: []
+        return lambda now_ms: hearing.take()
     master = MasterWatch(options.master_uri)
     stack.callback(master.close)
     silence, name = SilenceWatch(), scenario.apad.name
 
     def take(now_ms: int) -> list[GraphEvent]:
-        events = master.take()
+        events = [*hearing.take(), *master.take()]
         if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
             kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
             events.append((kind, {"name": name, "since_ms": changed.since_ms}))

@@ -22,8 +22,6 @@ from typing import IO
 
 from agents.hosting import started
 from agents.hosting.interrupts import received_by
-from agents.hosting.link_protocol import readable
-from apad_bridge.runs.exits import UserError
 from apad_bridge.runs.parent_protocol import Message, Said, from_line
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -82,26 +80,6 @@ class Child:
         """The last line of its log, for an error message."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "it said nothing"
-
-
-@contextmanager
-def served_beside(name: str, arguments: list[str], directory: Path, patience_s: float) -> Iterator[str]:
-    """A command of ours that serves a run, in a process of its own while this is entered; yields its first line.
-
-    When this is left, the command may say that it has seen the run's end, for `patience_s`, and is then ended. UserError
-    when it cannot start.
-    """
-    if not directory.is_dir():
-        raise UserError(f"{directory} is no run: it does not exist")
-    child = Child(name, "apad_bridge.commands.main", arguments, directory / f"{name}.log", {})
-    try:
-        line = child.lines.readline()
-        if not line:
-            raise UserError(f"{name} does not start: {child.last_log_line()}")
-        yield line
-        readable(child.lines.fileno(), patience_s)
-    finally:
-        child.end(patience_s)
 
 
 class Interrupts:

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import os
 import socket
-import socketserver
-import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -29,6 +27,7 @@ from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.mission.takeover import FLIES_ALREADY
 from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
+from apad_bridge.supervisor.line_server import CLIENT_S, LONGEST_LINE, LineServer
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.guards.stops import StopRecord, StopState
@@ -43,9 +42,8 @@ TOLD_S = 6.0
 """A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s."""
 LONGEST_REMARK = 2000
 """Characters."""
-LONGEST_LINE = 16_384
-_CLIENT_S = 5.0
-"""A client that writes nothing for so many wall seconds is left."""
+_AGAIN_S = 0.02
+"""A client waits so long before it tries again to connect to a supervisor whose queue is full."""
 
 
 class Act(StrEnum):
@@ -233,24 +231,37 @@ def control_offered(
 
     For the process that holds the run's lock: a socket that is there already is a dead supervisor's.
     """
+    dropped: Counter[str] = Counter()
+
+    def admits(link: socket.socket) -> bool:
+        if is_of_our_user(link):
+            return True
+        dropped["orders of another user"] += 1
+        return False
+
+    def answered(line: bytes) -> bytes:
+        try:
+            request = _REQUEST.validate_json(line)
+        except ValidationError as error:
+            dropped["orders that cannot be read"] += 1
+            return refused_line(_unreadable(error))
+        return _ANSWER.dump_json(carry_out(request, calls, gate, amussels))
+
     with short_path(run_dir) as path:
         with suppress(FileNotFoundError):
             os.unlink(path)
-        server = _Server(path, calls, gate, amussels)
-    thread = threading.Thread(target=server.serve_forever, name="control", daemon=True)
-    thread.start()
+        server = LineServer(path, answered, admits)
     try:
-        yield server.dropped
+        yield dropped
     finally:
-        server.shutdown()
-        server.server_close()
+        server.close()
         (run_dir / SOCKET_NAME).unlink(missing_ok=True)
 
 
 def listens(run_dir: Path) -> bool:
     """True while the run has a supervisor that takes orders."""
     try:
-        with _connected(run_dir, _CLIENT_S):
+        with _connected(run_dir, 0.0):
             return True
     except NobodyListens:
         return False
@@ -262,7 +273,7 @@ def ask(run_dir: Path, request: AnyRequest) -> Answer:
     """The supervisor's answer. NobodyListens without a supervisor; PeerFailed if it does not answer in time."""
     try:
         # The supervisor itself answers within these, so silence for longer is not the mission's.
-        with _connected(run_dir, ANSWER_S + TOLD_S + _CLIENT_S) as link:
+        with _connected(run_dir, ANSWER_S + TOLD_S + CLIENT_S) as link:
             link.sendall(_REQUEST.dump_json(request) + b"\n")
             line = link.makefile("rb").readline(LONGEST_LINE)
             return _ANSWER.validate_json(line)
@@ -299,12 +310,20 @@ def _unreadable(error: ValidationError) -> str:
 
 @contextmanager
 def _connected(run_dir: Path, timeout_s: float) -> Iterator[socket.socket]:
-    """A link to the run's supervisor; NobodyListens without one."""
+    """A link to the run's supervisor; NobodyListens without one, BlockingIOError when its queue is full for so long."""
+    until_s = time.monotonic() + timeout_s
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
         link.settimeout(timeout_s)
         try:
             with short_path(run_dir) as path:
-                link.connect(path)
+                while True:
+                    try:
+                        link.connect(path)
+                        break
+                    except BlockingIOError:  # a Unix socket does not wait for a place in the queue
+                        if time.monotonic() >= until_s:
+                            raise
+                        time.sleep(_AGAIN_S)
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise NobodyListens(str(run_dir)) from error
         yield link
@@ -318,43 +337,3 @@ def short_path(run_dir: Path) -> Iterator[str]:
         yield f"/proc/self/fd/{directory}/{SOCKET_NAME}"
     finally:
         os.close(directory)
-
-
-class _Server(socketserver.ThreadingUnixStreamServer):
-    """A thread for each client, so that a silent one delays nobody's stop."""
-
-    request_queue_size = 64
-    daemon_threads = True
-    block_on_close = False
-
-    def __init__(self, path: str, calls: CallQueue, gate: Gate, amussels: AMusselOrders) -> None:
-        self.calls = calls
-        self.gate = gate
-        self.amussels = amussels
-        self.dropped: Counter[str] = Counter()
-        super().__init__(path, _Handler)
-
-    def verify_request(self, request: object, client_address: object) -> bool:
-        assert isinstance(request, socket.socket)
-        if is_of_our_user(request):
-            return True
-        self.dropped["orders of another user"] += 1
-        return False
-
-
-class _Handler(socketserver.StreamRequestHandler):
-    timeout = _CLIENT_S
-    server: _Server
-
-    def handle(self) -> None:
-        with suppress(OSError):  # the client left: its order stands
-            if not (line := self.rfile.readline(LONGEST_LINE)):
-                return  # it looked whether anybody listens
-            try:
-                request = _REQUEST.validate_json(line)
-            except ValidationError as error:
-                self.server.dropped["orders that cannot be read"] += 1
-                answer = Answer(False, _unreadable(error))
-            else:
-                answer = carry_out(request, self.server.calls, self.server.gate, self.server.amussels)
-            self.wfile.write(_ANSWER.dump_json(answer) + b"\n")

@@ -36,6 +36,7 @@ _TROUBLES = frozenset(
         EventKind.GUARD,
         EventKind.STANDS_DOWN,
         EventKind.MASTER_GONE,
+        EventKind.GRAPH_DEAF,
         EventKind.VEHICLE_SILENT,
         EventKind.RESUMED,
     }

@@ -18,7 +18,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import resource
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -26,6 +25,7 @@ from typing import Any
 import rosgraph
 import rospy
 
+from agents.hosting.descriptors import raise_descriptor_limit
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
@@ -109,13 +109,6 @@ def open_gateway(
     except rospy.ROSException as error:
         raise GatewayFailed(f"the ROS node {node_name} could not start: {error}") from error
     return Gateway(ids, theta, truth, simulated, frame)
-
-
-def raise_descriptor_limit() -> int:
-    """Raises this process's limit of descriptors to the highest allowed: every ROS connection needs one. Returns it."""
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    return hard
 
 
 class Gateway:
