@@ -11,7 +11,7 @@ import hmac
 import json
 import re
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from starlette.routing import Route
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import Counts
 from apad_bridge.console.feed import Feed
-from apad_bridge.records.journal import await_beginning
+from apad_bridge.records.journal import await_beginning, has_begun
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.supervisor import control
 from apad_bridge.supervisor.line_server import LONGEST_LINE
@@ -42,6 +42,8 @@ _BEAT_S = 1.0
 """A page that hears nothing for three beats says so."""
 _WAITING = 40
 """A page that leaves so many messages unread is left; its browser connects again."""
+_READ_S = 20.0
+"""A page waits so long for the journal to be read."""
 _ORDER = TypeAdapter[control.AnyRequest](control.AnyRequest)
 _REFUSED = PlainTextResponse(
     "This console needs its token: open the address that `musselbed console` printed.\n", status_code=403
@@ -152,13 +154,15 @@ def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
             ending.failed(error)
             return
         try:
-            pages.broadcast = Broadcast(feed, ending)
-            await pages.broadcast.run()
+            broadcast = Broadcast(feed, ending)
+            pages.broadcast.set_result(broadcast)
+            await broadcast.run()
         finally:
             feed.close()
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        pages.broadcast = asyncio.get_running_loop().create_future()
         polling = asyncio.create_task(follow())
         try:
             yield
@@ -182,8 +186,8 @@ class _Pages:
     def __init__(self, run_dir: Path, token: str) -> None:
         self._run_dir = run_dir
         self._token = token
-        self.broadcast: Broadcast | None = None
-        """None until the flight has begun."""
+        self.broadcast: asyncio.Future[Broadcast]
+        """Made when the server starts; done when the flight has begun and its journal so far is read."""
 
     async def page(self, request: Request) -> Response:
         if self._is_token(request.query_params.get("token", "")):
@@ -192,12 +196,13 @@ class _Pages:
             return answer
         if not self._is_known(request):
             return _REFUSED
-        return _NOT_BEGUN if self.broadcast is None else HTMLResponse(await self.broadcast.page())
+        broadcast = await self._begun()
+        return _NOT_BEGUN if broadcast is None else HTMLResponse(await broadcast.page())
 
     async def live(self, request: Request) -> Response:
         if not self._is_known(request):
             return _REFUSED
-        if self.broadcast is None:
+        if (broadcast := await self._begun()) is None:
             return _NOT_BEGUN
         try:
             trace, events, plans, packets = map(int, request.query_params["counts"].split(","))
@@ -205,7 +210,7 @@ class _Pages:
             return PlainTextResponse("counts are four numbers\n", status_code=400)
         counts = trace, events, plans, packets
         return StreamingResponse(
-            self.broadcast.stream(counts),
+            broadcast.stream(counts),
             media_type="text/event-stream",
             headers={"Cache-Control": "no-store"},
         )
@@ -227,6 +232,14 @@ class _Pages:
     async def icon(self, request: Request) -> Response:
         """Browsers ask for one; there is none."""
         return Response(status_code=204)
+
+    async def _begun(self) -> Broadcast | None:
+        """None for a flight that has not begun, or whose journal is so long that it is not read yet."""
+        if not has_begun(RunDirectory(self._run_dir)):
+            return None
+        with suppress(TimeoutError):
+            return await asyncio.wait_for(asyncio.shield(self.broadcast), _READ_S)
+        return None
 
     def _is_token(self, text: str) -> bool:
         # As bytes: the comparison takes no text beyond ASCII.

@@ -22,6 +22,7 @@ from apad_bridge.supervisor.control import Act, Request, answer_of, listens
 
 _STARTS_S = 60.0
 """Wall seconds: on a busy machine the imports alone take some."""
+_END_S = 5.0
 _LOOK_S = 0.5
 _MOST_DEATHS = 5
 _WITHIN_S = 60.0
@@ -52,7 +53,7 @@ class Command:
         )
         line = child.lines.readline() if readable(child.lines.fileno(), _STARTS_S) else ""
         if not line:
-            child.end(0.0)
+            child.end(_END_S)
             raise UserError(f"{self.name} does not start: {child.last_log_line()}")
         return child, line
 
@@ -105,7 +106,7 @@ class _Watch:
 
     def _watch(self) -> None:
         while self._follow():
-            self._child.end(0.0)
+            self._child.end(_END_S)
             if not self._start_again():
                 break
         self._spoke.set()
@@ -121,7 +122,7 @@ class _Watch:
             if self._child.lines.readline():
                 self._spoke.set()
                 continue
-            code = self._child.wait(_STARTS_S)
+            code = self._child.wait(_END_S)
             if self._is_ending.is_set() or code == 0:
                 return False
             how = self._child.last_log_line() if code is None or code > 0 else signal.Signals(-code).name
@@ -148,7 +149,7 @@ class _Watch:
                 self._note(str(error))
                 continue
             if self._is_ending.is_set():
-                self._child.end(_LOOK_S)
+                self._child.end(_END_S)
                 return False
             self._note(f"the {self._command.name} was started again")
             return True

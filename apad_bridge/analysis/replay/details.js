@@ -91,7 +91,7 @@ let shownSlots = "";
 function showSlots() {
   if ($("slots-card").hidden) return;
   const end = firstAfter(data.packets, nowMs), { width, height } = sizeOf($("slots"));
-  const key = [end, selected, data.run_name, width, height, document.documentElement.dataset.theme].join();
+  const key = [end, selected, data.run_name, width, height, themeNow()].join();
   if (key === shownSlots) return;
   shownSlots = key;
   const { frame_ms: frameMs, slot_ms: slotMs } = data.timeslots, frames = new Map();
@@ -185,7 +185,7 @@ function drawSpans(ctx, spans, x, top, bottom, pixel) {
 
 let kept = { key: "" };
 function rowsOf(agent) {
-  const key = [data.run_name, agent.id, data.times_ms.length, data.packets.length, document.documentElement.dataset.theme].join();
+  const key = [data.run_name, agent.id, data.times_ms.length, data.packets.length, themeNow()].join();
   if (kept.key === key) return kept.rows;
   const times = data.times_ms, own = data.packets.filter((it) => isOf(it, agent.id));
   const mark = (packet, outcome) => [packet[0], packet[0] + packet[1] / data.theta, fateColour(packet[5] === null ? outcome : "unsent")];

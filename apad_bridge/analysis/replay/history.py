@@ -35,6 +35,19 @@ class PlanView:
     places_m: tuple[tuple[float, float] | None, ...] = ()
 
 
+class StopView(NamedTuple):
+    """A stop: who ordered it, which of the two it is, and the mission times of the states that it came to.
+
+    `number` is None in a journal of before stops had numbers.
+    """
+
+    number: int | None
+    mode: str
+    by: str
+    states: tuple[tuple[str, int], ...]
+    reason: str | None
+
+
 @dataclass(slots=True)
 class RunState:
     """The run's state at the time to which the history was last advanced."""
@@ -49,6 +62,12 @@ class RunState:
     primitive: str = ""
     plan: PlanView | None = None
     homes_m: dict[int, tuple[float, float]] = field(default_factory=dict)
+    stop: StopView | None = None
+    """The newest stop that nobody's `continue` has ended."""
+    refused_stop: StopView | None = None
+    """A stop that was refused since, so that it changed nothing."""
+    drift: Line | None = None
+    """The newest drift, while the thrusters are off."""
 
 
 class PacketView(NamedTuple):
@@ -104,6 +123,8 @@ class History:
         """The aMussels that a person pinged and that have not answered yet."""
         self.ended_by: str | None = None
         self.add(journal)
+        self._stops: list[StopView] = []
+        """The stops that nobody's `continue` has ended, by their numbers."""
         self.now = RunState(docks=(None,) * dock_count)
         self._theta = theta
         self.meter = UptimeMeter(theta, charge_of)
@@ -117,6 +138,10 @@ class History:
             EventKind.PLAN: self._take_plan,
             EventKind.PACKET: self._take_packet,
             EventKind.PRIMITIVE: self._take_primitive,
+            EventKind.OPERATOR: self._take_operator,
+            "stop": self._take_stop,
+            "continued": self._take_continued,
+            "drift": self._take_drift,
             EventKind.END: self._take_end,
         }
 
@@ -205,6 +230,49 @@ class History:
                 line["timeslot"],
             )
         )
+
+    def _take_stop(self, line: Line) -> None:
+        now, number = self.now, line["number"]
+        before = next((it for it in self._stops if it.number == number), None)
+        stop = StopView(
+            number,
+            line["mode"],
+            line["by"],
+            (*(before.states if before else ()), (line["state"], line["t"])),
+            line.get("reason") or (before.reason if before else None),
+        )
+        self._stops = [it for it in self._stops if it.number is not None and it.number != number]
+        if line["state"] == "refused":
+            now.refused_stop = stop
+        else:
+            now.refused_stop = None
+            self._stops = sorted([*self._stops, stop], key=lambda it: it.number or 0)
+        self._set_stop()
+
+    def _take_continued(self, line: Line) -> None:
+        self.now.refused_stop = None
+        self._stops = [it for it in self._stops if (it.number or 0) > line["number"]]
+        self._set_stop()
+
+    def _set_stop(self) -> None:
+        self.now.stop = self._stops[-1] if self._stops else None
+        if self.now.stop is None or self.now.stop.mode == "hold":
+            self.now.drift = None
+
+    def _take_operator(self, line: Line) -> None:
+        """A stop of before stops had numbers, whose only record is the person's order."""
+        stop = self.now.stop
+        if stop is not None and stop.number is not None:
+            return
+        if line["order"] == "stop":
+            self._stops = [StopView(None, "hold", line["by"], (("ordered", line["t"]),), None)]
+        elif line["order"] == "continue":
+            self._stops = []
+        self._set_stop()
+
+    def _take_drift(self, line: Line) -> None:
+        if self.now.stop is not None:
+            self.now.drift = line
 
     def _take_end(self, line: Line) -> None:
         self.ended_by = line["reason"]

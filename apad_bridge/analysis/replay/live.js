@@ -71,7 +71,17 @@ function showLink(supervisor) {
   $("warning").textContent = words;
   $("warning").hidden = words === "";
   const takesOrders = supervisor && !silent && data.ended_by === null;
-  for (const button of document.querySelectorAll("#orders button:not(#follow), #one-orders button")) button.disabled = !takesOrders;
+  for (const button of document.querySelectorAll(".order, #one-orders button")) button.disabled = !takesOrders;
+  showStopLive(words);
+}
+
+// The order that is next takes the place of Stop: Continue, once a stop is under way. A stop that failed may be ordered again.
+function showStopLive(unheard) {
+  const stage = data.stages[data.stages.length - 1], stopped = Boolean(stage.stop) && lastState(stage.stop) !== "not taken";
+  document.body.classList.toggle("stopped", stopped);
+  const state = stage.refused || (stage.stop && !stopped) ? "STOP FAILED: " : stopped ? (stage.stop.mode === "off" ? "OFF: " : "STOPPED: ") : "";
+  document.title = `${state}${data.name} - live`;
+  soundAlarm(stage, unheard);
 }
 
 async function order(act, more = {}) {
@@ -117,7 +127,7 @@ function follow() {
 if (data.live) {
   counts = data.live.counts;
   heardMs = performance.now();
-  $("orders").hidden = $("one-orders").hidden = false;
+  for (const it of [...document.querySelectorAll(".orders"), $("one-orders")]) it.hidden = false;
   const { ping, faults } = data.live.orders;
   $("fault").replaceChildren(...faults.map((it) => new Option(words(it.fault), it.fault)));
   const rowOfFault = () => faults.find((it) => it.fault === $("fault").value);
@@ -148,7 +158,18 @@ if (data.live) {
     button.addEventListener("click", () => order(act, { agent: selected, ...(act === "cause a fault" ? chosenFault() : {}) }));
   }
   $("fault").hidden = !faults.length;
-  for (const act of ["stop", "continue", "abort"]) $(act).addEventListener("click", () => order(act));
+  for (const act of ["stop", "hands", "abort"]) $(act).addEventListener("click", () => order(act));
+  $("off").addEventListener("click", () => order("stop", { off: true }));
+  $("continue").addEventListener("click", () => {
+    const { stop } = data.stages[data.stages.length - 1];
+    order("continue", stop && stop.number !== null ? { stop: stop.number } : {});
+  });
+  $("heard").addEventListener("click", calm);
+  for (const touch of ["pointerdown", "keydown"]) document.addEventListener(touch, prepareSound, { once: true });
+  $("sound").addEventListener("click", () => {
+    isMuted = Boolean(sound) && sound.state === "running" && $("sound").getAttribute("aria-pressed") === "true";
+    prepareSound();
+  });
   $("remark").addEventListener("submit", (event) => {
     event.preventDefault();
     const text = $("remark-text").value.trim();

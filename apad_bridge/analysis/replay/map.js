@@ -11,7 +11,7 @@ function drawMap(canvas, runs, views, marked, packets) {
   if (!width) return;
   const toScreen = mapScale(width, height);
   const at = ([north, east]) => [toScreen.x(east), toScreen.y(north)];
-  const key = [...runs.map((it) => it.run_name), boundsOf().join(), document.documentElement.dataset.theme].join();
+  const key = [...runs.map((it) => it.run_name), boundsOf().join(), themeNow()].join();
   const still = picture(canvas, key, (inner) => {
     drawGrid(inner, toScreen, width, height);
     drawPlace(inner, runs[runs.length - 1], at);
@@ -216,7 +216,7 @@ function drawWay(ctx, view, at) {
   if (!view.apad || view.way.length === 0) return;
   ctx.setLineDash([4, 5]);
   ctx.lineWidth = 1.5;
-  stroke(ctx, PAINT.way, [view.apad.place, ...view.way].map(at));
+  stroke(ctx, view.stage.stop ? PAINT.missed : PAINT.way, [view.apad.place, ...view.way].map(at));
   ctx.setLineDash([]);
 }
 
@@ -239,6 +239,7 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
 // The aPad's hull with its bow, its docks and the docked aMussels, larger than in reality.
 function drawApad(ctx, [x, y], data, view, marked) {
   const heading = view.apad.heading;
+  if (view.stage.stop) drawStopped(ctx, [x, y], view.stage);
   ctx.save();
   ctx.translate(x, y);
   ctx.rotate(heading);
@@ -270,6 +271,20 @@ function drawApad(ctx, [x, y], data, view, marked) {
     ctx.strokeStyle = PAINT["hull-line"];
     ctx.stroke();
   });
+}
+
+// A ring around an aPad that is stopped; without thrust also the way that it drifts, a minute of it.
+function drawStopped(ctx, [x, y], { stop, drift }) {
+  ctx.lineWidth = 3;
+  ctx.strokeStyle = stop.mode === "off" ? PAINT.fence : PAINT.missed;
+  ctx.beginPath();
+  ctx.arc(x, y, 34, 0, 7);
+  ctx.stroke();
+  if (!drift) return;
+  const { perMetre } = mapScale(sizeOf(ctx.canvas).width, sizeOf(ctx.canvas).height), long = Math.min(110, Math.max(26, 60 * drift.speed_m_s * perMetre));
+  const [dx, dy] = [Math.sin(drift.towards_rad), -Math.cos(drift.towards_rad)], tip = [x + dx * (34 + long), y + dy * (34 + long)];
+  stroke(ctx, PAINT.fence, [[x + dx * 34, y + dy * 34], tip]);
+  stroke(ctx, PAINT.fence, [[tip[0] - 9 * dx - 6 * dy, tip[1] - 9 * dy + 6 * dx], tip, [tip[0] - 9 * dx + 6 * dy, tip[1] - 9 * dy - 6 * dx]]);
 }
 
 function drawScaleBar(ctx, perMetre, width) {

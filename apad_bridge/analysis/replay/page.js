@@ -79,6 +79,7 @@ function wayOf({ phase, plan }, agents) {
 // What follows the time shown. While it plays, each frame draws the map and moves the clocks and the charts' marks, and one of
 // these parts takes its turn.
 const PARTS = [
+  showStop,
   showWords,
   showAgents,
   showEventNow,

@@ -13,6 +13,9 @@ function readColours() {
     "pale", "received", "collided", "half-duplex", "missed"].map((name) => [name, colour(name)]));
 }
 readColours();
+const DARK = matchMedia("(prefers-color-scheme: dark)");
+const themeNow = () => document.documentElement.dataset.theme || (DARK.matches ? "dark" : "light");
+DARK.addEventListener("change", () => { readColours(); show(nowMs); });
 const FONT = "11px system-ui, 'DejaVu Sans', sans-serif";
 
 // The sizes of elements, so that a frame need not ask the page's layout for them.
@@ -110,7 +113,7 @@ function fit(plot) {
 // `of` gives {lines: [{times, values, stroke, width, dash, step}], min, max, format, rows, under, over}; null is a gap. The
 // values on the left are those of `format`, or the names in `rows`. `under` and `over` draw below and above the lines.
 function drawChart(id, shape, key, of) {
-  const element = $(id), size = sizeOf(element), whole = [key, endMs, document.documentElement.dataset.theme].join();
+  const element = $(id), size = sizeOf(element), whole = [key, endMs, themeNow()].join();
   let chart = charts.get(id);
   if (!size.width) return;
   if (chart && chart.shape === shape && chart.whole === whole && chart.size === size) return;
@@ -168,7 +171,7 @@ function chartOptions(chart, { width, height }) {
       ...(line.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}),
     }))],
     hooks: {
-      drawClear: [(plot) => inside(plot, chart.content.under)],
+      drawClear: [(plot) => inside(plot, drawInterruptions), (plot) => inside(plot, chart.content.under)],
       draw: [(plot) => inside(plot, chart.content.over)],
       setScale: [(plot, name) => { if (name === "x" && chart.mark) moveMark(chart); }],
       setSelect: [(plot) => {
@@ -179,6 +182,14 @@ function chartOptions(chart, { width, height }) {
       }],
     },
   };
+}
+
+// Below everything: the times in which the aPad was stopped.
+function drawInterruptions(ctx, x) {
+  ctx.globalAlpha = 0.16;
+  ctx.fillStyle = PAINT.way;
+  for (const [from, to] of stoppedSpans(data)) ctx.fillRect(x(from), 0, Math.max(1, x(to) - x(from)), ctx.canvas.height);
+  ctx.globalAlpha = 1;
 }
 
 // Draws within a chart's frame; `x` and `y` of a value are in pixels of its canvas, `pixel` is one of the page.

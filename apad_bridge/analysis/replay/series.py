@@ -240,7 +240,14 @@ class _Sampler:
             None if apad is None else [apad[key] for key in ("north_m", "east_m", "heading_rad", "battery")]
         )
         self._docks.append(list(now.docks))
-        stage = {"phase": now.phase, "primitive": now.primitive, "plan": _plan_data(now.plan)}
+        stage = {
+            "phase": now.phase,
+            "primitive": now.primitive,
+            "plan": _plan_data(now.plan),
+            "stop": None if now.stop is None else now.stop._asdict(),
+            "refused": None if now.refused_stop is None else now.refused_stop._asdict(),
+            "drift": now.drift,
+        }
         if not self._stages or stage != self._stages[-1]:
             self._stages.append(stage)
         self._stage.append(len(self._stages) - 1)

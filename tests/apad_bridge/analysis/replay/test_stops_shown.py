@@ -1,0 +1,63 @@
+"""Stops in a journal, as the page shows them: the one in force, its states with their times, a refusal and the drift."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from apad_bridge.analysis.replay.history import History, StopView
+from apad_bridge.records.journal import JournalContents
+
+
+def line(t: int, kind: str, **data: Any) -> dict[str, Any]:
+    return {"t": t, "kind": kind, **data}
+
+
+def stop(t: int, number: int, mode: str, state: str, by: str = "Anna", **more: Any) -> dict[str, Any]:
+    return line(t, "stop", number=number, mode=mode, by=by, state=state, **more)
+
+
+def after(*lines: dict[str, Any]) -> Any:
+    history = History(JournalContents(list(lines), 0), 1, lambda _: None, 4)  # type: ignore[arg-type,return-value]
+    history.advance(10**9)
+    return history.now
+
+
+HELD = (stop(10, 1, "hold", "ordered"), stop(10, 1, "hold", "sent"), stop(20, 1, "hold", "taken"))
+DRIFT = line(31, "drift", speed_m_s=0.3, towards_rad=4.2, fence_s=None)
+
+
+def test_a_stop_has_its_states_with_their_times_until_somebody_continues() -> None:
+    states = (("ordered", 10), ("sent", 10), ("taken", 20))
+    assert after(*HELD).stop == StopView(1, "hold", "Anna", states, None)
+    assert after(*HELD, line(30, "continued", number=1, by="Anna")).stop is None
+
+
+def test_a_later_stop_is_in_force_and_ends_with_its_own_number_alone() -> None:
+    off = stop(30, 2, "off", "ordered", by="guard: frozen", reason="it stands still")
+    now = after(*HELD, off, stop(35, 1, "hold", "at rest"), line(40, "continued", number=1, by="Anna"))
+    assert now.stop == StopView(2, "off", "guard: frozen", (("ordered", 30),), "it stands still")
+    assert after(*HELD, off, line(40, "continued", number=2, by="Anna")).stop is None
+
+
+def test_a_refused_stop_changes_nothing_and_is_shown() -> None:
+    refused = stop(30, 2, "hold", "refused", reason="the pilot has it")
+    now = after(*HELD, stop(30, 2, "hold", "ordered"), refused)
+    assert now.stop.number == 1 and now.refused_stop.reason == "the pilot has it"
+    now = after(*HELD, refused)
+    assert now.stop.number == 1 and now.refused_stop.number == 2
+    assert after(*HELD, refused, stop(40, 3, "hold", "ordered")).refused_stop is None
+
+
+def test_a_drift_lasts_as_long_as_there_is_no_thrust() -> None:
+    off = stop(30, 2, "off", "taken")
+    assert after(*HELD, off, DRIFT).drift == DRIFT
+    assert after(*HELD, off, DRIFT, stop(40, 3, "hold", "taken")).drift is None
+    assert after(*HELD, off, DRIFT, line(40, "continued", number=2, by="Anna")).drift is None
+
+
+def test_a_journal_of_before_stops_had_numbers_has_a_persons_orders() -> None:
+    ordered = line(10, "operator", order="stop", by="Anna")
+    assert after(ordered).stop == StopView(None, "hold", "Anna", (("ordered", 10),), None)
+    assert after(ordered, line(20, "operator", order="continue", by="Anna")).stop is None
+    # Of a newer journal a `continue` that was refused ends nothing.
+    assert after(*HELD, line(30, "operator", order="continue", by="Anna")).stop is not None
