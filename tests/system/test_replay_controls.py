@@ -123,7 +123,8 @@ def test_the_figures_are_those_of_the_summary(browser: webdriver.Chrome, flown: 
     assert figures == {
         "uptime": f"{summary['uptime_paper']['mean']:.2f} %",
         "active": f"{summary['active_mean']:.2f}",
-        "cost": f"{summary['cost_m']:.0f} m",
+        "way flown": f"{summary['cost_m']:.0f} m",
+        "way planned": f"{summary['planned_m']:.0f} m",
         "services": str(summary["services"]),
         "emptied": str(summary["emptied"]),
         "lost": str(summary["amussels_lost"]),

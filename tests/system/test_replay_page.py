@@ -48,6 +48,7 @@ FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",
 )
 GREEN, RED, PURPLE, GREY = [0x2B, 0x9A, 0x57], [0xD3, 0x3F, 0x3F], [0x7B, 0x48, 0xC8], [0x8B, 0x92, 0x9B]
+WHITE = [255, 255, 255]
 PLACES = {1: (5.0, 5.0), 2: (5.0, 15.0), 3: (22.0, 5.0), 4: (22.0, 15.0)}
 DOCKED_S, LOST_S, END_S = 60, 90, 120
 
@@ -106,6 +107,11 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 steps=steps,
                 costs=costs,
                 beliefs=candidates,
+                options=[
+                    {"agents": [2, 3], "cost": 1.5, "parts": {"charge": 1.5}},
+                    {"agents": [2, 4], "cost": 1.75, "parts": {"charge": 1.75}},
+                    {"agents": [3, 4], "cost": 2.0, "parts": {"charge": 2.0}},
+                ],
             )
             collect = Solution(tuple(Step(StepKind.COLLECT, it["agent"], it["dock"]) for it in steps))
             state = MissionState(Phase.GO_COLLECT, plan=collect, cost_m=7.5)
@@ -183,7 +189,7 @@ def test_the_page_shows_the_time_that_its_address_names(page: Path, browser: web
             1: ("above", "95 %"),
             2: ("candidate", "60 %"),
             3: ("candidate", "50 %"),
-            4: ("candidate", "0 %"),
+            4: ("empty", "0 %"),
         },
     }
 
@@ -232,7 +238,8 @@ def test_the_map_is_painted_in_the_colours_of_its_legend(page: Path, browser: we
     early, late = (painted(browser, page, at) for at in ("#t=5", "#t=100"))
     assert early["1"] == late["1"] == GREEN
     assert early["3"] == late["3"] == RED
-    assert (early["4"], late["4"]) == (RED, GREY)
+    # An empty one is hollow: not in the colour of one that only has less than it could have.
+    assert (early["4"], late["4"]) == (WHITE, GREY)
     # The docked one has left its place and is painted at the aPad.
     assert early["2"] == RED and late["2"] not in (RED, GREEN, PURPLE, GREY)
     assert early["purple"] == 0 and late["purple"] > 50
@@ -260,14 +267,81 @@ def test_a_marked_one_is_shown_with_its_estimate(page: Path, browser: webdriver.
 
 def test_a_plan_has_its_candidates_and_costs(page: Path, browser: webdriver.Chrome) -> None:
     dom = browse(browser, page, at="#t=15&why=1")
-    rows = re.findall(r"<tr>((?:<td>[^<]*</td>)+)</tr>", dom)
-    assert [re.findall("<td>([^<]*)</td>", row) for row in rows] == [
-        ["2", "20.0 %", "5.0, 15.0", "1"],
-        ["3", "30.0 %", "5.0, 15.0", "2"],
-        ["4", "40.0 %", "5.0, 15.0", "not chosen"],
+    assert table(dom, "candidates") == [
+        ["aMussel", "place in the plan", "charge", "second battery", "unserved", "north, east"],
+        ["2", "1", "20.0 %", "", "", "5.0, 15.0"],
+        ["3", "2", "30.0 %", "", "", "5.0, 15.0"],
+        ["4", "", "40.0 %", "", "", "5.0, 15.0"],
     ]
-    assert "costs: distance m 22.50; demand 0.90; distance cost 22.50; energy cost 0.90" in dom
+    # The plan beside its runner-up and the others, as `musselbed explain` has them.
+    assert table(dom, "options") == [
+        ["", "the plan", "runner-up", "3."],
+        ["aMussels", "2, 3", "2, 4", "3, 4"],
+        ["cost", "1.500", "1.750", "2.000"],
+        ["charge", "1.500", "1.750", "2.000"],
+    ]
+    assert "way planned 22.5 m, demand 0.90 batteries; scaled 22.5 and 0.9" in dom
+    assert "the runner-up costs 0.250 more" in dom
     assert not re.findall("<td>", browse(browser, page, at="#t=15"))
+
+
+def table(dom: str, of: str) -> list[list[str]]:
+    """The cells of a table, its head first."""
+    found = re.search(rf'<table id="{of}">(.*?)</table>', dom, re.DOTALL)
+    assert found
+    return [re.findall("<t[dh][^>]*>([^<]*)</t[dh]>", row) for row in re.findall("<tr>(.*?)</tr>", found[1])]
+
+
+def test_what_lies_under_the_pointer_is_named_with_its_value(page: Path, browser: webdriver.Chrome) -> None:
+    browse(browser, page, at="#t=100")
+    move = """
+      const [of, x, y] = arguments, element = document.querySelector(of), box = element.getBoundingClientRect();
+      const place = {clientX: box.left + x, clientY: box.top + y, bubbles: true};
+      element.dispatchEvent(new MouseEvent("mousemove", place));
+      element.dispatchEvent(new PointerEvent("pointermove", place));
+    """
+    hovered = (
+        "return document.getElementById('hover').hidden ? '' : document.getElementById('hover').textContent"
+    )
+    y = browser.execute_script("return charts.get('charge').plot.valToPos(0.5, 'y')")
+    for of, at, words in (
+        ("#charge .u-over", (20, y), "aMussel 3: 50.0 %"),
+        ("#active .u-over", (0.5, 20), "00:00:00  3"),
+        ("#apad .u-over", (30, 20), "90.0 %"),
+        ("#uptime", (80, 60), "aMussel 1: 83.3 % so far, 100.0 % at the end"),
+    ):
+        browser.execute_script(move, of, *at)
+        assert words in browser.execute_script(hovered), of
+    north, east = PLACES[3]
+    place = browser.execute_script(
+        "const to = mapScale($('map').clientWidth, $('map').clientHeight); return [to.x(arguments[1]), to.y(arguments[0])]",
+        north,
+        east,
+    )
+    browser.execute_script(move, "#map", *place)
+    assert "aMussel 3: 50.0 %" in browser.execute_script(hovered)
+
+
+def test_the_legend_has_what_is_there_and_the_events_follow_the_time(
+    page: Path, browser: webdriver.Chrome
+) -> None:
+    browse(browser, page, at="#t=100")
+    listed = "return [...document.querySelectorAll('#legend li')].filter((it) => !it.hidden).map((it) => it.textContent)"
+    assert browser.execute_script(listed) == [
+        *("above the pool's threshold", "candidate", "charging", "primary battery empty", "lost", "home"),
+        *("packet received", "collided", "missed otherwise"),
+    ]
+    # A list that is higher than its window keeps the event of the time shown in sight.
+    script = """
+      addEvents(Array.from({length: 200}, (_, n) => [100000 + 100 * n, "remark", "event " + n, null]));
+      endMs = 121000; show(1000 * arguments[0]);
+      const list = document.getElementById("events").getBoundingClientRect();
+      const now = document.querySelector("#events .now"), box = now.getBoundingClientRect();
+      return [now.textContent, box.top >= list.top && box.bottom <= list.bottom];
+    """
+    for second, words in ((119, "event 190"), (105, "event 50")):
+        text, in_sight = browser.execute_script(script, second)
+        assert words in text and in_sight
 
 
 def test_packets_say_what_became_of_them_and_are_filtered_by_amussel(
@@ -292,7 +366,7 @@ def test_packets_say_what_became_of_them_and_are_filtered_by_amussel(
 
 def test_a_selected_one_shows_its_state_and_both_batteries(page: Path, browser: webdriver.Chrome) -> None:
     dom = browse(browser, page, at="#t=100&aMussel=4")
-    assert 'id="one-now">4: active; primary 0.0 %, secondary 0.0 %<' in dom
+    assert 'id="one-now">4: active; primary 0.0 %, secondary 0.0 %; never heard<' in dom
     assert re.search(r'id="one-card" hidden', browse(browser, page, at="#t=100"))
 
 

@@ -122,7 +122,7 @@ def render(runs: list[dict[str, Any]]) -> str:
     # "<" is escaped, so that no text of a scenario can end the script element that holds the data.
     encoded = json.dumps(runs, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     parts = {
-        "TITLE": escape(f"{runs[0]['name']} - musselbed replay"),
+        "TITLE": escape(f"{runs[0]['name']} - {'live' if 'live' in runs[0] else 'replay'}"),
         "LICENSE": _resource("uplot/LICENSE"),
         "STYLE": _resource("uplot/uPlot.min.css") + _resource("page.css"),
         "DATA": encoded,

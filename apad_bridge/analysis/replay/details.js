@@ -6,29 +6,44 @@ const SHOWN_FRAMES = 8;
 const nodeName = (id) => (id === 0 ? "aPad" : id < 0 ? `aPad no. ${-id}` : id);
 const words = (name) => name.replace(/_/g, " ");
 
-// A value of a plan's line in words, whatever its version wrote.
-function inWords(value) {
-  if (Array.isArray(value)) return value.map((it) => (it && it.agent !== undefined ? String(it.agent) : inWords(it))).join(", ") || "none";
-  if (value && typeof value === "object") return Object.entries(value).map(([name, it]) => `${words(name)} ${inWords(it)}`).join("; ");
-  return typeof value === "number" && !Number.isInteger(value) ? value.toFixed(2) : String(value);
+// A table of texts, the first row of them its head; `chosen` marks a column or a row of the plan's own.
+function fillTable(id, caption, rows, isChosen) {
+  $(id).replaceChildren(...(rows.length > 1 ? [Object.assign(document.createElement("caption"), { textContent: caption })] : []), ...(rows.length > 1 ? rows : []).map((cells, n) => {
+    const line = document.createElement("tr");
+    line.append(...cells.map((text, k) => Object.assign(document.createElement(n && k ? "td" : "th"), { textContent: text, className: isChosen(n, k) ? "chosen" : "" })));
+    return line;
+  }));
 }
 
+const fixed = (value, digits) => (value === undefined || value === null ? "" : value.toFixed(digits));
+
+// The table that `musselbed explain` prints: the plan beside its runner-up and the others, and the candidates.
 let shownPlan;
 function showWhy() {
   const plan = data.plans.findLast((it) => it.t <= nowMs) || null;
   if (!$("why").open || plan === shownPlan) return;
   shownPlan = plan;
-  const { t, what, strategy, steps, costs, beliefs, ...others } = plan || {};
-  const order = (plan ? steps : []).map((it) => it.agent);
-  $("candidates").replaceChildren(...(plan ? beliefs : []).map((it) => {
-    const row = document.createElement("tr"), place = order.indexOf(it.id);
-    for (const text of [it.id, percent(it.charge), `${it.north_m.toFixed(1)}, ${it.east_m.toFixed(1)}`, place < 0 ? "not chosen" : place + 1]) {
-      row.append(Object.assign(document.createElement("td"), { textContent: text }));
-    }
-    return row;
-  }));
-  const lines = plan ? [[`at ${clock(t)}`, `to ${what}, by ${strategy}`], ["costs", inWords(costs)], ...Object.entries(others).map(([name, it]) => [words(name), inWords(it)])] : [["", "no plan yet"]];
-  $("reasons").replaceChildren(...lines.map(([name, text]) => Object.assign(document.createElement("p"), { textContent: name ? `${name}: ${text}` : text })));
+  const { t, what, strategy, steps, costs, beliefs, options, exchanged, unexplained } = plan || {};
+  const order = (plan ? steps : []).map((it) => it.agent), weighed = options || [];
+  const lines = plan ? [
+    `${clock(t)}: ${strategy} planned to ${what === "collect" ? "collect" : "release"} ${order.join(", ") || "nobody"}`,
+    ...(exchanged || []).map((it) => `on the same tour ${it.released} takes the place of ${it.collected}`),
+    `way planned ${fixed(costs.distance_m, 1)} m, demand ${fixed(costs.demand, 2)} batteries; scaled ${fixed(costs.distance_cost, 1)} and ${fixed(costs.energy_cost, 1)}`,
+    weighed.length > 1 ? `the runner-up costs ${fixed(weighed[1].cost - weighed[0].cost, 3)} more` : weighed.length ? "" : `no reasons given${unexplained ? `: ${unexplained}` : ""}`,
+  ] : ["no plan yet"];
+  $("reasons").replaceChildren(...lines.filter(Boolean).map((text) => Object.assign(document.createElement("p"), { textContent: text })));
+  const parts = weighed.length ? Object.keys(weighed[0].parts) : [];
+  fillTable("options", "The plans that were weighed, by the strategy's own cost: the least is the best", weighed.length ? [
+    ["", ...weighed.map((_, n) => ["the plan", "runner-up"][n] || `${n + 1}.`)],
+    ["aMussels", ...weighed.map((it) => it.agents.join(", "))],
+    ["cost", ...weighed.map((it) => fixed(it.cost, 3))],
+    ...parts.map((name) => [words(name), ...weighed.map((it) => fixed(it.parts[name] || 0, 3))]),
+  ] : [], (_, k) => k === 1);
+  fillTable("candidates", "The candidates, as they were believed", [
+    ["aMussel", "place in the plan", "charge", "second battery", "unserved", "north, east"],
+    ...(plan ? beliefs : []).map((it) => [it.id, order.indexOf(it.id) + 1 || "", percent(it.charge), it.secondary === undefined ? "" : percent(it.secondary),
+      it.unserved_s === undefined ? "" : clock(1000 * it.unserved_s), `${fixed(it.north_m, 1)}, ${fixed(it.east_m, 1)}`]),
+  ], (n) => n > 0 && order.includes(plan.beliefs[n - 1].id));
 }
 
 const isOf = ([, , sender, , , , heard], id) => id === null || sender === id || heard.some(([listener]) => listener === id);
@@ -120,12 +135,14 @@ function showSlots() {
     ctx.fillStyle = INK;
     if (slot < ids.length) ctx.fillText(ids[slot], middle, 21);
   }
+  drawnPackets = [];
   [...frames].forEach(([frame, packets], row) => {
     const top = box.top + tall * row;
     ctx.textAlign = "right";
     ctx.fillStyle = SOFT;
     ctx.fillText(clock(frame * frameMs / data.theta), box.left - 6, top + tall / 2);
     for (const packet of packets) {
+      drawnPackets.push({ packet, left: x(packet[0] * data.theta - frame * frameMs), top, bottom: top + tall });
       const from = x(packet[0] * data.theta - frame * frameMs), long = Math.max(4, x(packet[1]) - x(0));
       ctx.globalAlpha = isOf(packet, selected) ? 1 : 0.25;
       ctx.fillStyle = fateOf(packet);
@@ -140,6 +157,12 @@ function showSlots() {
   });
 }
 
+let drawnPackets = [];
+function slotWords(x, y) {
+  const under = drawnPackets.filter((it) => y >= it.top && y < it.bottom && Math.abs(x - it.left) < 24).sort((a, b) => Math.abs(x - a.left) - Math.abs(x - b.left))[0];
+  return under ? `${clock(under.packet[0])}  ${nodeName(under.packet[2])}, slot ${under.packet[8] ?? "none"}: ${words(under.packet[3])}, ${fate(under.packet)}` : "";
+}
+
 // The selected aMussel: both batteries, and below them its state, its modules, its log and its packets over time.
 function showSelected(view) {
   const agent = data.agents.find((it) => it.id === selected);
@@ -150,20 +173,25 @@ function showSelected(view) {
   const secondary = now.secondary === null ? "unknown" : percent(now.secondary);
   const taken = agent.taken && agent.taken[view.i];
   $("one-now").textContent = `${selected}: ${state}; primary ${now.charge === null ? "unknown" : percent(now.charge)}, secondary ${secondary}`
+    + (now.heard === null ? "; never heard" : `; heard ${ago(now)}`)
     + (taken ? `; ${taken} samples taken, ${agent.acknowledged[view.i]} uploaded` : "");
   const times = data.times_ms, key = [times.length, data.packets.length].join(), shape = [data.run_name, selected].join();
   const asPercent = (value) => Math.round(100 * value) + " %";
   drawChart("one", shape, key, () => ({
-    min: 0, max: 1, format: asPercent,
+    min: 0, max: 1, format: asPercent, exact: percent,
     lines: [
-      { times, values: agent.charge, stroke: () => colour("above"), width: 2 },
-      { times, values: agent.secondary, stroke: () => colour("charging"), width: 2, dash: [5, 3] },
+      { name: "primary", times, values: agent.charge, stroke: () => colour("above"), width: 2 },
+      { name: "secondary", times, values: agent.secondary, stroke: () => colour("charging"), width: 2, dash: [5, 3] },
     ],
   }));
   const rows = rowsOf(agent), high = 28 + 16 * rows.length + "px";
   if ($("one-rows").style.height !== high) { $("one-rows").style.height = high; sizes.delete($("one-rows")); }
   drawChart("one-rows", [shape, rows.map((it) => it.name)].join(), key, () => ({
-    min: 0, max: rows.length, rows: rows.map((it) => it.name).reverse(), lines: [{ times, values: times.map(() => null), stroke: LINE, width: 0 }],
+    min: 0, max: rows.length, rows: rows.map((it) => it.name).reverse(),
+    wordsAt: (name, ms) => {
+      const span = rows.find((it) => it.name === name).spans.find(([from, to]) => ms >= from && ms <= to);
+      return span ? `: ${span[3] || "yes"}` : "";
+    }, lines: [{ times, values: times.map(() => null), stroke: LINE, width: 0 }],
     over: (ctx, x, y, pixel) => rows.forEach(({ spans }, n) => drawSpans(ctx, spans, x, y(rows.length - n - 0.1), y(rows.length - n - 0.9), pixel)),
   }));
 }
@@ -232,7 +260,7 @@ function showDifferences(views) {
     ["active", ...views.map((it) => it.active)],
     ["mean charge, %", ...views.map((it) => 100 * mean(it.agents.map((one) => one.charge).filter((one) => one !== null)))],
     ["mean uptime so far, %", ...views.map((it) => mean(it.agents.map((one) => one.uptime)))],
-    ["movement cost, m", ...views.map((it) => it.cost)],
+    ["way flown, m", ...views.map((it) => it.cost)],
     ["aPad battery, %", ...views.map((it) => it.apad && it.apad.battery !== null ? 100 * it.apad.battery : null)],
   ];
   const [first, second] = runs.map((it) => it.summary || {});

@@ -10,7 +10,8 @@ const ASKED_FIRST = {
   "take back": "The simulated aMussel begins where the real one is believed to be, and the real one is heard no more.",
   "cause a fault": "The aMussel's board will meet this fault.",
 };
-let counts, heardMs, stream;
+const LEGEND_MS = 3000;
+let counts, heardMs, stream, legendMs = 0;
 
 function take({ sample, supervisor, ended_by, summary }) {
   heardMs = performance.now();
@@ -28,6 +29,7 @@ function takeSample(sample) {
     append(sample);
   }
   for (const name of ["trace", "plans", "packets"]) data[name].push(...sample[name]);
+  if (performance.now() - legendMs > LEGEND_MS) { legendMs = performance.now(); showLegend(); }
   const surplus = data.packets.length - data.live.most_packets;
   if (surplus > 0) { data.packets.splice(0, surplus); data.earlier_packets += surplus; }
   if (sample.events.length) {
@@ -125,6 +127,7 @@ function follow() {
 }
 
 if (data.live) {
+  document.body.classList.add("live");
   counts = data.live.counts;
   heardMs = performance.now();
   for (const it of [...document.querySelectorAll(".orders"), $("one-orders")]) it.hidden = false;

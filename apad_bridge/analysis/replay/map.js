@@ -163,12 +163,13 @@ function drawGrid(ctx, toScreen, width, height) {
   for (let e = Math.ceil(east0 / step) * step; toScreen.x(e) < width; e += step) {
     stroke(ctx, PAINT.grid, [[toScreen.x(e), 0], [toScreen.x(e), height]]);
     ctx.textAlign = "center";
-    ctx.fillText(+e.toFixed(3), toScreen.x(e), height - 7);
+    const half = ctx.measureText(+e.toFixed(3)).width / 2;
+    if (toScreen.x(e) - half > 1 && toScreen.x(e) + half < width - 1) ctx.fillText(+e.toFixed(3), toScreen.x(e), height - 7);
   }
   for (let n = Math.ceil(north0 / step) * step; toScreen.y(n) > 0; n += step) {
     stroke(ctx, PAINT.grid, [[0, toScreen.y(n)], [width, toScreen.y(n)]]);
     ctx.textAlign = "left";
-    if (toScreen.y(n) < height - 18) ctx.fillText(+n.toFixed(3), 3, toScreen.y(n) - 7);
+    if (toScreen.y(n) < height - 18 && toScreen.y(n) > 26) ctx.fillText(+n.toFixed(3), 3, toScreen.y(n) - 7);
   }
   ctx.textAlign = "right";
   ctx.fillText("east, m", width - 4, height - 21);
@@ -223,12 +224,14 @@ function drawWay(ctx, view, at) {
 function drawMussel(ctx, [x, y], radius, agent, marked) {
   ctx.beginPath();
   ctx.arc(x, y, radius, 0, 7);
-  ctx.fillStyle = STATUS_COLOURS[agent.status];
+  // An empty one is hollow.
+  const isEmpty = STATUSES[agent.status] === "empty", outline = isEmpty ? STATUS_COLOURS[agent.status] : PAINT.card;
+  ctx.fillStyle = isEmpty ? PAINT.card : STATUS_COLOURS[agent.status];
   ctx.fill();
-  ctx.lineWidth = marked === agent.id ? 3 : 1.5;
-  ctx.strokeStyle = marked === agent.id ? INK : PAINT.card;
+  ctx.lineWidth = marked === agent.id ? 3 : isEmpty ? 2.5 : 1.5;
+  ctx.strokeStyle = marked === agent.id ? INK : outline;
   ctx.stroke();
-  ctx.fillStyle = PAINT.card;
+  ctx.fillStyle = isEmpty ? outline : PAINT.card;
   ctx.font = "bold 10px system-ui, 'DejaVu Sans', sans-serif";
   ctx.textAlign = "center";
   ctx.textBaseline = "middle";

@@ -54,6 +54,7 @@ function viewAt(ms, data) {
       charge: agent.charge[i],
       secondary: agent.secondary[i],
       state: agent.state[i],
+      heard: agent.heard ? agent.heard[i] : null,
       believed: agent.believed && agent.believed[i],
       within: agent.low && agent.low[i] !== null ? [agent.low[i], agent.high[i]] : null,
       uptime: agent.uptime[i],
@@ -158,6 +159,10 @@ function planWords(plan) {
   })];
 }
 
+// The time since its newest packet. What is believed of it ages as long; the supervisor suspects one that is silent too long.
+const ago = ({ heard }) => `${clock(Math.max(0, nowMs - 1000 * heard))} ago`;
+const isSilent = ({ heard, dock }) => heard !== null && dock === null && nowMs - 1000 * heard > 1000 * data.silence_s;
+
 function showAgents({ agents }) {
   agents.forEach((agent, n) => {
     const item = $("agents").children[n];
@@ -166,6 +171,9 @@ function showAgents({ agents }) {
     if (item.lastChild.textContent !== words) item.lastChild.textContent = words;
     item.classList.toggle("marked", marked() === agent.id);
     item.classList.toggle("selected", selected === agent.id);
+    item.classList.toggle("silent", isSilent(agent));
+    const title = agent.heard === null ? "never heard" : `heard ${ago(agent)}`;
+    if (item.title !== title) item.title = title;
   });
 }
 
@@ -174,20 +182,20 @@ function drawCharts() {
   const shape = [data.run_name, data.agents.length, data.has_truth].join(), key = [times.length, times[times.length - 1]].join();
   const charge = [key, data.agents.some((it) => it.believed)].join();
   drawChart("charge", shape, charge, () => ({
-    min: 0, max: 1, format: asPercent, under: drawBands, over: drawThreshold,
+    min: 0, max: 1, format: asPercent, exact: percent, under: drawBands, over: drawThreshold,
     lines: data.agents.map((agent) => ({
-      times, values: agent.charge,
+      name: `aMussel ${agent.id}`, times, values: agent.charge,
       stroke: (plot) => timeColours(plot, data.times_ms, agent.status, STATUS_COLOURS),
       width: () => (marked() === agent.id ? 2.4 : marked() === null ? 1.2 : 0.5),
     })),
   }));
   // Of two compared runs each chart has both, the other one dashed.
   const lines = (of, style, step) => [data, ...runs.filter((it) => runs[0].differs && it !== data)]
-    .map((run) => ({ times: run.times_ms, values: of(run), stroke: style, width: 1.8, step, dash: run === data ? undefined : [6, 4] }));
+    .map((run) => ({ name: runs[0].differs ? run.run_name : "", times: run.times_ms, values: of(run), stroke: style, width: 1.8, step, dash: run === data ? undefined : [6, 4] }));
   const most = (of) => Math.max(1, ...(runs[0].differs ? runs : [data]).map(of));
   drawChart("active", shape, key, () => ({ min: 0, max: most((it) => it.agents.length), format: asIs, lines: data.has_truth ? lines((it) => it.active, () => colour("above"), true) : [] }));
-  drawChart("cost", shape, key, () => ({ min: 0, max: most((it) => it.cost[it.cost.length - 1]), format: asIs, lines: lines((it) => it.cost, () => ACCENT, true) }));
-  drawChart("apad", shape, key, () => ({ min: 0, max: 1, format: asPercent, lines: lines((run) => run.apad.map((it) => it && it[3]), () => PAINT.way) }));
+  drawChart("cost", shape, key, () => ({ min: 0, max: most((it) => it.cost[it.cost.length - 1]), format: asIs, exact: (value) => value.toFixed(1) + " m", lines: lines((it) => it.cost, () => ACCENT, true) }));
+  drawChart("apad", shape, key, () => ({ min: 0, max: 1, format: asPercent, exact: percent, lines: lines((run) => run.apad.map((it) => it && it[3]), () => PAINT.way) }));
 }
 
 // Below the charges: where each lies with 95 %.
@@ -220,7 +228,8 @@ function showHeader() {
   const figures = [
     ["uptime", known.uptime_paper && known.uptime_paper.mean.toFixed(2) + " %"],
     ["active", known.active_mean !== undefined && known.active_mean !== null && known.active_mean.toFixed(2)],
-    ["cost", known.cost_m !== undefined && known.cost_m.toFixed(0) + " m"],
+    ["way flown", known.cost_m !== undefined && known.cost_m.toFixed(0) + " m"],
+    ["way planned", known.planned_m !== undefined && known.planned_m.toFixed(0) + " m"],
     ["services", known.services], ["emptied", known.emptied], ["lost", known.amussels_lost],
     ["samples", known.samples_taken || undefined],
   ].filter(([, value]) => value !== undefined && value !== null && value !== false);
@@ -272,7 +281,8 @@ function showEventNow() {
   newest = now;
   if (!now) return;
   now.classList.add("now");
-  $("events").scrollTop = now.offsetTop - $("events").offsetTop - $("events").clientHeight / 2;
+  const list = $("events");
+  list.scrollTop += now.getBoundingClientRect().top - list.getBoundingClientRect().top - list.clientHeight / 2;
 }
 
 // Shows the chosen aPad's run: once for a page with one.
@@ -291,7 +301,7 @@ function setUp() {
   $("thinned").textContent = `Series have a value each ${clock(step)}${off ? `; the track leaves out points up to ${off} m beside it` : ""}.`;
   $("slots-card").hidden = !data.timeslots || !(data.live || data.packets.length);
   $("packets-card").hidden = !data.live && !runs.some((it) => it.packets.length);
-  for (const item of document.querySelectorAll("#legend [data-fate]")) item.hidden = $("packets-card").hidden;
+  showLegend();
   $("agents").replaceChildren(...data.agents.map((agent) => {
     const item = document.createElement("li");
     item.dataset.agent = agent.id;
@@ -307,6 +317,20 @@ function setUp() {
   }));
   endMs = runs.reduce((ms, it) => Math.max(ms, it.times_ms[it.times_ms.length - 1]), 0);
   $("scrub").max = endMs / 1000;
+}
+
+// The legend has what is there: of the run, and of a live one so far.
+function showLegend() {
+  const there = new Set(data.agents.flatMap((it) => [...new Set(it.status)]).map((it) => STATUSES[it]));
+  const fates = new Set();
+  for (const packet of data.packets) {
+    if (packet[5] === null) for (const [, outcome] of packet[6]) fates.add(FATES[outcome] || "missed");
+    else fates.add("missed");
+  }
+  for (const item of document.querySelectorAll("#legend li")) {
+    const { status, fate: of } = item.dataset;
+    item.hidden = of ? !fates.has(of) : status !== "home" && !there.has(status);
+  }
 }
 
 function point(id) {
@@ -403,6 +427,16 @@ for (const id of ["map", "other-map"]) {
     const shown = runs[0].differs ? [runs[id === "map" ? 0 : 1]] : runs;
     const found = musselAt(shown.map((it) => viewAt(nowMs, it)), sizeOf($(id)), event.offsetX, event.offsetY);
     if (found !== null && data.agents.some((it) => it.id === found)) select(found);
+  });
+}
+
+hoverCanvas("uptime", barWords);
+hoverCanvas("slots", slotWords);
+for (const id of ["map", "other-map"]) {
+  hoverCanvas(id, (x, y) => {
+    const shown = runs[0].differs ? [runs[id === "map" ? 0 : 1]] : runs, views = shown.map((it) => viewAt(nowMs, it));
+    const found = musselAt(views, sizeOf($(id)), x, y), agent = views.flatMap((it) => it.agents).find((it) => it.id === found);
+    return agent ? `aMussel ${chargeWords(agent)}, ${STATUSES[agent.status]}${agent.heard === null ? "" : `, heard ${ago(agent)}`}` : "";
   });
 }
 

@@ -1,7 +1,7 @@
 "use strict";
 // Charts over mission time by uPlot, with one zoom and a mark of the time shown; pictures and bars on canvases of our own.
 
-const STATUSES = ["above", "candidate", "charging", "lost", "unknown"];
+const STATUSES = ["above", "candidate", "charging", "lost", "unknown", "empty"];
 const css = getComputedStyle(document.documentElement);
 const colour = (name) => css.getPropertyValue("--" + name).trim();
 let STATUS_COLOURS, INK, SOFT, LINE, ACCENT, PAINT;
@@ -164,7 +164,7 @@ function chartOptions(chart, { width, height }) {
     width, height, padding: [6, 22, 0, 0], legend: { show: false },
     cursor: { y: false, points: { show: false }, drag: { setScale: false }, bind: { dblclick: () => () => zoomTo(null) } },
     scales: { x: { time: false, range: (plot, from, to) => [from, to] }, y: { range: () => [chart.content.min, chart.content.max] } },
-    axes: [{ ...axis, grid: { show: false }, size: 22, gap: 3, space: 64, incrs: TIME_STEPS, values: timeLabels }, { ...axis, ...left }],
+    axes: [{ ...axis, grid: { show: false }, size: 26, gap: 8, space: 64, incrs: TIME_STEPS, values: timeLabels }, { ...axis, ...left }],
     series: [{}, ...lines.map((line, n) => ({
       stroke: (plot) => { const now = chart.content.lines[n] || line; return typeof now.stroke === "function" ? now.stroke(plot) : now.stroke; },
       width: call(line.width), dash: line.dash, points: { show: false },
@@ -173,6 +173,7 @@ function chartOptions(chart, { width, height }) {
     hooks: {
       drawClear: [(plot) => inside(plot, drawInterruptions), (plot) => inside(plot, chart.content.under)],
       draw: [(plot) => inside(plot, chart.content.over)],
+      setCursor: [(plot) => hoverChart(chart, plot)],
       setScale: [(plot, name) => { if (name === "x" && chart.mark) moveMark(chart); }],
       setSelect: [(plot) => {
         if (!plot.select.width) return;
@@ -246,6 +247,42 @@ function fillBand(ctx, xs, low, high, style, alpha) {
   ctx.globalAlpha = 1;
 }
 
+// The words beside the pointer: a value with its id, of whatever lies under it.
+function hover(text, at) {
+  const box = $("hover");
+  if (box.hidden !== !text) box.hidden = !text;
+  if (!text) return;
+  put(box, text);
+  box.style.left = Math.max(4, Math.min(at.x + 14, innerWidth - box.offsetWidth - 8)) + "px";
+  box.style.top = (at.y + 18 + box.offsetHeight > innerHeight ? at.y - box.offsetHeight - 10 : at.y + 18) + "px";
+}
+
+// Of a chart's lines the one that is nearest to the pointer; of rows, the one that it is in.
+function hoverChart({ content }, plot) {
+  const { left, top, idx } = plot.cursor;
+  if (left === undefined || left < 0 || idx === null || idx === undefined) { hover(""); return; }
+  const ms = plot.data[0][idx], box = plot.over.getBoundingClientRect(), at = { x: box.left + left, y: box.top + top };
+  if (content.rows) {
+    const row = content.rows[content.rows.length - 1 - Math.floor(content.rows.length * top / box.height)];
+    hover(row && `${clock(ms)}  ${row}${content.wordsAt ? content.wordsAt(row, plot.posToVal(left, "x")) : ""}`, at);
+    return;
+  }
+  let nearest = null, least = Infinity;
+  content.lines.forEach((line, n) => {
+    const value = plot.data[n + 1] && plot.data[n + 1][idx];
+    if (value === null || value === undefined) return;
+    const away = Math.abs(plot.valToPos(value, "y") - top);
+    if (away < least) [nearest, least] = [`${clock(ms)}  ${line.name ? line.name + ": " : ""}${(content.exact || content.format)(value)}`, away];
+  });
+  hover(nearest, at);
+}
+
+// Shows the words of what lies under the pointer on a canvas of our own; `of` gives them for a place in CSS pixels.
+function hoverCanvas(id, of) {
+  $(id).addEventListener("pointermove", (event) => hover(of(event.offsetX, event.offsetY), { x: event.clientX, y: event.clientY }));
+  $(id).addEventListener("pointerleave", () => hover(""));
+}
+
 // Draws vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.
 function drawBars(canvas, bars, marked) {
   const { ctx, width, height } = fresh(canvas);
@@ -259,6 +296,7 @@ function drawBars(canvas, bars, marked) {
     ctx.fillText(percent + " %", box.left - 5, y(percent));
   }
   const pitch = (box.right - box.left) / Math.max(1, bars.length);
+  drawnBars = { bars, left: box.left, pitch };
   const every = Math.ceil(26 / pitch);
   ctx.textAlign = "center";
   bars.forEach(({ label, value, full, colour }, i) => {
@@ -271,6 +309,12 @@ function drawBars(canvas, bars, marked) {
     ctx.fillStyle = INK;
     if (i % every === 0) ctx.fillText(label, left + wide / 2, height - 7);
   });
+}
+
+let drawnBars = { bars: [], left: 0, pitch: 1 };
+function barWords(x) {
+  const bar = drawnBars.bars[Math.floor((x - drawnBars.left) / drawnBars.pitch)];
+  return x >= drawnBars.left && bar ? `aMussel ${bar.label}: ${bar.value.toFixed(1)} % so far, ${bar.full.toFixed(1)} % at the end` : "";
 }
 
 function stroke(ctx, style, points) {

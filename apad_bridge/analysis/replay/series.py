@@ -33,6 +33,8 @@ MAX_PACKETS = 20_000
 Counts = tuple[int, int, int, int]
 """The lengths of the track, of the events, of the plans and of the packets."""
 _TICK_MS = 1000
+_EMPTY = 0.0005
+"""A charge below it is written as 0.0 %."""
 
 
 class Status(IntEnum):
@@ -48,6 +50,8 @@ class Status(IntEnum):
     """Both batteries empty, or its simulation has ended."""
     UNKNOWN = 4
     """It never reported."""
+    EMPTY = 5
+    """Its primary battery is empty; the other one keeps it for a while."""
 
 
 @dataclass(slots=True)
@@ -73,6 +77,8 @@ class _Agent:
     """The number of samples in its log that it ever took."""
     acknowledged: list[int | None]
     """Those of them whose receipt it knows."""
+    heard: list[int | None]
+    """Mission seconds of its newest packet."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[int]:
@@ -189,6 +195,7 @@ class RunView:
             "collection": scenario.mission.collection,
             "redeployment": scenario.mission.redeployment,
             "pool_threshold": scenario.mission.pool_threshold,
+            "silence_s": scenario.mission.silence_timeout_s,
             "polygon": [list(corner) for corner in scenario.area.polygon_m],
             **_place_data(scenario.area),
             "dock_bearings": [round(it, 4) for it in places.bearings_rad],
@@ -285,6 +292,7 @@ class _Sampler:
         has_log = truth is not None and truth.physical.samples > 0
         agent.taken.append(truth.physical.samples if truth is not None and has_log else None)
         agent.acknowledged.append(truth.physical.acknowledged if truth is not None and has_log else None)
+        agent.heard.append(None if belief is None else belief["heard"] // 1000)
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:
@@ -293,6 +301,8 @@ class _Sampler:
             return Status.CHARGING
         if lost:
             return Status.LOST
+        if charge < _EMPTY:
+            return Status.EMPTY
         return Status.CANDIDATE if charge <= self._scenario.mission.pool_threshold else Status.ABOVE
 
     def thin(self) -> None:
@@ -337,7 +347,7 @@ class _Sampler:
         }
 
 
-_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged")
+_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard")
 COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "secondary", "state")
 """An aMussel's columns, by their names on the page."""
 

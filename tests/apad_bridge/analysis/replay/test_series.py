@@ -88,8 +88,8 @@ def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
         1: [Status.ABOVE] * 5,
         2: [Status.CANDIDATE] * 5,
         3: [Status.CANDIDATE] * 2 + [Status.CHARGING] * 3,
-        4: [Status.CANDIDATE] * 5,
-        5: [Status.CANDIDATE] * 3 + [Status.LOST] * 2,
+        4: [Status.EMPTY] * 5,
+        5: [Status.EMPTY] * 3 + [Status.LOST] * 2,
         6: [Status.UNKNOWN] * 5,
     }
     # In 4 ticks 1 and 2 are always active, 3 until it is docked at the second tick, 4 and 5 never.
