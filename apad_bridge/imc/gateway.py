@@ -52,6 +52,7 @@ _WARNINGS = frozenset(
         EventKind.VEHICLE_SILENT,
         EventKind.MASTER_GONE,
         EventKind.GRAPH_DEAF,
+        EventKind.UNREADABLE,
     }
 )
 

@@ -78,6 +78,7 @@ class EventKind(StrEnum):
     GRAPH_HEARS = "graph_hears"
     VEHICLE_SILENT = "vehicle_silent"
     VEHICLE_HEARD = "vehicle_heard"
+    UNREADABLE = "unreadable"
     LEFT_WATER = "left_water"
     RESUMED = "resumed"
     RESTORED = "restored"
@@ -685,6 +686,15 @@ KINDS: tuple[Kind, ...] = (
         (
             Field("name", TEXT, "the aPad"),
             Field("since_ms", INTEGER, "since when it was silent", "mission ms"),
+        ),
+    ),
+    Kind(
+        EventKind.UNREADABLE,
+        "a node publishes messages that the run cannot use, for the first time; the summary counts them under `dropped`",
+        (
+            Field("topic", TEXT, "the topic"),
+            Field("node", TEXT, "the node"),
+            Field("why", TEXT, "why they are dropped"),
         ),
     ),
     Kind(

@@ -52,6 +52,7 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
                 | EventKind.OTHERS
                 | EventKind.LEFT_WATER
                 | EventKind.GRAPH_DEAF
+                | EventKind.UNREADABLE
             ),
             _,
         ):
@@ -145,6 +146,8 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return "the aPad is silent"
         case EventKind.VEHICLE_HEARD, _:
             return "the aPad publishes again"
+        case EventKind.UNREADABLE, {"topic": topic, "node": node, "why": why}:
+            return f"messages of {node} on {topic} are dropped: {why}"
         case EventKind.RESUMED, _:
             return "another supervisor continued"
         case EventKind.END, _:

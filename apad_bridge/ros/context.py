@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import rospy
 
@@ -37,7 +37,8 @@ from apad_bridge.ros.links.packet_topics import (
 )
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.handshakes import HearingWatch
-from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
+from apad_bridge.ros.system.inbox import GraphEvent
+from apad_bridge.ros.system.master_watch import MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
 from apad_bridge.ros.system.route import why_gone
 from apad_bridge.ros_names.names import in_full
@@ -143,7 +144,9 @@ def open_flight_context(
             held=held,
             capabilities=capabilities,
             dropped=lambda: vehicle.dropped + laboratory.dropped + relayed.dropped + others.dropped,
-            take_events=_graph_events(stack, options, scenario, vehicle),
+            take_events=_graph_events(
+                stack, options, scenario, vehicle, (vehicle, laboratory.subscribers, others)
+            ),
             roster=roster,
             faults=faults,
             keeps_samples=options.part is not Part.FLEET,
@@ -348,23 +351,35 @@ def _standard_topics(
     )
 
 
+class _Listener(Protocol):
+    def take_events(self) -> list[GraphEvent]: ...
+
+
 def _graph_events(
-    stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
+    stack: ExitStack,
+    options: RunOptions,
+    scenario: Scenario,
+    vehicle: APadLink | ContactsLink,
+    listeners: Sequence[_Listener],
 ) -> Callable[[int], list[GraphEvent]]:
-    """Reports when nobody can connect to us, and when somebody else's master or vehicle goes and comes back.
+    """Reports what cannot be read, when nobody can connect to us, and when another's master or vehicle goes and comes.
 
     With a master or a vehicle of ours the run ends.
     """
     hearing = HearingWatch()
     stack.callback(hearing.close)
+
+    def refused(now_ms: int) -> list[GraphEvent]:
+        return [*hearing.take(), *(event for listener in listeners for event in listener.take_events())]
+
     if options.apad is APadKind.SIM:
-        return lambda now_ms: hearing.take()
+        return refused
     master = MasterWatch(options.master_uri)
     stack.callback(master.close)
     silence, name = SilenceWatch(), scenario.apad.name
 
     def take(now_ms: int) -> list[GraphEvent]:
-        events = [*hearing.take(), *master.take()]
+        events = [*master.take(), *refused(now_ms)]
         if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
             kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
             events.append((kind, {"name": name, "since_ms": changed.since_ms}))

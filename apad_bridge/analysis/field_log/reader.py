@@ -64,8 +64,8 @@ class FactReader:
     """
 
     def __init__(self, source: str, apad: str, namespace: str = "") -> None:
-        self.missing: dict[str, str] = {}
-        """By topic, one line about the field that its definition lacks."""
+        self.missing: dict[tuple[str, str], str] = {}
+        """By topic and md5, one line about the field that this definition lacks: other publishers may have it."""
         self.dropped: Counter[str] = Counter()
         self._source = source
         self._types = RecordedTypes(source)
@@ -136,7 +136,8 @@ class FactReader:
         """The facts of one message, and those that silence tells. BagUnreadable as `RecordedTypes`."""
         topic, at_s = message.connection.topic, message.stamp_ns / 1e9
         facts = list(self._let_go_in_silence(at_s))
-        if topic in self.missing or not self.reads(topic):
+        key = topic, message.connection.md5
+        if key in self.missing or not self.reads(topic):
             return facts
         told = self._types.read(message)
         try:
@@ -146,11 +147,11 @@ class FactReader:
                 facts += self._of_amussel(topic, at_s, told)
         except AttributeError as error:
             field = error.name or str(error)
-            self.missing[topic] = (
+            self.missing[key] = (
                 f"{self._source}: {topic} ({message.connection.kind.replace('/msg/', '/')}, md5 "
                 f"{message.connection.md5}) has no field `{field}`: what needs it is left out"
             )
-        except ValueError:
+        except (ValueError, TypeError, LookupError):
             self.dropped[f"{topic}: no sense"] += 1
         return facts
 

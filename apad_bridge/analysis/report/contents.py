@@ -37,6 +37,7 @@ _TROUBLES = frozenset(
         EventKind.STANDS_DOWN,
         EventKind.MASTER_GONE,
         EventKind.GRAPH_DEAF,
+        EventKind.UNREADABLE,
         EventKind.VEHICLE_SILENT,
         EventKind.RESUMED,
     }

@@ -12,7 +12,7 @@ from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import GraphEvent, Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.vehicle.capabilities import published_docks
@@ -68,6 +68,9 @@ class ContactsLink:
     def dropped(self) -> Counter[str]:
         """Unusable messages, by reason."""
         return self._inbox.dropped + self._readings.dropped + self._docks.dropped
+
+    def take_events(self) -> list[GraphEvent]:
+        return self._inbox.take_events()
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Contacts and the aPad's place, stamped `now_ms` because the clocks of a vehicle at sea are not ours."""

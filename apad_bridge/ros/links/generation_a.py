@@ -55,6 +55,7 @@ from navcon_msgs.srv import EnableControl  # noqa: E402
 _STATUS = ("header.stamp", "status_list")
 _GOAL = ("goal_id.id", "goal.id", "goal.pose.position.x", "goal.pose.position.y")
 _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
+_STATIC = ("header.stamp", "position.north", "position.east", "status")
 
 
 class Subscribers(LegacySubscribers):
@@ -74,7 +75,8 @@ class Subscribers(LegacySubscribers):
         """Subscribes to `position_static` of these too."""
         for agent_id in sorted(set(agent_ids) - self._known):
             self._known.add(agent_id)
-            self._listen(of_amussel(agent_id, "position_static"), NavSts, (), self._take_static, agent_id)
+            topic = of_amussel(agent_id, "position_static")
+            self._listen(topic, NavSts, _STATIC, self._take_static, agent_id, is_checked_before=False)
 
     @property
     def missing(self) -> list[str]:

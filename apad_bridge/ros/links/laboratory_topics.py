@@ -8,7 +8,7 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import GraphEvent, Inbox
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.user_texts import text_folders
@@ -47,6 +47,10 @@ class LaboratorySubscribers:
     def dropped(self) -> Counter[str]:
         return self._inbox.dropped + self._dropped
 
+    def take_events(self) -> list[GraphEvent]:
+        """Publishers whose messages cannot be read, each once."""
+        return self._inbox.take_events()
+
     def take(self, now_ms: int) -> list[LaboratoryMessage]:
         """The messages since the last call. One that cannot be interpreted is dropped and counted."""
         messages = []
@@ -54,7 +58,7 @@ class LaboratorySubscribers:
             try:
                 message = self._interpret(subscription, agent_id, self._messages.decode(raw), now_ms)
             except (AttributeError, IndexError, TypeError, ValueError, KeyError) as error:
-                self._dropped[f"{subscription.topic}: {error}"] += 1
+                self._inbox.refuse(subscription.topic, raw._connection_header["callerid"], str(error))
                 continue
             if message is not None:
                 messages.append(message)
@@ -85,7 +89,10 @@ class LaboratorySubscribers:
                 self._dropped[f"{subscription.topic}: says no id"] += 1
                 return None
             return ClearanceMessage(subscription.what, agent_id)
-        data = bytes(read(message, subscription.bytes))
+        content = read(message, subscription.bytes)
+        if not isinstance(content, bytes | list | tuple):
+            raise TypeError(f"{subscription.bytes} holds no bytes")  # of a number Python makes as many zeros
+        data = bytes(content)
         if len(data) > _LARGEST:
             raise ValueError("a packet too large to be one")
         return LaboratoryPacket(subscription.medium, agent_id, data)

@@ -41,7 +41,7 @@ class LegacySubscribers:
         """By topic of the aPad: our message class, and the fields read of it."""
         self._inbox = inbox
         self._stamped = stamped
-        self._listener = AnyListener(inbox.drop)
+        self._listener = AnyListener(inbox.refuse)
         self._subscribers: list[rospy.Subscriber] = []
         self._vital: list[rospy.Subscriber] = []
         """No flight begins without these."""
@@ -66,13 +66,17 @@ class LegacySubscribers:
         take: Callable[..., None],
         *arguments: Any,
         is_vital: bool = False,
+        is_checked_before: bool = True,
     ) -> rospy.Subscriber:
-        """Calls `take(message, *arguments)` in rospy's thread. Without `fields` the definition is not checked before."""
-        subscriber = self._listener.listen(topic, kind, take, *arguments)
+        """Calls `take(message, *arguments)`, which reads `fields`, in rospy's thread.
+
+        With `is_checked_before` no flight begins against a publisher whose definition lacks one of them.
+        """
+        subscriber = self._listener.listen(topic, kind, fields, take, *arguments)
         self._subscribers.append(subscriber)
         if is_vital:
             self._vital.append(subscriber)
-        if fields:
+        if is_checked_before:
             self.needed[subscriber.resolved_name] = (kind, fields)
         return subscriber
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.ros.system.inbox import GraphEvent, Inbox
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
@@ -24,16 +25,21 @@ class OtherAPads:
     def __init__(self, names: Sequence[str]) -> None:
         self._lock = threading.Lock()
         self._places_m: dict[str, Point] = {}
-        self._dropped: Counter[str] = Counter()
-        self._listener = AnyListener(self._drop)
+        self._inbox: Inbox[None] = Inbox()
+        """Counts what is dropped; the places are not kept in order."""
+        listener = AnyListener(self._inbox.refuse)
+        fields = ("position.north", "position.east")
         self._subscribers = [
-            self._listener.listen(of_apad(it, "position"), NavSts, self._take, it) for it in names
+            listener.listen(of_apad(it, "position"), NavSts, fields, self._take, it) for it in names
         ]
 
     @property
     def dropped(self) -> Counter[str]:
-        with self._lock:
-            return self._dropped.copy()
+        return self._inbox.dropped
+
+    def take_events(self) -> list[GraphEvent]:
+        """Publishers whose messages cannot be read, each once."""
+        return self._inbox.take_events()
 
     def bodies(self) -> tuple[Body, ...]:
         with self._lock:
@@ -46,11 +52,7 @@ class OtherAPads:
     def _take(self, message: Any, name: str) -> None:
         north_m, east_m = message.position.north, message.position.east
         if out_of_range(north_m=north_m, east_m=east_m) is not None:
-            self._drop(f"{name}: a position out of range")
+            self._inbox.drop(f"{name}: a position out of range")
             return
         with self._lock:
             self._places_m[name] = (north_m, east_m)
-
-    def _drop(self, reason: str) -> None:
-        with self._lock:
-            self._dropped[reason] += 1

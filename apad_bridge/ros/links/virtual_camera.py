@@ -19,6 +19,7 @@ from typing import Any
 import rospy
 from std_msgs.msg import Float32
 
+from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS
 from apad_bridge.ros.system.ros_time import to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -46,10 +47,10 @@ class VirtualCamera:
             topic: rospy.Publisher(of_apad(name, topic), Float32, queue_size=1) for topic in DETECTION_TOPICS
         }
         # The link's own subscribers count unreadable messages.
-        listener = AnyListener(lambda _: None)
+        listener = AnyListener(lambda topic, node, why: None)
         self._subscribers = [
-            listener.listen(of_apad(name, "kinect_out"), Float32, self._turn),
-            listener.listen(of_apad(name, "position"), NavSts, self._look),
+            listener.listen(of_apad(name, "kinect_out"), Float32, ("data",), self._turn),
+            listener.listen(of_apad(name, "position"), NavSts, POSE_FIELDS, self._look),
         ]
 
     def show(self, places: Places) -> None:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 Item = TypeVar("Item")
 
+GraphEvent = tuple[str, dict[str, Any]]
+"""An event's kind and data, for the journal."""
 CAPACITY = 20_000
 """Two minutes of an aPad that holds four aMussels. In a longer stall the newest telemetry is lost, and counted."""
+_MOST_REPORTED = 50
+"""Publishers with unreadable messages that are reported; the messages of others are counted alone."""
 
 
 class Inbox(Generic[Item]):
@@ -19,6 +23,9 @@ class Inbox(Generic[Item]):
         self._dropped: Counter[str] = Counter()
         self._capacity = capacity
         self._items: list[Item] = []
+        self._reported: set[tuple[str, str]] = set()
+        """The topics, and the nodes whose messages on them could not be read."""
+        self._events: list[GraphEvent] = []
         self._arrived = threading.Condition()
 
     @property
@@ -39,6 +46,21 @@ class Inbox(Generic[Item]):
         """Counts a message that could not be put in."""
         with self._arrived:
             self._dropped[reason] += 1
+
+    def refuse(self, topic: str, node: str, why: str) -> None:
+        """Counts a message that its reader cannot use, and has each such publisher reported once."""
+        with self._arrived:
+            self._dropped[f"{topic}: {why}"] += 1
+            if (topic, node) in self._reported or len(self._reported) >= _MOST_REPORTED:
+                return
+            self._reported.add((topic, node))
+            self._events.append(("unreadable", {"topic": topic, "node": node, "why": why}))
+
+    def take_events(self) -> list[GraphEvent]:
+        """The publishers refused since the last call."""
+        with self._arrived:
+            events, self._events = self._events, []
+            return events
 
     def take(self, wait_s: float = 0.0) -> list[Item]:
         """All items. An empty inbox waits up to `wait_s` wall seconds for the first."""

@@ -26,7 +26,7 @@ from rospy.impl.registration import (
 )
 
 from apad_bridge.doctor.network import Timed, Unreachable, call_for_reply
-from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.inbox import GraphEvent, Inbox
 
 PERIOD_S = 1.0
 _CALL_S = 5.0
@@ -34,9 +34,6 @@ _AT_ONCE = 200
 """Registrations in one call to the master."""
 _LONGEST_RETRY_S = 30.0
 """The longest time between two tries to connect to a publisher whose connection ended: it may have been killed."""
-
-GraphEvent = tuple[str, dict[str, Any]]
-"""An event's kind and data, for the journal."""
 
 
 class MasterWatch:

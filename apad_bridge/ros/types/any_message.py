@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import genmsg
@@ -10,6 +11,25 @@ import genpy.dynamic
 import roslib.message
 from genmsg.gentools import compute_full_text
 from genmsg.msg_loader import load_depends, load_msg_by_type
+
+_NUMBERS = frozenset(
+    {
+        "int8",
+        "int16",
+        "int32",
+        "int64",
+        "uint8",
+        "uint16",
+        "uint32",
+        "uint64",
+        "float32",
+        "float64",
+        "byte",
+        "char",
+    }
+)
+_KINDS = dict.fromkeys(_NUMBERS, "a number") | {"bool": "a boolean", "string": "a text", "time": "a time"}
+_READ_AS_BOOLEAN = frozenset({"a boolean", "a number"})
 
 
 class UnknownType(Exception):
@@ -24,12 +44,16 @@ class AnyMessages:
 
     def decode(self, message: Any) -> Any:
         """Decodes a rospy.AnyMsg by its publisher's definition. ValueError when the definition or the bytes are wrong."""
-        header = message._connection_header
-        made = self.class_of(header["type"], header["md5sum"], header.get("message_definition", ""))
+        made = self.class_of_sender(message)
         try:
             return made().deserialize(message._buff)
         except genpy.DeserializationError as error:
-            raise ValueError(f"{header['type']}: bytes that are not of its definition") from error
+            raise ValueError(f"{made._type}: bytes that are not of its definition") from error
+
+    def class_of_sender(self, message: Any) -> Any:
+        """The class of a rospy.AnyMsg by its publisher's definition. ValueError as `class_of`."""
+        header = message._connection_header
+        return self.class_of(header["type"], header["md5sum"], header.get("message_definition", ""))
 
     def class_of(self, kind: str, md5: str, text: str) -> Any:
         """The class of a publisher's own text. ValueError when the text is not of this md5, or no definition."""
@@ -62,3 +86,33 @@ def class_of(kind: str, search_path: dict[str, list[str]]) -> Any:
         raise UnknownType(
             f"{kind} is neither installed nor among the texts on ROS_PACKAGE_PATH: {error}"
         ) from error
+
+
+def why_unfit(theirs: Any, ours: Any, paths: Iterable[str]) -> str | None:
+    """Why a reader of `paths` of the class `ours` cannot read messages of the class `theirs`; None when it can.
+
+    Numbers of every width are of one kind. A boolean may be read from a number, as C has it, and from nothing else.
+    """
+    for path in paths:
+        needed = _kind(ours, path)
+        try:
+            found = _kind(theirs, path)
+        except AttributeError:
+            return f"{theirs._type} has no {path}"
+        if found != needed and not (needed == "a boolean" and found in _READ_AS_BOOLEAN):
+            return f"{theirs._type} has {found} in {path}, where {ours._type} has {needed}"
+    return None
+
+
+def _kind(message_class: Any, path: str) -> str:
+    """The kind of a field by its declared type. AttributeError for a path that the class does not have."""
+    *parents, last = path.split(".")
+    message = message_class()
+    for step in parents:
+        message = getattr(message, step)
+    declared = dict(zip(getattr(message, "__slots__", ()), getattr(message, "_slot_types", ()), strict=False))
+    if last not in declared:
+        raise AttributeError(last)
+    element, bracket, _ = declared[last].partition("[")
+    kind = _KINDS.get(element, element)
+    return f"a list of {kind.removeprefix('a ')}s" if bracket else kind

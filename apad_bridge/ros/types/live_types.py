@@ -9,17 +9,16 @@ import rosgraph
 
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
-from apad_bridge.ros.types.any_message import AnyMessages
+from apad_bridge.ros.types.any_message import AnyMessages, why_unfit
 from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5, topic_definition
 from apad_bridge.ros.types.workspace_services import service_by_text
-from apad_bridge.scenario.lab_interface.fields import has
 
 Needed = Mapping[str, tuple[Any, tuple[str, ...]]]
 """By topic: our message class, and the paths of the fields read."""
 
 
 def unreadable_topics(published: Needed) -> list[str]:
-    """A line for each topic whose publisher's definition differs from ours and lacks a field that we read.
+    """A line for each topic whose publisher's definition differs from ours and has another field than those that we read.
 
     The line names both definitions by type and md5. A topic that only differs is read by its own definition.
     """
@@ -34,9 +33,7 @@ def unreadable_topics(published: Needed) -> list[str]:
         if theirs.md5 == ours._md5sum:
             continue
         try:
-            message = AnyMessages().class_of(theirs.kind, theirs.md5, theirs.text)()
-            lacks = [path for path in fields if not has(message, path)]
-            why = f"it has no {', '.join(lacks)}" if lacks else ""
+            why = why_unfit(AnyMessages().class_of(theirs.kind, theirs.md5, theirs.text), ours, fields)
         except ValueError as error:
             why = str(error)
         if why:

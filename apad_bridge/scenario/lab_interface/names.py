@@ -55,7 +55,7 @@ class Number:
             value = found[1] if found else None
         try:
             return None if value is None else int(value) + self.offset
-        except ValueError:
+        except (ValueError, OverflowError):  # OverflowError of an infinite one
             return None
 
 

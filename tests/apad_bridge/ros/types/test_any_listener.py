@@ -1,0 +1,166 @@
+"""What a flight reads of publishers whose definitions are not ours."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import genpy.dynamic
+import pytest
+import rospy
+from std_msgs.msg import Bool, Float32MultiArray, Float64, Int32, String
+
+from apad_bridge.ros.links import generation_a, generation_b
+from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
+from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, NavSts
+from apad_bridge.ros.links.other_apads import OtherAPads
+from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.types.any_message import why_unfit
+from apad_bridge.scenario.lab_interface.messages import MessageKind
+from apad_bridge.scenario.lab_interface.names import Names, Number, Subscription
+from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived, PoseReceived
+
+Inboxed = tuple[LegacySubscribers, Inbox[Any]]
+
+
+@pytest.fixture(params=["a", "b"])
+def subscribed(request: pytest.FixtureRequest) -> Iterator[Inboxed]:
+    inbox: Inbox[Any] = Inbox()
+    made: dict[str, Callable[[], LegacySubscribers]] = {
+        "a": lambda: generation_a.Subscribers("apad1", [4], inbox, stamped=False),
+        "b": lambda: generation_b.Subscribers("apad1", inbox, stamped=False),
+    }
+    subscribers = made[request.param]()
+    yield subscribers, inbox
+    subscribers.close()
+
+
+def on_the_wire(message: Any, node: str = "/stranger") -> rospy.AnyMsg:
+    """The message as rospy hands it to a subscriber of any type."""
+    buffer, raw = io.BytesIO(), rospy.AnyMsg()
+    message.serialize(buffer)
+    raw.deserialize(buffer.getvalue())
+    raw._connection_header = {
+        "type": message._type,
+        "md5sum": message._md5sum,
+        "message_definition": message._full_text,
+        "callerid": node,
+    }
+    return raw
+
+
+def twisted(field: str, kind: str) -> Any:
+    """A NavSts with one field declared otherwise, by a publisher whose definition it is."""
+    fields = {"north": "float64", "east": "float64", "yaw": "float32", "stamp": "Header header"}
+    fields[field] = kind
+    text = (
+        f"{fields['stamp']}\nNED position\nRPY orientation\nuint8 status\n"
+        f"{'=' * 80}\nMSG: auv_msgs/NED\n{fields['north']} north\n{fields['east']} east\nfloat64 depth\n"
+        f"{'=' * 80}\nMSG: auv_msgs/RPY\nfloat32 roll\nfloat32 pitch\n{fields['yaw']} yaw\n"
+        f"{'=' * 80}\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
+    )
+    return genpy.dynamic.generate_dynamic("auv_msgs/NavSts", text)["auv_msgs/NavSts"]
+
+
+@pytest.mark.parametrize("kind", [String, Int32, Float32MultiArray, NavSts], ids=lambda it: it._type)
+def test_a_publisher_of_another_type_gives_a_flight_nothing_of_its_kind(
+    subscribed: Inboxed, kind: Any
+) -> None:
+    """Every topic of both generations: `rostopic pub /apad1/battery_level std_msgs/String hello` ended a mission."""
+    subscribers, inbox = subscribed
+    message = kind(data="hello") if kind is String else kind()
+    for subscriber in subscribers._subscribers:
+        subscriber.callback(on_the_wire(message))
+    for taken in inbox.take():
+        # What is taken is of the declared kind, and so has not come from the text or the list.
+        assert not isinstance(taken, BatteryReceived) or isinstance(taken.percent, int | float)
+        assert not isinstance(taken, PoseReceived) or isinstance(taken.north_m, float)
+        assert kind is not String or type(taken).__name__ == "FinishedReceived"
+    assert sum(inbox.dropped.values()) >= 1
+
+
+def test_a_text_for_a_number_is_dropped_counted_and_told_once_with_its_node(subscribed: Inboxed) -> None:
+    subscribers, inbox = subscribed
+    battery = subscribers._subscribers[2].callback
+    for node in ("/stranger", "/stranger", "/another"):
+        battery(on_the_wire(String(data="hello"), node))
+    battery(on_the_wire(Float64(data=55.0), "/apad"))
+    why = "std_msgs/String has a text in data, where std_msgs/Float64 has a number"
+    assert inbox.take() == [BatteryReceived(UNSTAMPED, 55.0)]
+    assert inbox.dropped == {f"apad1/battery_level: {why}": 3}
+    events = inbox.take_events()
+    assert [(kind, it["node"]) for kind, it in events] == [
+        ("unreadable", "/stranger"),
+        ("unreadable", "/another"),
+    ]
+    assert events[0][1] == {"topic": "apad1/battery_level", "node": "/stranger", "why": why}
+    assert inbox.take_events() == []
+
+
+@pytest.mark.parametrize(
+    ("field", "kind"),
+    [
+        ("north", "string"),
+        ("east", "float64[]"),
+        ("yaw", "time"),
+        ("yaw", "bool"),
+        ("stamp", "string header"),
+    ],
+)
+def test_a_pose_with_a_field_of_another_kind_is_dropped(subscribed: Inboxed, field: str, kind: str) -> None:
+    subscribers, inbox = subscribed
+    subscribers._subscribers[0].callback(on_the_wire(twisted(field, kind)()))
+    assert inbox.take() == [] and sum(inbox.dropped.values()) == 1
+    ((_, told),) = inbox.take_events()
+    assert told["node"] == "/stranger" and "auv_msgs/NavSts has" in told["why"]
+
+
+def test_a_pose_whose_numbers_are_narrower_is_read() -> None:
+    inbox: Inbox[Any] = Inbox()
+    subscribers = generation_b.Subscribers("apad1", inbox, stamped=False)
+    narrow = twisted("north", "float32")()
+    narrow.position.north, narrow.position.east, narrow.orientation.yaw = 1.5, 2.0, 0.5
+    subscribers._subscribers[0].callback(on_the_wire(narrow))
+    subscribers.close()
+    assert inbox.take() == [PoseReceived(UNSTAMPED, 1.5, 2.0, 0.5, None)]
+
+
+def test_the_guards_of_several_aPads_keep_the_last_place_of_one_with_a_strangers_messages() -> None:
+    others = OtherAPads(["apad2"])
+    position = others._subscribers[0].callback
+    own = NavSts()
+    own.position.north, own.position.east = 3.0, 4.0
+    position(on_the_wire(own, "/apad2"))
+    position(on_the_wire(twisted("north", "string")()))
+    position(on_the_wire(String(data="hello")))
+    assert [it.place_m for it in others.bodies()] == [(3.0, 4.0)]
+    assert [it["node"] for _, it in others.take_events()] == ["/stranger"]
+    others.close()
+
+
+def test_a_boolean_may_be_read_from_a_number_and_a_number_from_no_boolean() -> None:
+    assert why_unfit(Int32, Bool, ("data",)) is None
+    assert "a boolean in data" in (why_unfit(Bool, Int32, ("data",)) or "")
+    assert why_unfit(String, Bool, ("data",)) is not None
+    assert why_unfit(NavSts, NavSts, POSE_FIELDS) is None
+    assert why_unfit(Float64, Float32MultiArray, ("data",)) is not None
+    assert why_unfit(Float64, NavSts, POSE_FIELDS) == "std_msgs/Float64 has no header.stamp"
+
+
+def test_a_laboratorys_message_of_another_type_is_dropped_counted_and_told_once() -> None:
+    """A large number where bytes are read would be as many zeros, and an infinite one is no id."""
+    heard = (
+        Subscription(what=MessageKind.PACKET, topic="/modem", bytes="data"),
+        Subscription(what=MessageKind.PERMISSION, topic="/permit", id=Number(field="data")),
+    )
+    subscribers = LaboratorySubscribers(Names(hear=heard), "apad1", [4])
+    packets, permissions = (it.callback for it in subscribers._subscribers)
+    for _ in range(2):
+        packets(on_the_wire(Int32(data=2_000_000_000)), (heard[0], None))
+    packets(on_the_wire(String(data="hello")), (heard[0], None))
+    permissions(on_the_wire(Float64(data=float("inf"))), (heard[1], None))
+    assert subscribers.take(0) == []
+    assert subscribers.dropped == {"/modem: data holds no bytes": 3, "/permit: says no id": 1}
+    assert [it["node"] for _, it in subscribers.take_events()] == ["/stranger"]
+    subscribers.close()
