@@ -192,8 +192,7 @@ class Clients:
         assert address.hostname is not None and address.port is not None
         token = parse_qs(address.query)["token"][0]
         request = (
-            f"GET /live?counts=0,0,0,0 HTTP/1.1\r\nHost: {address.netloc}\r\n"
-            f"Cookie: musselbed_console_{address.port}={token}\r\n\r\n"
+            f"GET /live?token={token}&counts=0,0,0,0 HTTP/1.1\r\nHost: {address.netloc}\r\n\r\n"
         ).encode()
         self.messages = 0
         self._links = [socket.create_connection((address.hostname, address.port)) for _ in range(count)]

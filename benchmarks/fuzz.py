@@ -637,8 +637,10 @@ async def _asked(app: Any, rng: random.Random, body: bytes) -> int:
     """The status of one request's answer."""
     length = rng.choice((str(len(body)), str(len(body)), "-1", "x", "", "9" * 30, "\u00b2")).encode("latin-1")
     counts = rng.choice(("0,0,0,0", "-1,-9,5,5", "9" * 5000, f"{2**70},1,1,1", "a", "1,2,3", ""))
-    query = rng.choice((b"", b"token=", b"token=" + rng.randbytes(5), b"counts=" + counts.encode()))
-    cookie = rng.choice((_TOKEN, _TOKEN, _TOKEN, "", "\u00e9", "x" * 3000)).encode("latin-1")
+    token = rng.choice((_TOKEN, _TOKEN, _TOKEN, "", "\u00e9", "x" * 3000)).encode("latin-1")
+    known = b"token=" + _TOKEN.encode() + b"&counts=" + counts.encode()
+    query = rng.choice((b"", b"token=", b"token=" + rng.randbytes(5), known, known))
+    origin = rng.choice((b"http://127.0.0.1:80", b"http://127.0.0.1:80", b"http://[::1", b"null", b"\xff"))
     path = rng.choice(("/live", "/orders", "/orders", "/favicon.ico", "/nowhere", "/live/../orders"))
     scope = {
         "type": "http",
@@ -649,7 +651,12 @@ async def _asked(app: Any, rng: random.Random, body: bytes) -> int:
         "path": path,
         "raw_path": path.encode(),
         "query_string": query,
-        "headers": [(b"content-length", length), (b"cookie", b"musselbed_console_80=" + cookie)],
+        "headers": [
+            (b"content-length", length),
+            (b"x-musselbed-token", token),
+            (b"host", b"127.0.0.1:80"),
+            (b"origin", origin),
+        ],
         "server": ("127.0.0.1", 80),
         "client": ("127.0.0.1", 1),
     }

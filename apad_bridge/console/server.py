@@ -1,6 +1,8 @@
 """The console's web server: the replay page with live data, and a person's orders.
 
-Every request needs the console's token: as `?token=` once, then as a cookie that the browser sends to this server alone.
+Every request needs the console's token. It is no cookie, which a browser would send to every port of the host: the page
+keeps it for its own origin and sends it with each request. An order needs it in a header, which no page of another origin
+can add.
 Orders go to the supervisor as those of the commands do (`supervisor/control.py`), so the same rules refuse them.
 """
 
@@ -23,7 +25,6 @@ from starlette.responses import (
     HTMLResponse,
     JSONResponse,
     PlainTextResponse,
-    RedirectResponse,
     Response,
     StreamingResponse,
 )
@@ -45,9 +46,21 @@ _WAITING = 40
 _READ_S = 20.0
 """A page waits so long for the journal to be read."""
 _ORDER = TypeAdapter[control.AnyRequest](control.AnyRequest)
-_REFUSED = PlainTextResponse(
-    "This console needs its token: open the address that `musselbed console` printed.\n", status_code=403
+_NEEDS_TOKEN = "This console needs its token: open the address that `musselbed console` printed."
+_REFUSED = PlainTextResponse(f"{_NEEDS_TOKEN}\n", status_code=403)
+_TOKEN_HEADER = "X-Musselbed-Token"
+_PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY"}
+"""The headers of pages: no other page gets the address with the token, nor shows this one in a frame."""
+_ASKED_AGAIN = HTMLResponse(
+    f"""<!doctype html><title>musselbed</title><p>{_NEEDS_TOKEN}</p><script>
+const token = sessionStorage.getItem("token");
+sessionStorage.removeItem("token");  // a wrong one is tried once
+if (token) location.replace("/?token=" + encodeURIComponent(token) + location.hash);
+</script>""",
+    status_code=403,
+    headers=_PRIVATE,
 )
+"""A tab that is loaded again has its token still."""
 
 _NOT_BEGUN = PlainTextResponse(
     "The flight has not begun yet. This page opens it as soon as it does.\n",
@@ -190,17 +203,13 @@ class _Pages:
         """Made when the server starts; done when the flight has begun and its journal so far is read."""
 
     async def page(self, request: Request) -> Response:
-        if self._is_token(request.query_params.get("token", "")):
-            answer = RedirectResponse("/", status_code=303)
-            answer.set_cookie(_cookie(request), self._token, httponly=True, samesite="strict")
-            return answer
-        if not self._is_known(request):
-            return _REFUSED
+        if not self._is_token(request.query_params.get("token", "")):
+            return _ASKED_AGAIN
         broadcast = await self._begun()
-        return _NOT_BEGUN if broadcast is None else HTMLResponse(await broadcast.page())
+        return _NOT_BEGUN if broadcast is None else HTMLResponse(await broadcast.page(), headers=_PRIVATE)
 
     async def live(self, request: Request) -> Response:
-        if not self._is_known(request):
+        if not self._is_token(request.query_params.get("token", "")):
             return _REFUSED
         if (broadcast := await self._begun()) is None:
             return _NOT_BEGUN
@@ -216,8 +225,10 @@ class _Pages:
         )
 
     async def order(self, request: Request) -> Response:
-        if not self._is_known(request):
+        if not self._is_token(request.headers.get(_TOKEN_HEADER, "")):
             return _REFUSED
+        if not _is_of_this_origin(request):
+            return PlainTextResponse("orders are taken from this console's own page\n", status_code=403)
         length = request.headers.get("content-length", "")
         # The digits before the number: a text of five thousand is no integer to Python.
         if not (re.fullmatch("[0-9]{1,9}", length) and 0 < int(length) <= LONGEST_LINE):
@@ -245,10 +256,9 @@ class _Pages:
         # As bytes: the comparison takes no text beyond ASCII.
         return hmac.compare_digest(text.encode(), self._token.encode())
 
-    def _is_known(self, request: Request) -> bool:
-        return self._is_token(request.cookies.get(_cookie(request), ""))
 
-
-def _cookie(request: Request) -> str:
-    """A name for each port: browsers share cookies between the ports of a host, and each console has its own token."""
-    return f"musselbed_console_{request.scope['server'][1]}"
+def _is_of_this_origin(request: Request) -> bool:
+    """Browsers name the page that asks: its origin with every POST, and to trusted addresses its relation to ours."""
+    host = request.headers.get("host", "")
+    is_ours = request.headers.get("origin") in (f"http://{host}", f"https://{host}")
+    return is_ours and request.headers.get("sec-fetch-site", "same-origin") == "same-origin"

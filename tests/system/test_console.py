@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import http.server
 import json
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 import yaml
@@ -253,21 +255,92 @@ def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) 
     ordered = journalled(shared_run, "operator")
     with console_beside(shared_run) as url:
         base, token = url.split("/?token=")
-        for path, cookie in (
-            ("/", ""),
-            ("/?token=guess", ""),
-            ("/?token=%C3%BC", ""),
-            ("/live?counts=0,0,0,0", "guess"),
-            ("/orders", ""),
+        of_this_page = {"Origin": base, "Sec-Fetch-Site": "same-origin"}
+        for path, headers in (
+            ("/", {}),
+            ("/", {"X-Musselbed-Token": token}),
+            ("/?token=guess", {}),
+            ("/?token=%C3%BC", {}),
+            ("/live?counts=0,0,0,0", {}),
+            ("/live?token=guess&counts=0,0,0,0", {"Cookie": f"token={token}"}),
+            ("/orders", of_this_page),
+            (f"/orders?token={token}", of_this_page),
+            ("/orders", {**of_this_page, "Cookie": f"token={token}"}),
+            ("/orders", {**of_this_page, "X-Musselbed-Token": "guess"}),
+            ("/orders", {"X-Musselbed-Token": token}),
+            ("/orders", {"X-Musselbed-Token": token, "Origin": "http://127.0.0.1:1"}),
+            ("/orders", {"X-Musselbed-Token": token, "Origin": "null"}),
+            ("/orders", {"X-Musselbed-Token": token, "Origin": "http://[::1"}),
+            ("/orders", {"X-Musselbed-Token": token, "Origin": base, "Sec-Fetch-Site": "same-site"}),
         ):
-            request = urllib.request.Request(base + path, headers={"Cookie": f"musselbed_console={cookie}"})
-            if path == "/orders":
+            request = urllib.request.Request(base + path, headers=headers)
+            if path.startswith("/orders"):
                 request.data = b'{"act": "abort", "by": "Mallory"}'
             with pytest.raises(urllib.error.HTTPError) as refused:
                 urllib.request.urlopen(request, timeout=PATIENCE_S)
             assert refused.value.code == 403
             assert token not in refused.value.read().decode()
             refused.value.close()
+    assert journalled(shared_run, "operator") == ordered
+
+
+class Stranger(http.server.BaseHTTPRequestHandler):
+    """A page on another port of this machine; keeps the cookies that browsers send it."""
+
+    cookies: ClassVar[list[str]] = []
+
+    def do_GET(self) -> None:
+        self.cookies += self.headers.get_all("Cookie") or []
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(b"<!doctype html><p>a stranger")
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+ORDER_FROM_ANOTHER_PORT = """
+const done = arguments[arguments.length - 1], [order, token] = arguments;
+const body = JSON.stringify({act: "abort", by: "Mallory"});
+const ask = (more) => fetch(order, {method: "POST", credentials: "include", body, ...more})
+  .then((it) => it.status, () => "blocked");
+Promise.all([ask({mode: "no-cors"}), ask({}), ask({headers: {"X-Musselbed-Token": token}})]).then(done);
+"""
+
+
+def test_a_page_of_another_port_gets_no_cookie_and_gives_no_order(
+    browser: webdriver.Chrome, shared_run: Path
+) -> None:
+    """Cookies ignore ports, and so does SameSite: a page of another port sent a person's cookie along with its order."""
+    ordered = journalled(shared_run, "operator")
+    with (
+        console_beside(shared_run) as url,
+        http.server.ThreadingHTTPServer(("127.0.0.1", 0), Stranger) as stranger,
+    ):
+        serving = threading.Thread(target=stranger.serve_forever)
+        serving.start()
+        try:
+            load_page(browser, url)
+            begun_s = seconds(browser)
+            wait_until(lambda: seconds(browser) > begun_s)
+            browser.get(f"http://127.0.0.1:{stranger.server_port}/")
+            base, token = url.split("/?token=")
+            # Even one that has learned the token, which its own page is not asked for.
+            answers = browser.execute_async_script(ORDER_FROM_ANOTHER_PORT, f"{base}/orders", token)
+            assert answers == [0, "blocked", "blocked"]
+            # What the browser sends with a request of its own to that port, that port's server can use.
+            cookies = [{"Cookie": it} for it in Stranger.cookies]
+            assert cookies == []
+            # The person's own tab still has its token when it comes back.
+            browser.get(f"{base}/")
+            wait_until(lambda: browser.execute_script("return document.body.dataset.timeMs !== undefined"))
+            assert "token" not in browser.current_url
+            begun_s = seconds(browser)
+            wait_until(lambda: seconds(browser) > begun_s)
+            browser.get_log("browser")  # type: ignore[no-untyped-call]
+        finally:
+            stranger.shutdown()
+            serving.join()
     assert journalled(shared_run, "operator") == ordered
 
 

@@ -31,10 +31,11 @@ SPEED = 4
 ASK = """
 import json, sys, urllib.request
 url, order = sys.argv[1], sys.argv[2]
-opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-page = opener.open(url, timeout=180).read().decode()
-ask = urllib.request.Request(url.partition("?")[0] + "orders", order.encode(), {"Content-Type": "application/json"})
-print(json.dumps({"page": len(page), "has_mussels": "amussel" in page.lower(), **json.load(opener.open(ask, timeout=180))}))
+base, token = url.split("/?token=")
+page = urllib.request.urlopen(url, timeout=180).read().decode()
+ask = urllib.request.Request(base + "/orders", order.encode(), {"X-Musselbed-Token": token, "Origin": base})
+answer = json.load(urllib.request.urlopen(ask, timeout=180))
+print(json.dumps({"page": len(page), "has_mussels": "amussel" in page.lower(), **answer}))
 """
 
 

@@ -11,7 +11,7 @@ const ASKED_FIRST = {
   "cause a fault": "The aMussel's board will meet this fault.",
 };
 const LEGEND_MS = 3000;
-let counts, heardMs, stream, legendMs = 0;
+let counts, heardMs, stream, token, legendMs = 0;
 
 function take({ sample, supervisor, ended_by, summary }) {
   heardMs = performance.now();
@@ -91,7 +91,9 @@ async function order(act, more = {}) {
   if (ASKED_FIRST[act] && !(await isSure(ASKED_FIRST[act] + whose))) return;
   $("answer").textContent = "…";
   try {
-    const answer = await fetch("/orders", { method: "POST", body: JSON.stringify({ act, by: "console", ...more }) });
+    const answer = await fetch("/orders", {
+      method: "POST", headers: { "X-Musselbed-Token": token }, body: JSON.stringify({ act, by: "console", ...more }),
+    });
     const { accepted, message } = await answer.json();
     $("answer").textContent = `${act}${whose}: ${message || (accepted ? "done" : "refused")}`;
   } catch {
@@ -110,7 +112,7 @@ function isSure(question) {
 }
 
 function connect() {
-  stream = new EventSource(`/live?counts=${counts.join()}`);
+  stream = new EventSource(`/live?token=${encodeURIComponent(token)}&counts=${counts.join()}`);
   stream.onmessage = (event) => take(JSON.parse(event.data));
   // Not the browser's own reconnection, which would ask again for what the page has by now.
   stream.onerror = () => {
@@ -126,7 +128,15 @@ function follow() {
   show(endMs);
 }
 
+// The token stays with this tab and this origin: a cookie would go to every port of the host.
+function takeToken() {
+  token = new URLSearchParams(location.search).get("token");
+  sessionStorage.setItem("token", token);
+  history.replaceState(null, "", "/" + location.hash);
+}
+
 if (data.live) {
+  takeToken();
   document.body.classList.add("live");
   counts = data.live.counts;
   heardMs = performance.now();

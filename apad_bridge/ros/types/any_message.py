@@ -89,7 +89,7 @@ def class_of(kind: str, search_path: dict[str, list[str]]) -> Any:
 
 
 def why_unfit(theirs: Any, ours: Any, paths: Iterable[str]) -> str | None:
-    """Why a reader of `paths` of the class `ours` cannot read messages of the class `theirs`; None when it can.
+    """Says why a reader of `paths` of `ours` cannot read messages of the class `theirs`; None when it can.
 
     Numbers of every width are of one kind. A boolean may be read from a number, as C has it, and from nothing else.
     """
