@@ -20,7 +20,7 @@ LOOPBACK = "127.0.0.1"
 NEPTUS_PORT = 6001
 _LAST_PACKETS_S = 3.0
 _NO_AUTHENTICATION = (
-    "IMC has no authentication: whoever can send from a listed console's address can give its orders"
+    "IMC has no authentication: whoever can send from a listed console's address and port can give its orders"
 )
 
 

@@ -198,8 +198,8 @@ class Gateway:
 
     def _take(self, received: Received) -> None:
         message = received.message
-        if isinstance(message, imc.Announce) and received.by_multicast:
-            self._wire.discover(message)
+        if isinstance(message, imc.Announce):
+            self._wire.discover(received)
         elif isinstance(message, imc.EntityList) and message.op == imc.EntityList.OperationEnum.QUERY:
             if self._wire.why_not_obeyed(received, self._apad.imc_id) is None:
                 self._send_to(received.sender, messages.entity_list(), message.src)
@@ -213,7 +213,8 @@ class Gateway:
             stranger = (message.src, received.sender[0])
             if stranger not in self._strangers and len(self._strangers) < _MOST_STRANGERS:
                 self._strangers.add(stranger)
-                self._tell(f"dropped {why}: {message.msg_name} of {message.src:#06x} at {received.sender[0]}")
+                at = "{}:{}".format(*received.sender)
+                self._tell(f"dropped {why}: {message.msg_name} of {message.src:#06x} at {at}")
             return
         packet = imc.packed(message)
         if packet in self._newest_orders:

@@ -1,8 +1,9 @@
 """The sockets of a gateway: one for its consoles, and one that hears their announcements by multicast.
 
 A console is listed with its address, and with its IMC id if it may give orders. An order counts when it comes from that id
-and that address to the gateway's own socket, addressed to the aPad. Ids and addresses can be forged: IMC has no
-authentication.
+and that address, port included, to the gateway's own socket, addressed to the aPad. A console sends from the port at which
+it listens, as Neptus does, so another user of its machine cannot send from there while it runs. Ids and addresses can be
+forged: IMC has no authentication.
 """
 
 from __future__ import annotations
@@ -69,6 +70,8 @@ class Wire:
         self._consoles = consoles
         self._discovered: dict[int, Address] = {}
         """Consoles that announced themselves, by id: they are shown the run."""
+        self._announced: dict[Console, frozenset[Address]] = {}
+        """By listed console, the addresses of its services on its other interfaces, at the port that it is listed with."""
         self._selector = selectors.DefaultSelector()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._group: socket.socket | None = None
@@ -138,15 +141,23 @@ class Wire:
                     continue
                 yield Received(message, sender, by_multicast)
 
-    def discover(self, announced: Message) -> None:
-        """Takes the announcement of a console, heard by multicast: from now on it is shown the run."""
+    def discover(self, received: Received) -> None:
+        """Takes an announcement. A console that is heard by multicast is shown the run from now on.
+
+        A listed console's other interfaces are its own, too, if it announces them from its listed host with its listed
+        port: a packet may leave a machine by another interface than the one that is listed.
+        """
+        announced = received.message
         if announced.sys_type != imc.SystemType.CCU:
             return
-        service = _SERVICE.search(announced.services)
-        known = announced.src in self._discovered
-        if service is None or (not known and len(self._discovered) >= _MOST_DISCOVERED):
-            return
-        self._discovered[announced.src] = (service["host"], int(service["port"]))
+        services = [(it["host"], int(it["port"])) for it in _SERVICE.finditer(announced.services)]
+        for console in self._consoles:
+            host, port = console.address
+            if console.imc_id == announced.src and received.sender[0] == host:
+                self._announced[console] = frozenset(it for it in services if it[1] == port)
+        is_known = announced.src in self._discovered
+        if received.by_multicast and services and (is_known or len(self._discovered) < _MOST_DISCOVERED):
+            self._discovered[announced.src] = services[0]
 
     def why_not_obeyed(self, received: Received, apad_id: int) -> str | None:
         """Why an order does not count; None for one that does."""
@@ -155,8 +166,12 @@ class Wire:
             return "an order by multicast"
         if message.dst != apad_id:
             return "an order that is not addressed to the aPad"
-        if not any(it.imc_id == message.src and it.address[0] == received.sender[0] for it in self._consoles):
-            return "an order of a console that is not listed with its id and its address"
+        if not any(
+            it.imc_id == message.src
+            and (received.sender == it.address or received.sender in self._announced.get(it, ()))
+            for it in self._consoles
+        ):
+            return "an order of a console that is not listed with its id, its address and its port"
         return None
 
     def close(self) -> None:

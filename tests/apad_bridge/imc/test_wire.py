@@ -57,10 +57,45 @@ def test_only_a_listed_console_gives_orders(
     assert found is None if why is None else found is not None and why in found
 
 
-def test_a_listed_id_at_another_address_gives_no_orders(wire: Wire, codec: Codec) -> None:
+def test_a_listed_id_at_another_address_gives_no_orders(
+    wire: Wire, console: socket.socket, codec: Codec
+) -> None:
     message = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), NEPTUS, APAD))
-    got = Received(message, ("192.0.2.1", 6001), by_multicast=False)
+    got = Received(message, ("192.0.2.1", console.getsockname()[1]), by_multicast=False)
     assert "not listed" in str(wire.why_not_obeyed(got, APAD))
+
+
+def test_another_user_of_the_machine_gives_no_orders_by_a_listed_id(wire: Wire, codec: Codec) -> None:
+    """It shares the host with the console, and cannot send from its port: nor by announcing its own as the console's."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as local:
+        local.bind(("127.0.0.1", 0))
+        mine = "{}:{}".format(*local.getsockname())
+        announced = codec.make("Announce", sys_name="n", sys_type=0, services=f"imc+udp://{mine}/")
+        local.sendto(codec.pack(announced, NEPTUS, 0xFFFF), wire.address)
+        local.sendto(codec.pack(codec.make("Abort"), NEPTUS, APAD), wire.address)
+        heard: list[Received] = []
+        while len(heard) < 2:
+            heard += received(wire)
+    wire.discover(heard[0])
+    assert "not listed" in str(wire.why_not_obeyed(heard[1], APAD))
+
+
+def test_a_listed_console_gives_orders_from_its_other_interfaces_once_it_has_announced_them(
+    wire: Wire, console: socket.socket, codec: Codec
+) -> None:
+    host, port = console.getsockname()
+    order = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), NEPTUS, APAD))
+    elsewhere = Received(order, ("10.0.200.9", port), by_multicast=False)
+    services = f"imc+udp://172.17.0.1:{port}/;imc+udp://10.0.200.9:{port}/;imc+udp://10.0.200.10:7001/"
+    announced = codec.make("Announce", sys_name="n", sys_type=0, services=services)
+    for src, sender in ((0x4002, (host, port)), (NEPTUS, ("192.0.2.1", port))):
+        wire.discover(Received(imcpy.Packet.deserialize(codec.pack(announced, src, 0xFFFF)), sender, True))
+        assert wire.why_not_obeyed(elsewhere, APAD) is not None
+    wire.discover(
+        Received(imcpy.Packet.deserialize(codec.pack(announced, NEPTUS, 0xFFFF)), (host, 40_000), True)
+    )
+    assert wire.why_not_obeyed(elsewhere, APAD) is None
+    assert wire.why_not_obeyed(Received(order, ("10.0.200.10", 7001), False), APAD) is not None
 
 
 def test_a_console_without_an_id_is_shown_the_run_and_gives_no_orders(
@@ -124,7 +159,8 @@ def test_by_multicast_consoles_are_found_and_nobody_is_obeyed(
         service = "imc+udp://127.0.0.1:7001/;imc+tcp://127.0.0.1:7001/"
         for system, kind in ((0x4002, 0), (0x2805, 3)):
             announced = codec.make("Announce", sys_name="n", sys_type=kind, services=service)
-            group_wire.discover(imcpy.Packet.deserialize(codec.pack(announced, system, 0xFFFF)))
+            message = imcpy.Packet.deserialize(codec.pack(announced, system, 0xFFFF))
+            group_wire.discover(Received(message, sender.getsockname(), by_multicast=True))
         assert group_wire.destinations == [console.getsockname(), ("127.0.0.1", 7001)]
         # Found, and yet not obeyed: it is not listed.
         abort = imcpy.Packet.deserialize(codec.pack(codec.make("Abort"), 0x4002, APAD))
