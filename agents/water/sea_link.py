@@ -6,34 +6,32 @@
     flight: Leave
 
 A link is a stream socket in a directory of the run, for its user alone. `multiprocessing.connection` frames the messages,
-because a tick has no bound on its size; they are pickles of the classes of our own packages, and of nothing else.
+because a tick has no bound on its size; `sea_codec` makes their bytes.
 """
 
 from __future__ import annotations
 
-import io
-import pickle
 import socket
 import struct
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, get_args
 
 from agents.coordinator import Died, Heard
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery import protocol
 from agents.water.places import Place
+from agents.water.sea_codec import Codec
 from agents.water.sea_events import SeaResult
+from agents.water.topology import LinkRule, Topology
 
 SOCKET_NAME = "sea.sock"
 _LIMIT_BYTES = 2**26
 _STUCK_S = 10.0
 """A message that has begun and does not go on for so long ends its link."""
-_PACKAGES = frozenset({"agents", "firmware_model"})
 
 
 class LinkEnded(Exception):
@@ -137,6 +135,8 @@ class Leave:
 
 
 Message = Hello | Welcome | Refused | Ready | Begin | Tick | Window | Windowed | Ticked | Leave
+CODEC = Codec((*get_args(Message), LinkRule, Topology), {Topology: "rules"})
+"""A `Call` has any arguments of a station's methods; of these a topology alone is more than numbers and bytes."""
 
 
 class Link:
@@ -158,7 +158,7 @@ class Link:
     def send(self, message: Message) -> None:
         """LinkEnded if the other end is gone, or does not read."""
         try:
-            self._connection.send_bytes(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
+            self._connection.send_bytes(CODEC.encode(message))
         except OSError as error:
             raise LinkEnded(f"its link ended: {error.strerror}") from None
 
@@ -171,31 +171,12 @@ class Link:
         except (EOFError, OSError):
             raise LinkEnded("its process is gone") from None
         try:
-            message = _Unpickler(io.BytesIO(data)).load()
-        except Exception as error:  # any error of a pickle is the fault of its writer
+            message = CODEC.decode(data)
+        except ValueError as error:
             raise LinkEnded(f"not a message: {error}") from None
         if not isinstance(message, Message):
             raise LinkEnded(f"not a message: {type(message).__name__}")
         return message
-
-
-class _Unpickler(pickle.Unpickler):
-    """Reads values of our own classes, and calls nothing else."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) == ("builtins", "getattr"):
-            return _member  # so a member of an enumeration is pickled
-        if (module, name) == ("collections", "Counter"):
-            return Counter
-        if module.partition(".")[0] in _PACKAGES and "." not in name:
-            found = super().find_class(module, name)
-            if isinstance(found, type) and found.__module__ == module:
-                return found
-        raise pickle.UnpicklingError(f"{module}.{name} is no part of one")
-
-
-def _member(of: type[Enum], name: str) -> Enum:
-    return of.__members__[name]
 
 
 def listen(directory: str) -> socket.socket:

@@ -53,7 +53,7 @@ def pack(source: Path, out: Path | None = None) -> Path:
     """Packs the directory of a study or of a run into `out`, by default NAME.tar.gz here; returns its path.
 
     The archive appears whole or not at all. NotPacked for anything else, for what still flies or has not ended, and for an
-    archive that is there.
+    archive that is there, and for a symbolic link in the directory.
     """
     name = source.absolute().name
     archive = Path(f"{name}.tar.gz") if out is None else out
@@ -116,15 +116,22 @@ def _pack_run(source: Path, folder: Path) -> _Repeat:
 
 
 def _copy(source: Path, folder: Path, left_out: tuple[str, ...]) -> None:
-    """Copies the regular files, also of folders; files that are being written have names with a leading dot."""
+    """Copies the regular files, also of folders; files that are being written have names with a leading dot.
+
+    NotPacked for a symbolic link: it would bring a file into the archive that nobody meant to publish.
+    """
     folder.mkdir()
     for path in sorted(source.iterdir()):
+        if path.is_symlink():
+            raise NotPacked(
+                f"{path}: a symbolic link, to {path.readlink()}: put the file itself there, or take the link away"
+            )
         if path.name.startswith(".") or path.name in left_out:
             continue
         if path.is_dir():
             _copy(path, folder / path.name, _NOT_PACKED[:-1])
         elif path.is_file():
-            copy2(path, folder / path.name)
+            copy2(path, folder / path.name, follow_symlinks=False)
 
 
 def _describe(folder: Path, repeat: _Repeat) -> None:

@@ -100,6 +100,29 @@ def test_a_packed_run_repeats_its_summary(tmp_path: Path) -> None:
     assert "repeated" in done.stdout
 
 
+@pytest.mark.parametrize("at", ["notes.txt", "imc/notes.txt", "imc", "scenario.yaml", ".hidden"])
+def test_a_link_is_refused_by_name_and_nothing_of_its_target_is_packed(
+    at: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An archive is published: a link to a private file, anywhere in the directory, was in it as that file."""
+    run = tmp_path / "run"
+    scenario = pool_beside(tmp_path)
+    assert main(["run", str(scenario), "--time", "asap", "--out", str(run), "--json"]) == 0
+    private = tmp_path / "private"
+    private.mkdir()
+    (private / "notes.txt").write_text("secret")
+    link = run / at
+    link.parent.mkdir(exist_ok=True)
+    if at == "scenario.yaml":
+        shutil.move(link, private / "scenario.yaml")
+    link.symlink_to(private if at == "imc" else private / Path(at).name)
+    capsys.readouterr()
+    assert main(["pack", str(run), "--out", str(tmp_path / "x.tar.gz")]) == 2
+    told = capsys.readouterr().err
+    assert f"{link}: a symbolic link, to {private}" in told and told.count("\n") == 1
+    assert not (tmp_path / "x.tar.gz").exists()
+
+
 def test_what_is_no_study_and_no_run_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()

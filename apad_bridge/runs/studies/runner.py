@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import fcntl
 import os
-import pickle
+import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 from subprocess import PIPE, Popen
-from typing import Any
+from typing import IO, Any
+
+import msgpack
 
 from agents.hosting import started
 from apad_bridge.records.line_file import LineFile, read_lines
@@ -33,6 +35,8 @@ Fly = Callable[[Plan, Sequence[Block]], Iterator[tuple[Block, list[Row]]]]
 """Flies blocks somewhere; yields each when it is done, in any order."""
 Worker = Popen[bytes]
 _WORKER = "apad_bridge.runs.studies.worker"
+_LENGTH = struct.Struct("<I")
+"""A message between a study and a worker is msgpack behind its length."""
 
 
 class StudyFailed(Exception):
@@ -156,25 +160,41 @@ def _take(waiting: dict[int, list[Block]], last: Block | None) -> Block:
     return block
 
 
+def send(stream: IO[bytes], message: Any) -> None:
+    """Sends plain values. BrokenPipeError when the other end is gone."""
+    data: bytes = msgpack.packb(message)
+    stream.write(_LENGTH.pack(len(data)) + data)
+    stream.flush()
+
+
+def receive(stream: IO[bytes]) -> Any:
+    """Waits for a message; its arrays are lists. EOFError when the other end is gone before the message is whole."""
+    head = stream.read(_LENGTH.size)
+    data = stream.read(*_LENGTH.unpack(head)) if len(head) == _LENGTH.size else b""
+    if not data or len(data) < _LENGTH.unpack(head)[0]:
+        raise EOFError
+    return msgpack.unpackb(data)
+
+
 def _order(process: Worker, block: Block) -> Block:
     assert process.stdin is not None
     with suppress(BrokenPipeError):  # its missing answer tells of its end
-        pickle.dump(block, process.stdin)
-        process.stdin.flush()
+        send(process.stdin, block)
     return block
 
 
 def _answer(process: Worker) -> list[Row]:
     assert process.stdout is not None
     try:
-        answer: list[Row] | StudyFailed = pickle.load(process.stdout)
-    except (EOFError, pickle.UnpicklingError) as error:  # none, or a part of one
+        answer = receive(process.stdout)
+    except EOFError as error:  # none, or a part of one
         raise StudyFailed(
             f"a worker ended with status {process.wait()}, perhaps for lack of memory; the same command continues"
         ) from error
-    if isinstance(answer, StudyFailed):
-        raise answer
-    return answer
+    if "failed" in answer:
+        raise StudyFailed(answer["failed"])
+    rows: list[Row] = answer["rows"]
+    return rows
 
 
 @contextmanager
@@ -187,7 +207,8 @@ def _started_workers(plan: Plan, count: int) -> Iterator[list[Worker]]:
             process = Popen(command, stdin=PIPE, stdout=PIPE, env={**os.environ, **started.environment()})
             processes.append(process)
             assert process.stdin is not None
-            pickle.dump(plan, process.stdin)
+            with suppress(BrokenPipeError):  # its missing answer tells of its end
+                send(process.stdin, plan.to_wire())
         yield processes
     finally:
         for process in processes:

@@ -130,6 +130,25 @@ class Plan:
         text = json.dumps([*decisive, self.study.draws] if self.study.draws else decisive)
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def to_wire(self) -> list[Any]:
+        """The part of the study that flies missions, as plain values for a worker; its scenarios' files stay behind."""
+        settings = [[it.scenario, it.parameters, it.theta] for it in self.settings]
+        study = _STUDY.dump_python(self.study, mode="json")
+        return [study, settings, self.strategies, self.scenarios, self.seeds]
+
+    @classmethod
+    def from_wire(cls, wire: list[Any]) -> Plan:
+        """The inverse of `to_wire`."""
+        study, settings, strategies, scenarios, seeds = wire
+        return cls(
+            _STUDY.validate_json(json.dumps(study), strict=True),
+            tuple(Setting(scenario, tuple(map(tuple, it)), theta) for scenario, it, theta in settings),
+            tuple(strategies),
+            tuple(map(tuple, scenarios)),
+            tuple(seeds),
+            named=(),
+        )
+
 
 _STUDY = TypeAdapter(Study)
 

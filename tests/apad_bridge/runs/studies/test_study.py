@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
-import pickle
 import re
 import signal
 import subprocess
@@ -202,7 +202,9 @@ def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_one_that_is_killed_while_it_answers_is_told(tmp_path: Path, share: float) -> None:
-    whole = pickle.dumps([{"seed": it} for it in range(100)])
+    answer = io.BytesIO()
+    runner.send(answer, {"rows": [{"seed": it} for it in range(100)]})
+    whole = answer.getvalue()
     (tmp_path / "torn").write_bytes(whole[: int(share * len(whole))])
     dies = ["sh", "-c", f"cat {tmp_path}/torn; kill -9 $$"]
     with (
