@@ -12,9 +12,8 @@ from agents.hosting import started
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.run import namespace_of_shell
 from apad_bridge.ros.system.route import environment_for, somebodys_master
-from apad_bridge.runs.exits import UserError, peers_may_fail
+from apad_bridge.runs.exits import peers_may_fail
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.errors import ScenarioError
 
 
 def add_parser(commands: Any) -> None:
@@ -47,10 +46,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.scenario.loader import load
 
-    try:
-        load(arguments.scenario)
-    except ScenarioError as error:
-        raise UserError(str(error)) from error
+    load(arguments.scenario)
     with peers_may_fail():
         environment = environment_for(somebodys_master(), namespace_of_shell())
     command = [*started.PYTHON, "-m", started.__name__, "apad_bridge.ros.simulated_node.apad_node"]

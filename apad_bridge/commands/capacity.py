@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit, UserError
-from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.runs.exits import Exit
 
 
 def add_parser(commands: Any) -> None:
@@ -39,13 +38,10 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.runs.studies.capacity import bounds_of
     from apad_bridge.scenario.loader import load, with_overrides
 
-    try:
-        scenario = with_overrides(
-            load(arguments.scenario), theta=arguments.theta, agents=arguments.agents, seed=arguments.seed
-        )
-        bounds = bounds_of([scenario])
-    except ScenarioError as error:
-        raise UserError(str(error)) from error
+    scenario = with_overrides(
+        load(arguments.scenario), theta=arguments.theta, agents=arguments.agents, seed=arguments.seed
+    )
+    bounds = bounds_of([scenario])
     if arguments.json:
         print(json.dumps(asdict(bounds)))
         return Exit.DONE

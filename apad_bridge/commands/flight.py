@@ -89,8 +89,8 @@ def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Sta
         registry.collection(scenario.mission.collection)
         registry.redeployment(scenario.mission.redeployment)
         return scenario, starts_of(scenario)
-    except ScenarioError as error:
-        raise UserError(str(error)) from error
+    except ScenarioError:
+        raise
     except (OSError, ValueError) as error:
         raise UserError(f"{arguments.scenario}: {error}") from error
 
@@ -175,10 +175,7 @@ def _checked(whole: RunDirectory, code: int) -> int:
 
 
 def _with_end_by_in_seconds(scenario: Scenario, options: RunOptions) -> Scenario:
-    try:
-        return with_end_by_in_seconds(scenario, datetime.now(), options.speed)
-    except ScenarioError as error:
-        raise UserError(str(error)) from error
+    return with_end_by_in_seconds(scenario, datetime.now(), options.speed)
 
 
 def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:

@@ -12,7 +12,6 @@ from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
-from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.text_file import write_atomically
@@ -67,11 +66,8 @@ def _layout_text(arguments: argparse.Namespace) -> str:
         raise UserError(
             f"--namespace {namespace}: names of letters, digits and _ with / between, as bay/north"
         )
-    try:
-        scenario = load(arguments.scenario)
-        fleet = layout_fleet(scenario, starts_of(scenario), f"/{namespace.strip('/')}".rstrip("/"))
-    except ScenarioError as error:
-        raise UserError(str(error)) from error
+    scenario = load(arguments.scenario)
+    fleet = layout_fleet(scenario, starts_of(scenario), f"/{namespace.strip('/')}".rstrip("/"))
     return KINDS[arguments.kind].write(fleet)
 
 

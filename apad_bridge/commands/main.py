@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
-from apad_bridge.runs.exits import Exit, UserError, shortage
+from apad_bridge.runs.exits import Exit, UserError, memory_shortage, shortage
+from apad_bridge.scenario.errors import ScenarioError
 
 try:
     from agents.hosting.interrupts import interruptible, leave_at_once
@@ -153,10 +154,16 @@ def _run(arguments: list[str]) -> int:
         with interruptible():
             code: int = chosen.run(chosen)
             sys.stdout.flush()
-    except UserError as error:
+    except (UserError, ScenarioError) as error:
         print(f"musselbed {chosen.command}: {error}", file=sys.stderr)
         return Exit.USER_MISTAKE
+    except MemoryError:
+        print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
+        return Exit.PEER_FAILED
     except ImportError as error:
+        if _is_for_lack_of_memory(error):
+            print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
+            return Exit.PEER_FAILED
         # A package is missing, or another one shadows ours.
         print(
             f"musselbed {chosen.command}: cannot be loaded ({error}); `musselbed doctor` names the cause",
@@ -177,6 +184,15 @@ def _run(arguments: list[str]) -> int:
         _discard(sys.stdout)
         return Exit.PEER_FAILED
     return code
+
+
+def _is_for_lack_of_memory(error: BaseException | None) -> bool:
+    """The loader of a package's library names the cause in its text alone, and packages put their own errors before it."""
+    while error is not None:
+        if "failed to map segment" in str(error) or "annot allocate memory" in str(error):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _has_lost_its_reader(stream: TextIO) -> bool:

@@ -78,10 +78,19 @@ def peers_may_fail() -> Iterator[None]:
 
 
 def shortage(error: OSError) -> str | None:
-    """One line for what the machine is short of: a disk's room, or open files. None for another error."""
+    """One line for what the machine is short of: a disk's room, memory, or open files. None for another error."""
     if error.errno in (errno.EMFILE, errno.ENFILE):
         soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
         return f"too many open files: `ulimit -n` allows {soft} here; raise it"
+    if error.errno == errno.ENOMEM:
+        return memory_shortage()
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return f"{error.filename or 'the output, or the disk of the run directory'}: {error.strerror}"
     return None
+
+
+def memory_shortage() -> str:
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if soft == resource.RLIM_INFINITY:
+        return "not enough memory: end other programs, or fly fewer aMussels here"
+    return f"not enough memory: `ulimit -v` allows {soft // 1024} kB here; raise it"

@@ -1,18 +1,44 @@
-"""Reads a user's text file whole, and writes one whole or not at all. A device, which would never end, is refused."""
+"""Reads a user's text file whole, and writes one whole or not at all.
+
+A device, which would never end, is refused, and so is a pipe into which nobody writes.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
+import select
 import tempfile
 from pathlib import Path
+
+PIPE_S = 10.0
+"""Wall seconds: a pipe that gives nothing for so long is refused."""
 
 
 def read_text(path: Path, encoding: str = "utf-8") -> str:
     """The file's text. OSError, also for a device; UnicodeDecodeError. A pipe, as `<(command)` gives it, is read."""
     if path.is_char_device() or path.is_block_device():
         raise OSError(errno.EINVAL, "is a device, and not a file", str(path))
+    if path.is_fifo():
+        return _read_pipe(path).decode(encoding)
     return path.read_text(encoding=encoding)
+
+
+def _read_pipe(path: Path) -> bytes:
+    """Opened so that it waits for no writer: plain `open` waits for ever."""
+    pieces: list[bytes] = []
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        poll = select.poll()
+        poll.register(descriptor, select.POLLIN)
+        while poll.poll(1000 * PIPE_S):  # also at the end, when its last writer has gone
+            piece = os.read(descriptor, 65_536)
+            if not piece:
+                return b"".join(pieces)
+            pieces.append(piece)
+    finally:
+        os.close(descriptor)
+    raise OSError(errno.ETIMEDOUT, f"is a pipe, and nobody writes into it within {PIPE_S:g} s", str(path))
 
 
 def write_atomically(path: Path, text: str) -> None:

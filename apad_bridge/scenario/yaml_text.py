@@ -1,12 +1,14 @@
 """Parses YAML text to plain data: duplicate keys are refused, and `no`, `1:30` and `012` mean what they look like.
 
 PyYAML follows YAML 1.1, where `no` is false, `1:30` is 90, `012` is ten and `1e-3` is a text. This module reads by the
-core schema of YAML 1.2 instead: true, false, null, integers and floating-point numbers in decimal, and text.
+core schema of YAML 1.2 instead: true, false, null, integers and floating-point numbers in decimal, and text. A tag as
+`!!int` states one of these and changes none: its value is of the same form as one without a tag.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Any
 
 import yaml
@@ -24,10 +26,14 @@ class _CoreLoader(yaml.SafeLoader):
     yaml_constructors = {  # noqa: RUF012
         tag: constructor
         for tag, constructor in yaml.SafeLoader.yaml_constructors.items()
-        if tag is None or tag.removeprefix(_TAG) in {"null", "bool", "int", "float", "str", "seq", "map"}
+        if tag is None or tag.removeprefix(_TAG) in {"str", "seq", "map"}
     }
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        if not isinstance(node, yaml.MappingNode):
+            raise yaml.constructor.ConstructorError(
+                None, None, "`!!map` is not before a mapping", node.start_mark
+            )
         seen: set[str] = set()
         for key_node, _ in node.value:
             if not isinstance(key_node, yaml.ScalarNode):
@@ -42,15 +48,39 @@ class _CoreLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def _resolve(name: str, pattern: str, starts: list[str]) -> None:
-    _CoreLoader.add_implicit_resolver(_TAG + name, re.compile(rf"^(?:{pattern})$"), starts)
+def _resolve(name: str, pattern: str, starts: list[str], value_of: Callable[[str], Any]) -> None:
+    """Reads texts of this form as `value_of`, with the tag `name` or without."""
+    form = re.compile(rf"^(?:{pattern})$")
+
+    def construct(_: _CoreLoader, node: yaml.Node) -> Any:
+        text = node.value if isinstance(node, yaml.ScalarNode) else None
+        try:
+            if text is not None and form.match(text):
+                return value_of(text)
+        except ValueError:  # more digits than Python reads
+            pass
+        raise yaml.constructor.ConstructorError(
+            None, None, f"not of the form of `!!{name}`: {_shown(node)}", node.start_mark
+        )
+
+    _CoreLoader.add_implicit_resolver(_TAG + name, form, starts)
+    _CoreLoader.add_constructor(_TAG + name, construct)
 
 
-_resolve("null", r"~|null|Null|NULL|", ["~", "n", "N", ""])
-_resolve("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF"))
-_resolve("int", r"[-+]?(?:0|[1-9][0-9]*)", _NUMBER_STARTS)
-_resolve("float", r"[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9]*)(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", _NUMBER_STARTS)
-_resolve("float", r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", _NUMBER_STARTS)
+def _shown(node: yaml.Node) -> str:
+    return repr(node.value[:40]) if isinstance(node, yaml.ScalarNode) else "a list or a mapping"
+
+
+_resolve("null", r"~|null|Null|NULL|", ["~", "n", "N", ""], lambda text: None)
+_resolve("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF"), lambda text: text.lower() == "true")
+_resolve("int", r"[-+]?(?:0|[1-9][0-9]*)", _NUMBER_STARTS, int)
+_resolve(
+    "float",
+    r"[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9]*)(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+    _NUMBER_STARTS,
+    lambda text: float(re.sub(r"\.(?=[iInN])", "", text)),
+)
 
 
 def _count(data: Any, known: dict[int, int]) -> int:

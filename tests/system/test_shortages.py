@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import subprocess
@@ -77,3 +78,33 @@ def test_a_full_disk_ends_the_mission_in_order_with_whole_records(
 def test_too_few_open_files_are_one_line(tmp_path: Path, options: tuple[str, ...]) -> None:
     run = tmp_path / "run"
     check_failed(fly(run, (resource.RLIMIT_NOFILE, 24), *options), run, "ulimit -n is 24")
+
+
+@pytest.mark.parametrize("kilobytes", [50_000, 150_000])
+def test_too_little_memory_is_one_line(tmp_path: Path, kilobytes: int) -> None:
+    """50 000 kB do not hold the libraries, 150 000 not the types of the records."""
+    done = fly(tmp_path / "run", (resource.RLIMIT_AS, 1024 * kilobytes), *ASAP)
+    assert done.returncode == 3, done.stderr
+    assert done.stderr.splitlines()[-1] == (
+        f"musselbed run: not enough memory: `ulimit -v` allows {kilobytes} kB here; raise it"
+    )
+
+
+def test_a_scenario_that_is_damaged_is_one_line_of_every_command(tmp_path: Path) -> None:
+    """Its supervisor is dead, and its scenario is no text any more."""
+    run = tmp_path / "run"
+    assert fly(run, (resource.RLIMIT_CORE, 0), *ASAP).returncode == 0
+    (run / "summary.json").unlink()
+    options = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps({**options, "time": "wall"}))
+    (run / "scenario.yaml").write_bytes(b"name: \xff\xfe")
+    for words in ("resume", "replay", "report", "check"):
+        done = subprocess.run(
+            [*MUSSELBED, words, str(run)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+        )
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), (words, done.stderr)
+        assert "scenario.yaml: is not UTF-8 text" in done.stderr, (words, done.stderr)

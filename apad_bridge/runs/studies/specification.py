@@ -28,7 +28,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
-from apad_bridge.scenario.text_file import write_atomically
+from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})
@@ -156,7 +156,7 @@ _STUDY = TypeAdapter(Study)
 def load_study(path: Path) -> Plan:
     """Reads and checks a study's file. ScenarioError with a line for each mistake, before anything is flown."""
     try:
-        data = parse_yaml(path.read_text(encoding="utf-8"))
+        data = parse_yaml(read_text(path))
     except OSError as error:
         raise ScenarioError([f"{path}: {error.strerror}"]) from error
     except ValueError as error:

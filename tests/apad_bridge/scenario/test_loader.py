@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
+import os
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +15,7 @@ import pytest
 import yaml
 from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
+from apad_bridge.scenario import text_file
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.faults import Fault
@@ -20,6 +24,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import RandomStart
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.yaml_text import parse_yaml
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 POOL = POOL_FILE.read_text()
@@ -582,3 +587,72 @@ def test_a_home_that_does_not_help_is_warned_of() -> None:
     assert told(charging_w=60) == ["raise apad.home.charging_w"]
     assert told(charging_w=60, docked="released") == []
     assert told(go_at=0.1) == ["raise apad.home.go_at"]
+
+
+@pytest.mark.parametrize(
+    ("value", "line"),
+    [
+        ("!!bool maybe", "not of the form of `!!bool`: 'maybe'"),
+        ("!!bool yes", "not of the form of `!!bool`: 'yes'"),
+        ("!!int ''", "not of the form of `!!int`: ''"),
+        ("!!int 0x1", "not of the form of `!!int`: '0x1'"),
+        ("!!int 1_000", "not of the form of `!!int`: '1_000'"),
+        ("!!int 1:30", "not of the form of `!!int`: '1:30'"),
+        ("!!int 012", "not of the form of `!!int`: '012'"),
+        ("!!int [1]", "not of the form of `!!int`: a list or a mapping"),
+        ("!!float x", "not of the form of `!!float`: 'x'"),
+        ("!!null x", "not of the form of `!!null`: 'x'"),
+        ("!!map [1]", "`!!map` is not before a mapping"),
+        ("!!map 1", "`!!map` is not before a mapping"),
+        ("!!seq {a: 1}", "expected a sequence node"),
+        ("!!set {a}", "could not determine a constructor"),
+        (5000 * "9", "not of the form of `!!int`: '9999"),
+    ],
+)
+def test_a_tag_changes_no_values_form(refusals: Refusals, value: str, line: str) -> None:
+    (found,) = refusals(("seed: 1", f"seed: {value}"))
+    number = POOL[: POOL.index("seed: 1")].count("\n") + 1
+    assert found.startswith(f"line {number}, column 7: {line}")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("!!int 7", 7), ("!!float 3", 3.0), ("!!bool true", True), ("!!null ~", None)]
+)
+def test_a_tag_that_says_what_a_value_is_is_read(text: str, value: object) -> None:
+    found = parse_yaml(f"a: {text}")["a"]
+    assert found == value and type(found) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("-.inf", -math.inf), ("+.Inf", math.inf), (".5e1", 5.0), ("1e-3", 0.001), ("-0", 0)]
+)
+def test_numbers_are_those_of_the_core_schema(text: str, value: float) -> None:
+    assert parse_yaml(text) == value
+    assert math.isnan(parse_yaml(".nan"))
+
+
+def test_a_pipe_into_which_nobody_writes_is_told_and_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text_file, "PIPE_S", 0.1)
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "x.yaml").write_text(POOL.replace("pool.csv", "pipe"))
+    with pytest.raises(ScenarioError, match=r"is a pipe, and nobody writes into it within 0\.1 s"):
+        starts_of(load(tmp_path / "x.yaml"))
+    with pytest.raises(ScenarioError, match="is a pipe, and nobody writes"):
+        load(tmp_path / "pipe")
+
+
+def test_a_scenario_from_a_pipe_is_read_whole(tmp_path: Path) -> None:
+    text = POOL.replace("pool.csv", str(SCENARIO_FILES / "pool.csv")) + "#" * 200_000
+    reader, writer = os.pipe()
+
+    def write() -> None:
+        with open(writer, "w") as file:
+            file.write(text)
+
+    writing = threading.Thread(target=write)
+    writing.start()
+    assert load(Path(f"/dev/fd/{reader}")).fleet.count == 12
+    writing.join()
+    os.close(reader)
