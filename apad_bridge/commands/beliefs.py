@@ -43,8 +43,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--from",
         dest="record",
-        type=Record,
-        choices=list(Record),
+        choices=[it.value for it in Record],
         help="the record to read (default: the bag, if it is complete)",
     )
     parser.add_argument("--figure", type=Path, metavar="FILE", help="draw the result, as .png, .svg or .pdf")
@@ -59,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if figure is not None and figure.suffix not in FIGURE_ENDINGS:
         raise UserError(f"--figure {figure}: its name must end in one of {', '.join(FIGURE_ENDINGS)}")
     try:
-        record = arguments.record or best_record(arguments.directory)
+        record = Record(arguments.record) if arguments.record else best_record(arguments.directory)
         scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error

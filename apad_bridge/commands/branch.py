@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
     from apad_bridge.runs.branching import Branches
-
-_TIME = re.compile(r"(?:(?:(\d+):)?(\d+):)?(\d+(?:\.\d+)?)")
 
 
 def add_parser(commands: Any) -> None:
@@ -38,9 +35,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--at",
         required=True,
-        type=_seconds,
+        type=mission_seconds,
         metavar="T",
-        help="the moment: mission time as 14:20 (minutes and seconds), 1:00:00, or seconds",
+        help=f"the moment: {MISSION_TIME}",
     )
     parser.add_argument("--strategy", metavar="NAME", help="another collection strategy")
     parser.add_argument(
@@ -53,14 +50,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--lose-apad", metavar="NAME", help="this aPad does nothing from then on")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON on stdout")
     parser.set_defaults(run=run)
-
-
-def _seconds(text: str) -> float:
-    found = _TIME.fullmatch(text)
-    if found is None:
-        raise argparse.ArgumentTypeError(f"{text}: a mission time is 14:20, 1:00:00 or seconds")
-    hours, minutes, seconds = (float(it or 0) for it in found.groups())
-    return 3600 * hours + 60 * minutes + seconds
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -121,15 +121,13 @@ def first_difference(
 
 
 def _runs_in(directory: Path) -> list[Path]:
-    """The directory of each aPad's run. UserError for a directory without a run."""
+    """The directory of each aPad's run; the directory itself where none has a journal."""
     found = [
         it.parent
         for it in (directory / "journal.jsonl", *sorted(directory.glob("*/journal.jsonl")))
         if it.exists()
     ]
-    if not found:
-        raise UserError(f"{directory}: no journal.jsonl is there: name the directory of a run")
-    return found
+    return found or [directory]
 
 
 def broken_laws(directory: Path) -> dict[Path, list[Broken]]:

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -24,7 +24,7 @@ def add_parser(commands: Any) -> None:
         "part, and the other plans that the strategy weighed, the runner-up first. Reads the journal, "
         "also of a run that is still flying.",
         epilog=ending(
-            "musselbed explain runs/pool-12-20260504T101500Z --at 600",
+            "musselbed explain runs/pool-12-20260504T101500Z --at 10:00",
             "musselbed explain runs/pool-12-20260504T101500Z --json",
             note="See docs/studies.md.",
         ),
@@ -32,9 +32,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument(
         "--at",
-        type=float,
+        type=mission_seconds,
         metavar="T",
-        help="mission seconds (default: the end, which shows the newest plan)",
+        help=f"{MISSION_TIME} (default: the end, which shows the newest plan)",
     )
     parser.add_argument("--json", action="store_true", help="print the journal's line of the plan")
     parser.set_defaults(run=run)
@@ -48,6 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     plans = [line for line in lines if line["kind"] == EventKind.PLAN]
     if not plans:
         raise UserError(f"{arguments.directory}: no plan was made yet")
+    if arguments.at is not None and 1000 * arguments.at > lines[-1]["t"]:
+        raise UserError(f"--at {arguments.at:g}: the run has come to {lines[-1]['t'] / 1000:g} s")
     made = [line for line in plans if arguments.at is None or line["t"] <= arguments.at * 1000]
     if not made:
         raise UserError(f"--at {arguments.at:g}: the first plan was made at {plans[0]['t'] / 1000:g} s")

@@ -28,8 +28,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
     parser.add_argument(
         "--to",
-        type=Format,
-        choices=list(Format),
+        choices=[it.value for it in Format],
         required=True,
         help="csv and parquet: a file for each series",
     )
@@ -48,8 +47,8 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     try:
         directory = RunDirectory.open(arguments.directory)
-        path = arguments.out or default_path(directory, arguments.to)
-        counts = export(directory, arguments.to, path)
+        path = arguments.out or default_path(directory, Format(arguments.to))
+        counts = export(directory, Format(arguments.to), path)
     except ImportError as error:
         raise UserError(f"--to {arguments.to} needs {error.name}: pip install 'musselbed[export]'") from error
     except (RunDirectoryError, BagUnreadable) as error:

@@ -62,6 +62,8 @@ class RunDirectory:
     @classmethod
     def open(cls, path: Path) -> RunDirectory:
         """Opens a former run's directory; RunDirectoryError when there is no journal in it."""
+        if not path.exists():
+            raise RunDirectoryError(f"{path}: no such folder: name the directory of a run")
         if not (path / "journal.jsonl").is_file():
             apad_runs = sorted(str(journal.parent) for journal in path.glob("*/journal.jsonl"))
             mend = f"; a run of several aPads has one for each: {', '.join(apad_runs)}" if apad_runs else ""

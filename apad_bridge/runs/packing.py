@@ -59,6 +59,7 @@ def pack(source: Path, out: Path | None = None) -> Path:
     archive = Path(f"{name}.tar.gz") if out is None else out
     if archive.exists():
         raise NotPacked(f"{archive}: is there already: choose another place with --out")
+    archive.absolute().parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=archive.absolute().parent, prefix=f".{archive.name}.") as scratch:
         folder = Path(scratch) / name
         folder.mkdir()

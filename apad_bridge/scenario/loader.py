@@ -71,6 +71,8 @@ def from_data(data: Any, source: str) -> Scenario:
     """
     if not isinstance(data, dict):
         raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {abbreviated(data)}"])
+    if "fleet" not in data and {"scenarios", "strategies"} <= data.keys():
+        raise ScenarioError([f"{source}: this is a study: fly it by `musselbed study`"])
     unreachable = list(_unreachable_files(data))
     if unreachable:
         raise ScenarioError(f"{source}: {line}" for line in unreachable)

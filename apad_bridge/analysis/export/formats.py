@@ -53,7 +53,8 @@ def export(directory: RunDirectory, to: Format, path: Path) -> dict[str, int]:
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[Path]:
-    """A new file beside `path`, which takes its place when this is left without an error."""
+    """A new file beside `path`, in a folder made for it, which takes its place when this is left without an error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.new")
     try:
         yield temporary
@@ -65,7 +66,6 @@ def _replacing(path: Path) -> Iterator[Path]:
 def _write_each(
     tables: Iterable[Table], folder: Path, ending: str, write: Callable[[Table, Path], None]
 ) -> dict[str, int]:
-    folder.mkdir(parents=True, exist_ok=True)
     rows = {}
     for table in tables:
         with _replacing(folder / f"{table.name}{ending}") as path:

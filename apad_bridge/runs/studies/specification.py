@@ -160,7 +160,15 @@ def load_study(path: Path) -> Plan:
     except OSError as error:
         raise ScenarioError([f"{path}: {error.strerror}"]) from error
     except ValueError as error:
-        raise ScenarioError([f"{path}: {error}"]) from error
+        raise ScenarioError([f"{path}: is no YAML: {error}"]) from error
+    if not isinstance(data, dict):
+        raise ScenarioError(
+            [f"{path}: is no study: a study is a mapping of name, scenarios, strategies and seeds"]
+        )
+    if "scenarios" not in data and {"fleet", "mission"} <= data.keys():
+        raise ScenarioError(
+            [f"{path}: this is a scenario: name it under `scenarios` in a study, or fly it by `run`"]
+        )
     return plan_of(data, str(path), path.parent)
 
 

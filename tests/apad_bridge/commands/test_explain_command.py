@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.commands import explain
+from apad_bridge.commands.help_text import mission_seconds
 from apad_bridge.mission.plans import plan_note
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
@@ -114,3 +115,27 @@ def test_the_plan_comes_first_and_its_options_by_rising_cost(name: str) -> None:
     assert costs == sorted(costs) and len(options) == 5
     if name != "greedy":
         assert options[0].cost <= costs[0]
+
+
+@pytest.mark.parametrize("at", ["119", "1:59", "0:01:59", "119.0"])
+def test_a_mission_time_has_one_form_for_all_commands(
+    tmp_path: Path, at: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_with(tmp_path, (60_000, registry.collection("cautious")), (120_000, registry.collection("greedy")))
+    assert command(tmp_path, "--at", at, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["t"] == 60_000
+    assert mission_seconds(at) == 119.0
+    for wrong in ("-1", "1:2:3:4", "nan", "10m"):
+        with pytest.raises(argparse.ArgumentTypeError, match="a mission time is 14:20"):
+            mission_seconds(wrong)
+
+
+def test_a_time_beyond_the_runs_end_is_told(tmp_path: Path) -> None:
+    run_with(tmp_path, (60_000, registry.collection("cautious")))
+    with pytest.raises(UserError, match="--at 99999: the run has come to 60 s"):
+        command(tmp_path, "--at", 99999)
+    with pytest.raises(UserError, match="gone: no such folder"):
+        command(tmp_path / "gone")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UserError, match=r"empty: no run: it has no journal\.jsonl"):
+        command(tmp_path / "empty")

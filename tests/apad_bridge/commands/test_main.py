@@ -1,12 +1,14 @@
 """The command line loads the module of the command that is named, and lists all commands where none is."""
 
 import argparse
+import re
 import subprocess
 import sys
 
 import pytest
+from scenario_files import POOL_FILE
 
-from apad_bridge.commands.main import COMMANDS, parser
+from apad_bridge.commands.main import COMMANDS, main, parser
 
 
 def commands_of(top: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
@@ -50,3 +52,28 @@ def test_a_help_or_a_mistake_loads_neither_a_flight_nor_a_large_library(words: l
     )
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["study", str(POOL_FILE)], "this is a scenario: name it under `scenarios` in a study"),
+        (["study", __file__], "is no YAML: line"),
+        (["run", "launch_scripts/studies/pool.yaml", "--dry-run"], "this is a study: fly it by"),
+        (["capacity", "/dev/null"], "/dev/null: is a device"),
+        (["check", "/nowhere"], "/nowhere: no such folder"),
+    ],
+)
+def test_a_file_of_another_kind_is_named_as_what_it_is(
+    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    shown = capsys.readouterr().err
+    assert shown.count("\n") == 1 and told in shown
+
+
+@pytest.mark.parametrize("words", [["export", "x", "--to", "xlsx"], ["beliefs", "x", "--from", "tape"]])
+def test_a_wrong_choice_lists_the_choices(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(words)
+    assert re.search(r"invalid choice: '(xlsx|tape)' \(choose from '\w+', ", capsys.readouterr().err)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import subprocess
 
@@ -123,14 +124,22 @@ def test_samples_that_were_uploaded_go_along(pool_run, tmp_path):
     assert json.loads(schema.data)["properties"]["oxygen"] == {"type": "number"}
 
 
+@pytest.mark.parametrize("to", list(Format))
+def test_a_folder_that_is_not_there_is_made(pool_run, tmp_path, to):
+    export(pool_run, to, tmp_path / "new" / "one" / "x")
+    assert (tmp_path / "new" / "one" / "x").exists()
+
+
 def test_the_command(pool_run, tmp_path, capsys):
     assert main(["export", str(pool_run.path), "--to", "mcap", "--json", "--out", str(tmp_path / "a")]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["path"] == str(tmp_path / "a") and answer["rows"]["/musselbed/apad"] == 601
     assert default_path(pool_run, Format.CSV) == pool_run.path / "export-csv"
     assert main(["export", str(tmp_path / "none"), "--to", "csv"]) == 2
+    assert "none: no such folder" in capsys.readouterr().err
+    assert main(["export", str(tmp_path), "--to", "csv"]) == 2
     assert "no run: it has no journal.jsonl" in capsys.readouterr().err
-    assert main(["export", str(pool_run.path), "--to", "mat", "--out", str(tmp_path / "no" / "a.mat")]) == 2
-    assert "No such file or directory" in capsys.readouterr().err
+    assert main(["export", str(pool_run.path), "--to", "mat", "--out", str(tmp_path / "a" / "a.mat")]) == 2
+    assert re.search("File exists|Not a directory", capsys.readouterr().err)
     with pytest.raises(SystemExit):
         main(["export", str(pool_run.path), "--to", "xls"])
