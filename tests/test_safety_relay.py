@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from typing import Any
@@ -11,8 +12,6 @@ import pytest
 from apad_bridge.ros.types.messages import use_generated_messages
 
 use_generated_messages()
-
-import itertools
 
 from auv_msgs.msg import NavSts  # noqa: E402
 
