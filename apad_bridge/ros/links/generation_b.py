@@ -278,9 +278,8 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     def _answer_to(self, call: Call) -> Any:
         def answered(response: Any, refused: str | None) -> None:
-            if refused is None and not (
-                response.success if isinstance(call.order, StopOrder) else response.status
-            ):
+            # The published commander leaves `success` of stop_mission false: any answer says that it took the order.
+            if refused is None and not (isinstance(call.order, StopOrder) or response.status):
                 refused = "its service answered that it does not take the order"
             self._inbox.put(ServiceAnswered(UNSTAMPED, call.number, refused), always=True)
 

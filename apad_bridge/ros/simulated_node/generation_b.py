@@ -211,7 +211,7 @@ class Server(LegacyServer[GenerationBVehicle]):
     def _commands(self, act: Callable[[GenerationBVehicle, int], list[Published]]) -> Callable[[Any], Any]:
         def answer(_: Any) -> Any:
             self._do(lambda it: act(it, it.now_ms))
-            return TriggerResponse(True, "")
+            return TriggerResponse(False, "")  # by its source: the published commander sets neither field
 
         return answer
 
