@@ -213,6 +213,10 @@ def test_a_healthy_vehicle_may_not_be_stopped() -> None:
     assert judged([*sailing(), *go(), *hold(20.0, (20.0, 30.0))], **how).failures == []
     assert judged([*sailing(), *go(), *off(20.0)], **how).nuisances == 1
     assert judged([*sailing(), *go(), *hold(20.0, (20.0, 30.0), WATCHDOG)], **how).nuisances == 1
+    assert judged([*sailing(), *go(20.0)], goes_on_s=25.0, **how).failures == []
+    assert judged([*sailing(), *go()], goes_on_s=25.0, **how).failures == [
+        "no way was ordered in the last 39 s"
+    ]
 
 
 CORNERS = st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), min_size=3, max_size=7, unique=True)
@@ -243,7 +247,7 @@ def test_a_campaign_flies_each_try_once_and_goes_on(tmp_path: Path, monkeypatch:
     ]
     flown: list[str] = []
 
-    def fly(job: campaign.Job, folder: Path, minutes: float, attempt: int) -> dict[str, Any]:
+    def fly(job: campaign.Job, kept: campaign.Kept, minutes: float, attempt: int) -> dict[str, Any]:
         flown.append(job.name)
         if job.row == "pilot" and attempt < 2:
             raise campaign.NoFlight("not yet")

@@ -29,7 +29,9 @@ SPEED_M_S = 0.5
 
 class Stranger:
     def __init__(self) -> None:
-        self._manual = rospy.Publisher("/apad1/manual", Bool, queue_size=1)
+        # Latched, as a joystick's node that knows its part: nobody has to guess from its silence.
+        self._manual = rospy.Publisher("/apad1/manual", Bool, queue_size=1, latch=True)
+        self._manual.publish(Bool(False))
         self._goals: Any = None
         self._steers: bool | None = None
         self._docked: Any = None

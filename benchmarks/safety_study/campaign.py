@@ -62,6 +62,8 @@ class Kept:
         self.folder = folder
         self._path = folder / RESULTS
         self._lock = threading.Lock()
+        self.ended = threading.Event()
+        """The campaign is over, and each flight with it."""
         self.results = [it for it in self._read() if "error" not in it]
 
     def _read(self) -> Iterator[dict[str, Any]]:
@@ -99,6 +101,7 @@ def fly(chosen: list[Job], kept: Kept, side_by_side: int, minutes: float) -> Non
         for number, done in enumerate(as_completed(futures), 1):
             _tell(done, len(chosen) - len(missing) + number, len(chosen), time.monotonic() - begun_s)
     finally:
+        kept.ended.set()
         pool.shutdown(cancel_futures=True)
 
 
@@ -120,32 +123,35 @@ def _tried(job: Job, kept: Kept, minutes: float) -> dict[str, Any]:
     """Flies one try; an error is a result too, and is flown again by the next campaign in that folder."""
     for attempt in range(FLIGHTS):
         try:
-            result = _flown(job, kept.folder, minutes, attempt)
+            result = _flown(job, kept, minutes, attempt)
             break
         except (NoFlight, TimeoutError, OSError) as error:
             result = {"error": f"{type(error).__name__}: {error}"}
+            if kept.ended.is_set():
+                break
     result = {"row": job.row, "generation": job.generation, "try": job.number, **result}
-    kept.add(result)
+    if not kept.ended.is_set():
+        kept.add(result)
     return result
 
 
-def _flown(job: Job, folder: Path, minutes: float, attempt: int) -> dict[str, Any]:
+def _flown(job: Job, kept: Kept, minutes: float, attempt: int) -> dict[str, Any]:
     row = ROWS[job.row]
     rng = random.Random(f"{SEED} {job.row} {job.generation} {job.number} {attempt}")
     home = Path(tempfile.mkdtemp(prefix="musselbed-safety-"))
     try:
         with ExitStack() as stack:
-            flight = Flight(home, job.generation, rng, row.setup, stack, 60 * minutes + LONGER_S)
+            flight = Flight(home, job.generation, rng, row.setup, stack, 60 * minutes + LONGER_S, kept.ended)
             flight.begin()
-            time.sleep(rng.uniform(0.0, 3.0))
+            flight.pause(rng.uniform(0.0, 3.0))
             case = row.act(Try(flight, job.number, minutes))
             verdict = judge(flight.look(), case)
             despite = flight.despite
         if verdict.failures:
-            _keep(home, folder / "failed" / job.name)
+            _keep(home, kept.folder / "failed" / job.name)
         return asdict(verdict) | {"despite": despite}
     except (NoFlight, TimeoutError, OSError):
-        _keep(home, folder / "not-begun" / job.name)
+        _keep(home, kept.folder / "not-begun" / job.name)
         raise
     finally:
         shutil.rmtree(home, ignore_errors=True)

@@ -15,6 +15,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
@@ -30,13 +31,12 @@ from benchmarks.safety_study.judge import PERCH, Fact, Place, Told
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
 BY_EYE = SCENARIO.with_name("pool-12-camera.yaml")
-SIDE_M = 60.0
+SIDE_M = 80.0
 FENCE: tuple[Place, ...] = ((0.0, 0.0), (SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M))
-START_M: Place = (30.0, 30.0)
-CORNERS: tuple[Place, ...] = ((49.0, 47.0), (46.0, 12.0), (13.0, 14.0), (14.0, 48.0))
+START_M: Place = (40.0, 40.0)
+CORNERS: tuple[Place, ...] = ((59.0, 57.0), (56.0, 22.0), (23.0, 24.0), (24.0, 58.0))
 """The aMussels' places: a leg of 23 m takes the vehicle 45 s."""
 SHIFT_M = 2.0
-CLEARANCE_M = 5.0
 HULL = "/apad1_simulated"
 TRUTH = "/hull/position"
 UNDER_WAY_M = 2.0
@@ -136,9 +136,9 @@ class Flight:
     stack: ExitStack
     duration_s: float = 3600.0
     """The mission's."""
+    ended: threading.Event = field(default_factory=threading.Event)
+    """Set from outside: the campaign ends, and this flight with it."""
     facts: list[Fact] = field(default_factory=list)
-    told: list[Told] = field(default_factory=list)
-    words_s: list[float] = field(default_factory=list)
     despite: list[str] = field(default_factory=list)
     vehicle: Machine = field(init=False)
     bench: Machine = field(init=False)
@@ -270,16 +270,21 @@ class Flight:
     def _start_run(self, number: int) -> subprocess.Popen[bytes]:
         self.run = self.programs.folder(self.bench) / f"run-{number}"
         words = [*MUSSELBED, "run", str(self.scenario), "--apad", "ros", "--out", str(self.run)]
-        words += [word for it in self.despite for word in ("--despite", it)] + [*self.setup.run_words]
+        words += [word for it in self.despite for word in it.split()] + [*self.setup.run_words]
         process = self.programs.start(self.bench, f"run-{number}", *words)
         self._processes["run"] = process
         return process
 
     def _red(self) -> list[str]:
-        """The checks on which the preflight stood, as its lines name them."""
+        """The checks on which the preflight stood, each as the option with which a person decides otherwise."""
         said = self.programs.said(self.run.name)
-        keys = re.findall(r"^(?:FAIL|CANNOT TELL|CANNOT_TELL) +([a-z][a-z-]*):", said, re.M)
-        return [it for it in dict.fromkeys(keys) if it not in NEVER_OVERRIDDEN]
+        options = {"FAIL": "--despite", "CANNOT TELL": "--accept"}
+        found = re.findall(r"^(FAIL|CANNOT TELL) +(?:/\S+ )?([a-z][a-z-]*):", said, re.M)
+        return [
+            f"{options[state]} {check}"
+            for state, check in dict.fromkeys(found)
+            if check not in NEVER_OVERRIDDEN
+        ]
 
     def _write_scenario(self, name: str, start_m: Place, fault: str | None = None) -> Path:
         """The shipped scenario in our square; the bench is not told of a `fault` of the hull."""
@@ -287,7 +292,6 @@ class Flight:
         corners = [list(it) for it in FENCE]
         data["area"] |= {"polygon_m": corners, "fence": corners, "home_m": list(START_M)}
         data["fleet"] |= {"count": len(CORNERS), "start": str(self.home / "fleet.csv")}
-        data["guards"] |= {"clearance_m": CLEARANCE_M}
         data["apad"] |= {
             "start_m": list(start_m),
             "generation": self.generation,
@@ -349,7 +353,7 @@ class Flight:
         """The vehicle's computer dies, and starts again where the hull is then."""
         here = self.place()
         self.kill("watchdog", "relay", "stranger", "hull", "master")
-        time.sleep(off_s)
+        self.pause(off_s)
         self.boot(self._write_scenario("after", here, self.setup.fault))
 
     def tether(self) -> None:
@@ -476,7 +480,24 @@ class Flight:
         while not is_so():
             if time.monotonic() > until_s:
                 raise TimeoutError(failure)
-            time.sleep(0.2)
+            self.pause(0.2)
+
+    def pause(self, seconds: float) -> None:
+        """Lets time pass; NoFlight when the campaign ends."""
+        if self.ended.wait(seconds):
+            raise NoFlight("the campaign was ended")
+
+    def guards(self) -> list[str]:
+        """The guards' stops that the run itself confesses in its journal."""
+        found = []
+        for line in (self.run / "journal.jsonl").read_text().splitlines():
+            with suppress(json.JSONDecodeError):  # the last one may not be whole yet
+                it = json.loads(line)
+                if it.get("kind") == "guard" or (it.get("kind") == "stop" and it["by"].startswith("guard")):
+                    found.append(
+                        f"{it['kind']} {it.get('by', '')} {it.get('cause', '')} {it.get('reason', '')}"
+                    )
+        return list(dict.fromkeys(found))
 
     def run_ended(self) -> bool:
         return self._processes["run"].poll() is not None

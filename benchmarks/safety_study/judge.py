@@ -107,6 +107,8 @@ class Case:
     """Each `stop` and `hands` has to end with 0; False where the vehicle, or the run, may be out of reach."""
     may_stand: bool = False
     """A stop that the vehicle had taken before `begun_s`, and still follows, counts as one at once."""
+    goes_on_s: float = math.inf
+    """A healthy mission orders a way, or a dock, at least that often, until the last fact."""
     must_move: bool = False
     """After the last word the bench orders a way again."""
     other_faults: tuple[str, ...] = ()
@@ -306,7 +308,7 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     _judge_stop(verdict, stop, case, track)
     _judge_places(verdict, ours, case, track)
     _judge_pilot(verdict, ours, facts)
-    _judge_motion(verdict, ours, stop, case)
+    _judge_motion(verdict, ours, stop, case, track.times_s[-1] if track.times_s else case.begun_s)
     for it in case.told:
         _judge_told(verdict, orders, it)
         if case.is_stop_due and case.must_take and it.code != 0 and it.what.startswith(("stop", "hands")):
@@ -366,7 +368,7 @@ def _count_against(verdict: Verdict, ours: list[Order], begin_s: float, end_s: f
     verdict.failures += [f"{it.what} by {it.by} while a pilot steers" for it in against[:3]]
 
 
-def _judge_motion(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case) -> None:
+def _judge_motion(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case, ends_s: float) -> None:
     """Counts what moves the vehicle after it was stopped, or should have been, until a person's word."""
     stopped_s = math.inf if stop is None else stop.at_s
     if case.is_stop_due and case.lies:
@@ -386,6 +388,9 @@ def _judge_motion(verdict: Verdict, ours: list[Order], stop: Order | None, case:
             verdict.failures.append(f"{_said(it, case)} {reason}, without a person's word")
     if case.must_move and not any(it.kind is Kind.MOVE and it.at_s > max(case.words_s) for it in ours):
         verdict.failures.append("`continue` did not make the mission go on")
+    way_s = max((it.at_s for it in ours if it.kind in (Kind.MOVE, Kind.DOCK)), default=case.begun_s)
+    if ends_s - way_s > case.goes_on_s:
+        verdict.failures.append(f"no way was ordered in the last {ends_s - way_s:.0f} s")
     if not case.may_stop:
         for it in ours:
             if it.at_s > case.begun_s and (it.kind is Kind.OFF or "watchdog" in it.by):

@@ -6,6 +6,7 @@ vehicle that begins to move again by itself is as bad as one that never stopped.
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 from collections.abc import Callable
@@ -25,6 +26,8 @@ LOSSY_LIMIT_S = 30.0
 SHOWN_S, AFTER_S = 12.0, 15.0
 """A fault that can heal does so after SHOWN_S, and the flight goes on for AFTER_S."""
 SERVO_S = 27.0
+IDLE_S = 1200.0
+"""A healthy mission of four aMussels at theta 30 orders a way more often than that."""
 OUTSIDE_M = (SIDE_M + 15.0, SIDE_M / 2)
 BOTH = ("a", "b")
 SUPERVISOR = ("runs.supervisor_process",)
@@ -82,10 +85,10 @@ def falsified(kind: str, *, limit_s: float = LIMIT_S, can_heal: bool = True, **h
     def act(it: Try) -> Case:
         begun_s = time.monotonic()
         it.flight.falsify(kind, **how)
-        time.sleep(SHOWN_S)
+        it.flight.pause(SHOWN_S)
         if can_heal and it.heals:
             it.flight.falsify("good")
-        time.sleep(AFTER_S)
+        it.flight.pause(AFTER_S)
         return it.case(begun_s, lies=True, limit_s=limit_s, must_be=Kind.OFF, is_rest_due=True)
 
     return act
@@ -96,7 +99,7 @@ def second_publisher(**how: Any) -> Act:
         it.flight.actor("second", "mute")
         begun_s = time.monotonic()
         it.flight.falsify(who="second", **how)
-        time.sleep(SHOWN_S + AFTER_S)
+        it.flight.pause(SHOWN_S + AFTER_S)
         return it.case(begun_s, lies=True, must_be=Kind.OFF)
 
     return act
@@ -105,17 +108,17 @@ def second_publisher(**how: Any) -> Act:
 def other_goal(it: Try) -> Case:
     begun_s = time.monotonic()
     it.flight.stranger("goal", generation=it.flight.generation, place=OUTSIDE_M)
-    time.sleep(SHOWN_S + AFTER_S)
+    it.flight.pause(SHOWN_S + AFTER_S)
     return it.case(begun_s)
 
 
 def master_killed(it: Try) -> Case:
     pressed = it.flight.person("stop", "--by", "judge")
     it.flight.kill("master")
-    time.sleep(2.0)
+    it.flight.pause(2.0)
     pressed.press()
     it.told.append(pressed.answer())
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(pressed.asked_s)
 
 
@@ -123,24 +126,24 @@ def master_and_supervisor_killed(it: Try) -> Case:
     begun_s = time.monotonic()
     it.flight.kill("master")
     it.flight.signal_bench(signal.SIGKILL, *SUPERVISOR)
-    time.sleep(WATCHDOG_LIMIT_S + AFTER_S)
+    it.flight.pause(WATCHDOG_LIMIT_S + AFTER_S)
     return it.case(begun_s, limit_s=WATCHDOG_LIMIT_S, deaf=(begun_s, begun_s), must_be=Kind.HOLD)
 
 
 def wifi_cut(it: Try) -> Case:
     begun_s = time.monotonic()
     it.flight.link(1.0)
-    time.sleep(25.0)
+    it.flight.pause(25.0)
     healed_s = time.monotonic()
     it.flight.link(0.0)
-    time.sleep(20.0)
+    it.flight.pause(20.0)
     return it.case(begun_s, limit_s=WATCHDOG_LIMIT_S, deaf=(begun_s, healed_s), must_be=Kind.HOLD)
 
 
 def supervisor_killed(it: Try) -> Case:
     begun_s = time.monotonic()
     it.flight.signal_bench(signal.SIGKILL, *SUPERVISOR)
-    time.sleep(WATCHDOG_LIMIT_S + AFTER_S)
+    it.flight.pause(WATCHDOG_LIMIT_S + AFTER_S)
     return it.case(begun_s, limit_s=WATCHDOG_LIMIT_S, deaf=(begun_s, begun_s), must_be=Kind.HOLD)
 
 
@@ -150,10 +153,10 @@ def frozen_for(seconds: float, *words: str) -> Act:
     def act(it: Try) -> Case:
         begun_s = time.monotonic()
         it.flight.signal_bench(signal.SIGSTOP, *words)
-        time.sleep(seconds)
+        it.flight.pause(seconds)
         awake_s = time.monotonic()
         it.flight.signal_bench(signal.SIGCONT, *words)
-        time.sleep(20.0)
+        it.flight.pause(20.0)
         return it.case(begun_s, limit_s=WATCHDOG_LIMIT_S, deaf=(begun_s, awake_s), must_be=Kind.HOLD)
 
     return act
@@ -162,20 +165,20 @@ def frozen_for(seconds: float, *words: str) -> Act:
 def nursery_and_parent_killed(it: Try) -> Case:
     pressed = it.flight.person("stop", "--by", "judge")
     it.flight.signal_bench(signal.SIGKILL, *NURSERY, *PARENT)
-    time.sleep(2.0)
+    it.flight.pause(2.0)
     pressed.press()
     it.told.append(pressed.answer())
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(pressed.asked_s)
 
 
 def gateways_killed(it: Try) -> Case:
     pressed = it.flight.person("stop", "--by", "judge")
     it.flight.signal_bench(signal.SIGKILL, *GATEWAYS)
-    time.sleep(3.0)
+    it.flight.pause(3.0)
     pressed.press()
     it.told.append(pressed.answer())
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(pressed.asked_s)
 
 
@@ -187,7 +190,7 @@ def stopped(
     def act(it: Try) -> Case:
         before(it)
         begun_s = it.order(*words)
-        time.sleep(AFTER_S)
+        it.flight.pause(AFTER_S)
         return it.case(begun_s, must_be=must_be, **how)
 
     return act
@@ -195,23 +198,23 @@ def stopped(
 
 def stopped_twice(it: Try) -> Case:
     it.order("stop")
-    time.sleep(3.0)
+    it.flight.pause(3.0)
     begun_s = it.order("stop")
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(begun_s, must_be=Kind.OFF)
 
 
 def older_stop(it: Try) -> Case:
     """`continue` with an older stop's number is refused, and with the newest one the mission goes on."""
     begun_s = it.order("stop")
-    time.sleep(2.0)
+    it.flight.pause(2.0)
     it.order("stop")
-    time.sleep(2.0)
+    it.flight.pause(2.0)
     it.order("continue", "--stop", "1")
     refused = it.told[-1].code != 0
-    time.sleep(5.0)
+    it.flight.pause(5.0)
     word_s = it.order("continue", "--stop", "2")
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(
         begun_s,
         words_s=(word_s,),
@@ -228,7 +231,7 @@ def orders_at_once(it: Try) -> Case:
     for one in pressed:
         one.press()
     it.told += [one.answer() for one in pressed]
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(pressed[0].asked_s)
 
 
@@ -239,11 +242,11 @@ def piloted(times: int) -> Act:
         pressed = it.flight.person("stop", "--by", "judge")
         begun_s = time.monotonic()
         it.flight.stranger("manual", steers=True, times=times)
-        time.sleep(6.0)
+        it.flight.pause(6.0)
         pressed.press()
         told = pressed.answer()
         it.told.append(told)
-        time.sleep(AFTER_S)
+        it.flight.pause(AFTER_S)
         fault = _unless(told.code != 0, "`stop` said done while a pilot steers")
         return it.case(begun_s, is_stop_due=False, is_rest_due=False, other_faults=fault)
 
@@ -253,22 +256,22 @@ def piloted(times: int) -> Act:
 def power_cycled(it: Try) -> Case:
     begun_s = time.monotonic()
     it.flight.cut_power(8.0)
-    time.sleep(30.0)
+    it.flight.pause(30.0)
     return it.case(begun_s, is_stop_due=False, nothing_after_s=begun_s)
 
 
 def tethered(it: Try) -> Case:
     begun_s = time.monotonic()
     it.flight.tether()
-    time.sleep(TETHER_LIMIT_S + AFTER_S)
+    it.flight.pause(TETHER_LIMIT_S + AFTER_S)
     return it.case(begun_s, limit_s=TETHER_LIMIT_S + 2.0, must_be=Kind.HOLD)
 
 
 def battery_silent(it: Try) -> Case:
     it.flight.tell_battery(silent=True)
-    time.sleep(SHOWN_S)
+    it.flight.pause(SHOWN_S)
     begun_s = it.order("stop")
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(begun_s)
 
 
@@ -276,7 +279,7 @@ def battery_zero_once(it: Try) -> Case:
     """One reading of 0 % among good ones ends nothing."""
     begun_s = time.monotonic()
     it.flight.tell_battery(percent=0.0, once=True)
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     ended = it.flight.run_ended()
     return it.case(
         begun_s, is_stop_due=False, may_stop=False, other_faults=_unless(not ended, "the run ended")
@@ -285,39 +288,39 @@ def battery_zero_once(it: Try) -> Case:
 
 def home_on_reserve(it: Try) -> Case:
     it.flight.tell_battery(percent=20.5)
-    time.sleep(SHOWN_S)
+    it.flight.pause(SHOWN_S)
     begun_s = it.order("stop")
-    time.sleep(AFTER_S)
+    it.flight.pause(AFTER_S)
     return it.case(begun_s)
 
 
 def in_docking(it: Try) -> None:
     it.flight.wait(it.flight.is_docking, 120.0, "no docking began")
-    time.sleep(2.0)
+    it.flight.pause(2.0)
 
 
 def blocked(it: Try) -> Case:
     """The vehicle answers nothing for 27 s while it docks: one stop waits there, and no backlog is carried out after it."""
     it.flight.wait(lambda: it.flight.ordered("commander/primitive/docking"), 120.0, "no docking began")
-    time.sleep(3.0)
+    it.flight.pause(3.0)
     begun_s = it.order("stop")
-    time.sleep(SERVO_S + AFTER_S)
+    it.flight.pause(SERVO_S + AFTER_S)
     return it.case(begun_s, must_take=False, is_rest_due=False)
 
 
 def lossy(it: Try) -> None:
     it.flight.link(0.3, 0.5)
-    time.sleep(5.0)
+    it.flight.pause(5.0)
 
 
 def with_dock_that_lies(it: Try) -> None:
     it.flight.stranger("docked", name="amussel3")
-    time.sleep(8.0)
+    it.flight.pause(8.0)
 
 
 def with_full_disk(it: Try) -> None:
     it.flight.fill_disk()
-    time.sleep(5.0)
+    it.flight.pause(5.0)
 
 
 def healthy(it: Try) -> Case:
@@ -327,7 +330,7 @@ def healthy(it: Try) -> Case:
     it.flight.link(0.05)
     until_s = begun_s + 60 * it.minutes
     while time.monotonic() < until_s and not it.flight.run_ended():
-        time.sleep(5.0)
+        it.flight.pause(5.0)
         it.flight.look()
     early = until_s - time.monotonic() > 60
     return it.case(
@@ -335,7 +338,8 @@ def healthy(it: Try) -> Case:
         is_stop_due=False,
         may_stop=False,
         is_rest_due=False,
-        other_faults=_unless(not early, "the run ended by itself"),
+        goes_on_s=math.inf if it.flight.setup.rests else IDLE_S,
+        other_faults=(*_unless(not early, "the run ended by itself"), *it.flight.guards()),
     )
 
 
