@@ -46,8 +46,8 @@ def extras(purpose: str) -> list[str]:
     return named[1].split(",") + PURPOSES[purpose]
 
 
-def bounds(purpose: str) -> Iterator[Requirement]:
-    """What setup.cfg asks for, with the extras that the installer brings."""
+def bounds(python: str, purpose: str) -> Iterator[Requirement]:
+    """What setup.cfg asks for on a Python, with the extras that the installer brings."""
     setup = configparser.ConfigParser()
     setup.read(ROOT / "setup.cfg")
     texts = [
@@ -55,7 +55,9 @@ def bounds(purpose: str) -> Iterator[Requirement]:
         *map(setup["options.extras_require"].get, extras(purpose)),
     ]
     for text in texts:
-        yield from map(Requirement, filter(None, (text or "").splitlines()))
+        for it in map(Requirement, filter(None, (text or "").splitlines())):
+            if it.marker is None or it.marker.evaluate({"python_version": python}):
+                yield it
 
 
 def needed(python: str, purpose: str) -> Iterator[tuple[str, Requirement]]:
@@ -63,7 +65,7 @@ def needed(python: str, purpose: str) -> Iterator[tuple[str, Requirement]]:
 
     A package that only that Python needs, and that is not installed here, is asked for without its own needs.
     """
-    waiting = [("setup.cfg", it) for it in bounds(purpose)]
+    waiting = [("setup.cfg", it) for it in bounds(python, purpose)]
     done: set[tuple[str, frozenset[str]]] = set()
     while waiting:
         who, wanted = waiting.pop()

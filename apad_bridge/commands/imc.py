@@ -201,4 +201,7 @@ def _apad_name(directory: Path) -> str:
 
 def _require_imcpy() -> None:
     if find_spec("imcpy") is None:
-        raise UserError("imcpy is not installed: run launch_scripts/install, or pip install 'musselbed[imc]'")
+        raise UserError(
+            "imcpy is not installed (there is none for Python 3.14): run launch_scripts/install, "
+            "or pip install 'musselbed[imc]'"
+        )

@@ -18,7 +18,7 @@ OUR_ROOT = Path(__file__).parents[2]
 """The folder of this code: the clone, or site-packages."""
 
 NUMPY_FROM, NUMPY_BELOW = (1, 26, 4), (2, 3)
-"""Debian 12's rospy.numpy_msg calls ndarray.tostring, which numpy 2.3 removed."""
+"""Debian's messages call ndarray.tostring for rospy.numpy_msg, and numpy 2.3 removed it. Python 3.14 has no such numpy."""
 
 
 def check_python(
@@ -58,7 +58,7 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
         yield fail("packages", f"{distribution} is not installed in {sys.prefix}", INSTALL)
         return
     for line in required:
-        if "extra ==" in line:
+        if "extra ==" in line or not _is_of_this_python(line):
             continue
         name = re.split(r"[^A-Za-z0-9_.-]", line, maxsplit=1)[0]
         try:
@@ -69,10 +69,20 @@ def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
         yield check_numpy(version) if name == "numpy" else ok(name, version)
 
 
-def check_numpy(version: str) -> Finding:
+def _is_of_this_python(line: str) -> bool:
+    """False for a requirement of Pythons below or from a version on, of which this is none."""
+    marker = re.search(r'python_version\s*(<|>=)\s*"3\.(\d+)"', line)
+    return marker is None or (sys.version_info.minor < int(marker[2])) is (marker[1] == "<")
+
+
+def check_numpy(version: str, python: tuple[int, int] = sys.version_info[:2]) -> Finding:
     numbers = tuple(int(part) for part in re.findall(r"\d+", version)[:3])
     if NUMPY_FROM <= numbers < NUMPY_BELOW:
         return ok("numpy", version)
+    if python >= (3, 14) and numbers >= NUMPY_BELOW:
+        return warn(
+            "numpy", f"{version}: publishing by rospy.numpy_msg fails with it", "publish lists instead"
+        )
     return fail("numpy", f"{version} does not go with Debian's rospy (1.26.4 or later, below 2.3)", INSTALL)
 
 

@@ -47,7 +47,12 @@ def test_an_environment_that_hides_debians_packages(environment: Path) -> None:
     ],
 )
 def test_numpy_must_go_with_debians_rospy(version: str, status: str) -> None:
-    assert check_numpy(version).status == status
+    assert check_numpy(version, (3, 13)).status == status
+
+
+def test_python_3_14_has_a_numpy_that_some_publishers_cannot_use() -> None:
+    found = check_numpy("2.4.6", (3, 14))
+    assert found.status == Status.WARN and "rospy.numpy_msg" in found.found
 
 
 def test_what_a_distribution_asks_for_and_does_not_have(
@@ -57,11 +62,14 @@ def test_what_a_distribution_asks_for_and_does_not_have(
     info.mkdir()
     requirements = (
         "Requires-Dist: surely-not-here>=1\nRequires-Dist: numpy<2.3\nRequires-Dist: nor-this; extra == 'x'\n"
+        'Requires-Dist: of-another-python; python_version < "3.11"\n'
+        'Requires-Dist: of-a-later-one; python_version >= "3.99"\n'
+        'Requires-Dist: of-this-one; python_version >= "3.11"\n'
     )
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: lab\nVersion: 1.0\n{requirements}")
     monkeypatch.syspath_prepend(str(tmp_path))
     found = {finding.check: finding.status for finding in check_packages("lab")}
-    assert found == {"surely-not-here": Status.FAIL, "numpy": Status.OK}
+    assert found == {"surely-not-here": Status.FAIL, "numpy": Status.OK, "of-this-one": Status.FAIL}
 
 
 def test_an_environment_without_the_distribution() -> None:
