@@ -10,6 +10,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,11 @@ from apad_bridge.records.line_file import Line, read_lines
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.samples import Water
 from apad_bridge.records.truth_lines import truth_of
+from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TimedFault
+from firmware_model.actions import MOTORS
 from firmware_model.power.charge import FULL, Battery
 
 NEAR_M = 5.0
@@ -53,6 +56,9 @@ class Invariants:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._charge_of = Water(scenario).charge_of
+        board = board_config(scenario.board, scenario.seed)
+        self._motor_run = board.motor_run if board.whole is None else 0
+        """Grains that a run of the motors takes at once; a whole board's motors are a load."""
         self._now_ms = 0
         self._ids: frozenset[int] = frozenset()
         self._truths: dict[int, Truth] = {}
@@ -166,15 +172,17 @@ class Invariants:
         # A fault of this very time may come after the event that this truth follows.
         fewest = sum(at_ms < truth.at_ms for at_ms, _ in losses)
         most = sum(at_ms <= truth.at_ms for at_ms, _ in losses)
-        for count in range(fewest, most + 1):
+        possible_runs = self._motor_runs(before, truth)
+        for count, runs in product(range(fewest, most + 1), possible_runs):
             expected = [
-                self._charge_after(agent_id, name, old, new, losses[:count]) for name, old, new in batteries
+                self._charge_after(agent_id, name, old, new, losses[:count], runs)
+                for name, old, new in batteries
             ]
             if expected == [new.charge for _, _, new in batteries]:
                 del losses[:count]
                 return
         for name, old, new in batteries:
-            follows = self._charge_after(agent_id, name, old, new, losses[:fewest])
+            follows = self._charge_after(agent_id, name, old, new, losses[:fewest], possible_runs[0])
             if follows != new.charge:
                 yield (
                     "energy is neither made nor lost",
@@ -182,15 +190,30 @@ class Invariants:
                 )
         del losses[:most]
 
+    def _motor_runs(self, before: Truth, truth: Truth) -> range:
+        """How many runs of the motors may have cost charge between two truths; a state may end as it is entered."""
+        if not self._motor_run:
+            return range(1)
+        if truth.state is not before.state:
+            return range(1, 3) if truth.state in MOTORS else range(2)
+        return range(2) if truth.state in MOTORS else range(1)
+
     def _charge_after(
-        self, agent_id: int, name: str, old: Battery, new: Battery, losses: list[tuple[int, ChargeLost]]
+        self,
+        agent_id: int,
+        name: str,
+        old: Battery,
+        new: Battery,
+        losses: list[tuple[int, ChargeLost]],
+        runs: int = 0,
     ) -> int:
-        """The charge at the anchor of `new` that follows from `old` and from what faults took, in grains."""
+        """The charge at the anchor of `new` that follows from `old` and from what faults and motor runs took, in grains."""
         charge_at = self._charge_of(agent_id).charge_at
         for at_ms, lost in losses:
             held = charge_at(old, at_ms)
             old = replace(old, anchor_ms=at_ms, charge=max(0, held - getattr(lost, name)))
-        return charge_at(old, max(old.anchor_ms, new.anchor_ms))
+        left = charge_at(old, max(old.anchor_ms, new.anchor_ms))
+        return max(0, left - runs * self._motor_run) if name == "primary" else left
 
     def _take_stimulus(self, line: Line) -> None:
         match from_json(line["wire"]):

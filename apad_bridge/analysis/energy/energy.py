@@ -6,6 +6,7 @@ ledger takes what its board switches. The truths that follow are compared with t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -25,17 +26,20 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from firmware_model.actions import Action, SetRail
+from firmware_model.actions import Action, RunBuoyancy, SetRail
 from firmware_model.packets.codec import Codec, load_codec
 from firmware_model.power.charge import Battery, ChargeModel, Flow, fraction
 from firmware_model.power.energy_ledger import EnergyLedger
-from firmware_model.power.rails import bits
+from firmware_model.power.rails import Rail, bits
 from firmware_model.sampling.flash import Flash, MemoryFlash
+from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 _MS_PER_HOUR = 3_600_000
 BOARD = "board"
 """The one module of the paper's worst case, which switches none."""
+MOTORS = Rail.MOTORS.name.lower()
+"""Its motors, where the scenario lets a run of theirs cost charge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +150,7 @@ class _Metered(Agent):
         whole = config.board.whole
         self._ledger = None if whole is None else EnergyLedger(whole.power.loads, 0)
         self._rails = 0
+        self._motors = _Drawn()
         self.switched: list[tuple[int, int]] = []
         """(agent ms, set of rails) after each switch."""
         super().__init__(config, codec, physical, 0, ResetCause.POWER_ON, flash)
@@ -165,7 +170,17 @@ class _Metered(Agent):
                     rail = bits(action.rail)
                     self._rails = self._rails | rail if action.on else self._rails & ~rail
                     self.switched.append((action.at_ms, self._rails))
+        elif self.config.board.motor_run:
+            for action in actions:
+                if isinstance(action, RunBuoyancy):
+                    self._motors.add_run(self.board.state, self._motor_run(action.at_ms))
         return super()._carry_out(actions)
+
+    def _motor_run(self, at_ms: int) -> int:
+        """Grains that a motor run takes of the primary battery at this time: at most what it holds."""
+        board, before = self.config.board, self._last
+        held = board.motor_run if before is None else board.charge.charge_at(before[1].primary, at_ms)
+        return min(held, board.motor_run)
 
     def energy(self, run: _SecondRun) -> AgentEnergy:
         agent_id, charge = self.config.board.agent_id, self.config.board.charge
@@ -174,7 +189,9 @@ class _Metered(Agent):
             for truth, end_ms in _spans(run.truths, run.until_ms):
                 drawn.add(truth, end_ms, charge)
             by_module = {BOARD: fraction(sum(drawn.grains.values()))}
-            by_state, hours = drawn.grains, drawn.ms
+            if self._motors.grains:
+                by_module[MOTORS] = fraction(sum(self._motors.grains.values()))
+            by_state, hours = dict(Counter(drawn.grains) + Counter(self._motors.grains)), drawn.ms
         else:
             self._ledger.settle(run.until_ms)
             by_module = {it.name.lower(): fraction(n) for it, n in self._ledger.by_rail().items()}
@@ -205,8 +222,15 @@ class _Drawn:
             return charge.charge_at(battery, truth.at_ms) - charge.charge_at(battery, end_ms)
 
         both = fallen(physical.primary) + fallen(physical.secondary)
-        self.grains[name] = self.grains.get(name, 0) + both
+        self._take(name, both)
         self.ms[name] = self.ms.get(name, 0) + end_ms - truth.at_ms
+
+    def add_run(self, state: State, grains: int) -> None:
+        """Adds a motor run, with which this state began."""
+        self._take(state.name, grains)
+
+    def _take(self, name: str, grains: int) -> None:
+        self.grains[name] = self.grains.get(name, 0) + grains
 
 
 def _spans(truths: list[Truth], until_ms: int) -> Iterator[tuple[Truth, int]]:

@@ -188,6 +188,37 @@ def test_a_whole_board_in_sound_obeys_them(tmp_path: Path) -> None:
     assert check_run(RunDirectory.open(out)) == []
 
 
+@pytest.fixture(scope="module")
+def motor_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A pool whose motor runs cost a hundredth of a battery each, with resets and leaks among them."""
+    folder = tmp_path_factory.mktemp("motors")
+    data = yaml.safe_load(POOL_FILE.read_text())
+    data["fleet"]["start"] = str(POOL_FILE.parent / data["fleet"]["start"])
+    data["board"]["motor_run_charge"] = 0.01
+    data |= {
+        "duration_s": 1200,
+        "faults": {"mix": {"seed": 5, "count": 40, "of": ["brown_out", "battery_loss", "battery_ageing"]}},
+    }
+    scenario, out = folder / "motors.yaml", folder / "run"
+    scenario.write_text(yaml.safe_dump(data))
+    command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
+    assert main(command) == 0
+    return out
+
+
+def test_motor_runs_that_cost_charge_obey_them(motor_run: Path) -> None:
+    assert check_run(RunDirectory.open(motor_run)) == []
+
+
+def test_a_motor_run_that_costs_nothing_breaks_the_law_of_energy(motor_run: Path) -> None:
+    lines = copy.deepcopy(read_journal(motor_run / "journal.jsonl").lines)
+    surfacing = lines[of_kind(lines, "truth", state="SURFACING")[0]]
+    surfacing["primary"][1] += 6 * 10**12
+    checker = Invariants(load(motor_run / "scenario.yaml"))
+    broken = [it for line in lines[: lines.index(surfacing) + 1] for it in checker.take(line)]
+    assert {it.law for it in broken} == {"energy is neither made nor lost"}
+
+
 def test_the_command_shows_the_lines_that_break_a_law(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 
 import pytest
+import yaml
+from scenario_files import POOL_FILE
 
-from apad_bridge.analysis.energy.energy import BOARD, energy_of, summed
+from apad_bridge.analysis.energy.energy import BOARD, MOTORS, energy_of, summed
 from apad_bridge.commands.main import main
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -45,6 +48,36 @@ def test_modules_are_those_of_the_board(pool_run, whole_run):
     modules = summed(energy_of(whole_run), lambda it: it.by_module)
     assert {"mu_active", "pi", "wifi", "motors"} <= modules.keys()
     assert list(modules.values()) == sorted(modules.values(), reverse=True)
+
+
+def test_runs_of_the_motors_are_a_module_of_the_worst_case(tmp_path):
+    """Nothing charges here, so all that the batteries lost was drawn; each way up or down costs a hundredth."""
+    data = yaml.safe_load(POOL_FILE.read_text())
+    data["board"]["motor_run_charge"] = 0.01
+    data["fleet"] |= {"start": str(POOL_FILE.parent / data["fleet"]["start"])}
+    data["apad"] |= {"dock_miss_probability": 1.0}
+    data |= {"duration_s": 900}
+    scenario, run = tmp_path / "motors.yaml", RunDirectory(tmp_path / "run")
+    scenario.write_text(yaml.safe_dump(data))
+    command = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(run.path)]
+    assert main(command) == 0
+    lines, found = read_journal(run.journal).lines, energy_of(run)
+    assert all(it.is_exact for it in found)
+    entered, before = Counter(), {}
+    for line in lines:
+        if line["kind"] == "truth":
+            state, agent_id = line["state"], line["id"]
+            entered[agent_id] += state in ("SURFACING", "SINKING") and before.get(agent_id) != state
+            before[agent_id] = state
+    summary = json.loads(run.summary.read_text())["amussels"]
+    starts = {it["id"]: it["primary"] for it in lines[0]["agents"]}
+    assert sum(entered.values()) > 4
+    for energy in found:
+        agent_id = energy.agent_id
+        assert energy.by_module.get(MOTORS, 0) == pytest.approx(0.01 * entered[agent_id])
+        lost = starts[agent_id] - summary[str(agent_id)]["final_charge"]
+        assert sum(energy.by_module.values()) == pytest.approx(lost, abs=1e-6)
+        assert sum(energy.by_state.values()) == pytest.approx(lost, abs=1e-6)
 
 
 def test_another_journal_is_told(pool_run, tmp_path, capsys):
