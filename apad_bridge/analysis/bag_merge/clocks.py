@@ -21,6 +21,9 @@ STEP_S = 0.25
 """The smallest step that is told from what the ways take."""
 _SIDE = 12
 """Common messages on each side of a step, at least."""
+_SIDE_S = 10.0
+"""And seconds: a way that stands still for a second delays a dozen messages at once, in a busy recording. At either end of
+the recording such a delay looks like a step for ever."""
 _STEPS_AT_MOST = 3
 _STEPS_AN_HOUR = 6
 """No clock is set more often than this, over `_STEPS_AT_MOST`: more steps are bursts of delayed messages."""
@@ -89,7 +92,7 @@ def _steps_of_clocks(times_s: Floats, offsets: Floats) -> list[int]:
     """The first message after each step, by the shortest parts of the recording in which no more steps are found than
     clocks make."""
     at_most = _STEPS_AT_MOST + _STEPS_AN_HOUR * float(np.ptp(times_s)) / 3600
-    block = 1
+    block = max(1, -int(-_SIDE_S * len(offsets) // (_SIDE * max(_SIDE_S, float(np.ptp(times_s))))))
     while len(found := _steps_by_blocks(offsets, block)) > at_most:
         block *= 2
     return found

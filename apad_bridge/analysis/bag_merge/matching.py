@@ -125,7 +125,7 @@ def _rising(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     tail_at: list[int] = []
     before: list[int] = []
     for n, (_, mate) in enumerate(pairs):
-        at = int(np.searchsorted(tails, mate))
+        at = bisect_left(tails, mate)
         before.append(tail_at[at - 1] if at else -1)
         if at == len(tails):
             tails.append(mate)

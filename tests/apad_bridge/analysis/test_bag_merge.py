@@ -18,6 +18,7 @@ from rosbags.rosbag1 import Reader, Writer
 
 from apad_bridge.analysis.bag_merge.clocks import clock_offset
 from apad_bridge.analysis.bag_merge.figures import figures_of
+from apad_bridge.analysis.bag_merge.matching import _rising
 from apad_bridge.commands import main
 from apad_bridge.records.bag import RecordedMessage, recorded_messages
 
@@ -240,6 +241,34 @@ def test_bursts_of_late_messages_are_no_steps_of_a_clock(seed: int) -> None:
     assert len(found.steps_s) <= 5 and any(it == pytest.approx(3.0, abs=0.1) for it in found.steps_s)
     errors_s = [abs(found.at(n, times_s[n]) - offsets_s[n]) for n in range(0, count, 20)]
     assert np.percentile(errors_s, 95) < 0.5
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("at_s", [0.0, 300.0, 877.0])
+def test_a_second_in_which_a_way_stands_still_is_no_step_of_a_clock(seed: int, at_s: float) -> None:
+    draw = np.random.default_rng(seed)
+    times_s = np.sort(draw.uniform(0.0, 878.0, 26_000))
+    late = (times_s >= at_s) & (times_s < at_s + 1.0)
+    measured_s = 0.2 + draw.exponential(0.01, len(times_s)) - 0.57 * late
+    found = clock_offset(range(len(times_s)), times_s, measured_s)
+    assert found.steps_s == []
+    assert found.at(13_000, times_s[13_000]) == pytest.approx(0.2, abs=0.02)
+
+
+def test_pairing_takes_as_long_for_each_message_of_a_long_recording() -> None:
+    """By the number of comparisons, which no busy machine changes: log2 of them for each message, and not all."""
+
+    class Place(int):
+        compared = 0
+
+        def __lt__(self, other: object) -> bool:
+            Place.compared += 1
+            return int(self) < int(other)  # type: ignore[call-overload,no-any-return]
+
+    count = 4096
+    pairs = [(n, Place(n)) for n in range(count)]
+    assert _rising(pairs) == pairs
+    assert 0 < Place.compared < 2 * 12 * count
 
 
 @pytest.mark.parametrize("what", ["no bag", "nothing in it", "nothing in common", "no file"])
