@@ -13,6 +13,7 @@ from rich.table import Table
 
 from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -62,7 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
     if not rules and arguments.lose_apad is None:
         raise UserError("nothing changes: give --strategy, --set or --lose-apad")
     try:
-        branches = branch(arguments.directory, Turn(round(arguments.at * 1000), rules, arguments.lose_apad))
+        with WorkProgress(arguments.json) as progress:
+            progress.step(f"flying {arguments.directory} again, unchanged and changed")
+            turn = Turn(round(arguments.at * 1000), rules, arguments.lose_apad)
+            branches = branch(arguments.directory, turn)
     except NoBranch as error:
         raise UserError(str(error)) from error
     if arguments.json:

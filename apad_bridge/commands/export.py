@@ -12,6 +12,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 
 def add_parser(commands: Any) -> None:
@@ -48,7 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         directory = RunDirectory.open(arguments.directory)
         path = arguments.out or default_path(directory, Format(arguments.to))
-        counts = export(directory, Format(arguments.to), path)
+        with WorkProgress(arguments.json) as progress:
+            progress.step(f"writing {path}")
+            counts = export(directory, Format(arguments.to), path)
     except ImportError as error:
         raise UserError(f"--to {arguments.to} needs {error.name}: pip install 'musselbed[export]'") from error
     except (RunDirectoryError, BagUnreadable) as error:

@@ -15,6 +15,7 @@ from apad_bridge.analysis.bag_merge.merge import Merge, merge
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 _MOST_GAPS = 20
 
@@ -54,7 +55,9 @@ def run(arguments: argparse.Namespace) -> int:
     if out.exists():
         raise UserError(f"{out} exists already: name a new file with --out")
     try:
-        merged = merge(first, second, out)
+        with WorkProgress(arguments.json) as progress:
+            progress.step(f"merging {first} and {second}")
+            merged = merge(first, second, out)
     except BagUnreadable as error:
         raise UserError(str(error)) from error
     except OSError as error:

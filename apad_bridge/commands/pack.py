@@ -9,6 +9,7 @@ from typing import Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 
 def add_parser(commands: Any) -> None:
@@ -37,7 +38,9 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.runs.packing import NotPacked, pack
 
     try:
-        archive = pack(arguments.directory, arguments.out)
+        with WorkProgress(arguments.json) as progress:
+            progress.step(f"packing {arguments.directory}")
+            archive = pack(arguments.directory, arguments.out)
     except NotPacked as error:
         raise UserError(str(error)) from error
     except OSError as error:

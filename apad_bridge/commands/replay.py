@@ -36,12 +36,16 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.analysis.replay.build import build_comparison, build_replay
     from apad_bridge.records.run_directory import RunDirectoryError
+    from apad_bridge.runs.progress import WorkProgress
 
     try:
-        if arguments.other is None:
-            page = build_replay(arguments.directory)
-        else:
-            page = build_comparison(arguments.directory, arguments.other)
+        with WorkProgress(arguments.json) as progress:
+            if arguments.other is None:
+                progress.step(f"reading {arguments.directory}")
+                page = build_replay(arguments.directory)
+            else:
+                progress.step(f"comparing {arguments.directory} with {arguments.other}")
+                page = build_comparison(arguments.directory, arguments.other)
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
     if arguments.json:

@@ -10,6 +10,7 @@ from typing import Any
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 _DATA = ("csv", "parquet")
 
@@ -44,17 +45,23 @@ def run(arguments: argparse.Namespace) -> int:
 
     out: Path = arguments.out
     try:
-        directories = [RunDirectory.open(it) for it in arguments.directories]
-        reports = [contents_of(it) for it in directories]
-        names = [it.name for it in reports]
-        if twice := {it for it in names if names.count(it) > 1}:
-            raise UserError(
-                f"two runs are called {min(twice)}: the folders of their data would be one; rename one"
-            )
-        page, pdf = write_report(reports, out)
-        for name, directory in zip(names, directories, strict=True):
-            if arguments.data != "none":
-                export(directory, Format(arguments.data), out / name)
+        with WorkProgress(arguments.json) as progress:
+            directories = [RunDirectory.open(it) for it in arguments.directories]
+            reports = []
+            for it in directories:
+                progress.step(f"reading {it.path}")
+                reports.append(contents_of(it))
+            names = [it.name for it in reports]
+            if twice := {it for it in names if names.count(it) > 1}:
+                raise UserError(
+                    f"two runs are called {min(twice)}: the folders of their data would be one; rename one"
+                )
+            progress.step(f"drawing {out}")
+            page, pdf = write_report(reports, out)
+            for name, directory in zip(names, directories, strict=True):
+                if arguments.data != "none":
+                    progress.step(f"writing {out / name}")
+                    export(directory, Format(arguments.data), out / name)
     except ImportError as error:
         raise UserError(f"--data parquet needs {error.name}: pip install 'musselbed[export]'") from error
     except (RunDirectoryError, BagUnreadable) as error:

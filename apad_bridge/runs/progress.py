@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from types import TracebackType
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from apad_bridge.runs.display import MakeStatus, clock_text
 from apad_bridge.runs.status import Status
@@ -18,6 +28,8 @@ from apad_bridge.supervisor.forecast import Forecast
 _LINE_EVERY_MS = 300_000
 _REFRESH_HZ = 8
 _MOST_NAMED = 8
+_SILENT_S = 2.0
+"""The longest time without a word."""
 
 
 class FlightProgress:
@@ -103,6 +115,48 @@ class FlightProgress:
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
+
+
+class WorkProgress:
+    """Shows what a command works on where nothing can be counted, with the time that it takes. A context manager.
+
+    At a terminal the text stands there with a clock, and goes when the work is done. Elsewhere a text is a line once its
+    work has taken `_SILENT_S`. It writes to stderr; a `quiet` one shows nothing.
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._console = Console(stderr=True, quiet=quiet, markup=False)
+        columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+        self._progress = Progress(
+            *columns, console=self._console, transient=True, disable=quiet or not self._console.is_terminal
+        )
+        self._timer: threading.Timer | None = None
+
+    def __enter__(self) -> WorkProgress:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end_step()
+        self._progress.stop()
+
+    def step(self, text: str) -> None:
+        """The work that begins now; the former step is done."""
+        self._end_step()
+        if not self._progress.disable:
+            self._progress.add_task(text)
+        elif not self._console.quiet:
+            line = partial(self._console.print, f"{text} ...", highlight=False, soft_wrap=True)
+            self._timer = threading.Timer(_SILENT_S, line)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _end_step(self) -> None:
+        for task in self._progress.tasks:
+            self._progress.remove_task(task.id)
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
 
 def _doing(status: Status) -> str:

@@ -6,8 +6,12 @@ import os
 import shlex
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from rich.console import Console
@@ -18,8 +22,10 @@ from apad_bridge.commands.table import print_table
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, apad_energy
+from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.studies.capacity import bounds_of
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.starts import starts_of
 
 ROOT = Path(__file__).parents[3]
@@ -248,3 +254,56 @@ def test_a_run_ends_with_its_files_and_two_commands_that_parse(
         ["musselbed", "replay", f"{run.path}{of_one}"],
         ["musselbed", *(word.format(run=run.path, folder=run.path.parent) for word in second)],
     ]
+
+
+class Ticking:
+    """Stands in for a timer: the tests let its time pass."""
+
+    made: ClassVar[list[Ticking]] = []
+
+    def __init__(self, after_s: float, function: Callable[[], None]) -> None:
+        self.after_s, self.function, self.is_cancelled = after_s, function, False
+        Ticking.made.append(self)
+
+    def start(self) -> None:
+        pass
+
+    def cancel(self) -> None:
+        self.is_cancelled = True
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_work_without_a_count_is_told_where_no_terminal_shows_it(
+    quiet: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(threading, "Timer", Ticking)
+    monkeypatch.setattr(Ticking, "made", [])
+    with WorkProgress(quiet) as progress:
+        progress.step("reading runs/a")
+        progress.step("drawing [a, b]")
+        assert len(Ticking.made) == (0 if quiet else 2)
+        for timer in Ticking.made:
+            if not timer.is_cancelled:
+                assert timer.after_s <= 2
+                timer.function()
+    assert all(it.is_cancelled for it in Ticking.made)
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", "" if quiet else "drawing [a, b] ...\n")
+
+
+@pytest.mark.parametrize(
+    "command", ["report", "export --to mat", "replay", "pack", "branch --at 100 --lose-apad apad1"]
+)
+def test_no_command_that_takes_long_is_silent(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(WorkProgress, "step", lambda self, text: said.append(text))
+    run, scenario = tmp_path / "run", tmp_path / "short.yaml"
+    short = replace(load(ROOT / POOL), duration_s=120)
+    write_resolved(scenario, replace(short, fleet=replace(short.fleet, hosting=Hosting.ONE_PROCESS)))
+    assert main(["run", str(scenario), "--time", "asap", "--out", str(run)]) == 0
+    name, *options = command.split()
+    out = ["--out", str(tmp_path / "out.tar.gz")] if name in ("report", "pack") else []
+    main([name, str(run), *options, *out])
+    assert said and str(run) in said[0]
