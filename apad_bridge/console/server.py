@@ -14,7 +14,7 @@ import json
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from starlette.routing import Route
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import Counts
 from apad_bridge.console.feed import Feed
-from apad_bridge.records.journal import await_beginning, has_begun
+from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.supervisor import control
 from apad_bridge.supervisor.line_server import LONGEST_LINE
@@ -43,8 +43,8 @@ _BEAT_S = 1.0
 """A page that hears nothing for three beats says so."""
 _WAITING = 40
 """A page that leaves so many messages unread is left; its browser connects again."""
-_READ_S = 20.0
-"""A page waits so long for the journal to be read."""
+_BEGUN_S = 10.0
+"""A page waits so long for the flight to begin and its journal to be read, and then says so."""
 _ORDER = TypeAdapter[control.AnyRequest](control.AnyRequest)
 _NEEDS_TOKEN = "This console needs its token: open the address that `musselbed console` printed."
 _REFUSED = PlainTextResponse(f"{_NEEDS_TOKEN}\n", status_code=403)
@@ -63,7 +63,7 @@ if (token) location.replace("/?token=" + encodeURIComponent(token) + location.ha
 """A tab that is loaded again has its token still."""
 
 _NOT_BEGUN = PlainTextResponse(
-    "The flight has not begun yet. This page opens it as soon as it does.\n",
+    "The flight has not begun yet, or its records are still being read. This page opens it as soon as it can.\n",
     headers={"Refresh": "1"},
 )
 """`Refresh` has the browser ask again after a second."""
@@ -238,18 +238,16 @@ class _Pages:
         except ValidationError as error:
             return JSONResponse({"accepted": False, "message": error.errors()[0]["msg"]}, status_code=400)
         answer = await asyncio.to_thread(control.answer_of, self._run_dir, asked)
-        return JSONResponse({"accepted": answer.accepted, "message": answer.message})
+        return JSONResponse(asdict(answer))
 
     async def icon(self, request: Request) -> Response:
         """Browsers ask for one; there is none."""
         return Response(status_code=204)
 
     async def _begun(self) -> Broadcast | None:
-        """None for a flight that has not begun, or whose journal is so long that it is not read yet."""
-        if not has_begun(RunDirectory(self._run_dir)):
-            return None
+        """None for a flight that has not begun, or whose journal is not read yet, after some time."""
         with suppress(TimeoutError):
-            return await asyncio.wait_for(asyncio.shield(self.broadcast), _READ_S)
+            return await asyncio.wait_for(asyncio.shield(self.broadcast), _BEGUN_S)
         return None
 
     def _is_token(self, text: str) -> bool:

@@ -26,7 +26,6 @@ __all__ = [
     "Line",
     "await_beginning",
     "format_of",
-    "has_begun",
     "read_journal",
 ]
 
@@ -140,11 +139,6 @@ class JournalTail:
         self._tail.close()
 
 
-def has_begun(directory: RunDirectory) -> bool:
-    """True once the journal has its first line."""
-    return directory.journal.is_file() and directory.journal.stat().st_size > 0
-
-
 def await_beginning(
     directory: RunDirectory, is_asked_to_end: Callable[[], bool], tell: Callable[[str], None]
 ) -> bool:
@@ -154,7 +148,9 @@ def await_beginning(
     person once that it still waits: somebody else's master, or a large fleet, may need longer.
     """
     told_s = time.monotonic() + _BEGINS_S
-    while directory.scenario.is_file() and not has_begun(directory):
+    while directory.scenario.is_file() and not (
+        directory.journal.is_file() and directory.journal.stat().st_size
+    ):
         if is_asked_to_end():
             return False
         if any(directory.path.glob("*/journal.jsonl")):

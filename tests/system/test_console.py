@@ -142,7 +142,11 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         assert browser.execute_script("return window.hurt === undefined")
 
         press(browser, "#stop")
-        wait_until(lambda: text(browser, "answer") == "stop: done")
+        # Done is what the vehicle has taken; the page shows it as stopped, and Continue in the place of Stop.
+        wait_until(lambda: text(browser, "answer").startswith("stop: taken after"))
+        wait_until(lambda: "taken by the vehicle" in text(browser, "stopped-states"))
+        assert text(browser, "stopped-what") == "STOPPED: the aPad holds its place"
+        assert not browser.find_element(By.ID, "stop").is_displayed()
         # An order is answered in its tick, and its line is in the file when the tick ends.
         wait_until(lambda: [line["order"] for line in journalled(run_dir, "operator")] == ["stop"])
         browser.find_element(By.ID, "remark-text").send_keys("<b>gulls</b>\n")
@@ -155,6 +159,8 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         press(browser, "#continue")
         press(browser, "#sure button[value=yes]")
         wait_until(lambda: text(browser, "answer") == "continue: done")
+        wait_until(lambda: browser.find_element(By.ID, "stop").is_displayed())
+        assert not browser.find_element(By.ID, "stopped").is_displayed()
         wait_until(
             lambda: [line["order"] for line in journalled(run_dir, "operator")] == ["stop", "continue"]
         )

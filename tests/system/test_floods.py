@@ -207,7 +207,10 @@ def test_a_console_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path) -> 
         late.mkdir()
         for name in ("scenario.yaml", "run.json"):
             (late / name).write_bytes((run.path / name).read_bytes())
-        patience = "from apad_bridge.records import journal; journal._BEGINS_S = 0.1"
+        patience = (
+            "from apad_bridge.records import journal; journal._BEGINS_S = 0.1; "
+            "from apad_bridge.console import server; server._BEGUN_S = 0.1"
+        )
         process = subprocess.Popen(
             [
                 sys.executable,

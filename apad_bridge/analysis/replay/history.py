@@ -139,9 +139,9 @@ class History:
             EventKind.PACKET: self._take_packet,
             EventKind.PRIMITIVE: self._take_primitive,
             EventKind.OPERATOR: self._take_operator,
-            "stop": self._take_stop,
-            "continued": self._take_continued,
-            "drift": self._take_drift,
+            EventKind.STOP: self._take_stop,
+            EventKind.CONTINUED: self._take_continued,
+            EventKind.DRIFT: self._take_drift,
             EventKind.END: self._take_end,
         }
 

@@ -94,8 +94,9 @@ async function order(act, more = {}) {
     const answer = await fetch("/orders", {
       method: "POST", headers: { "X-Musselbed-Token": token }, body: JSON.stringify({ act, by: "console", ...more }),
     });
-    const { accepted, message } = await answer.json();
-    $("answer").textContent = `${act}${whose}: ${message || (accepted ? "done" : "refused")}`;
+    const { accepted, message, state, after_s: after } = await answer.json();
+    const done = state ? `${state}${state in after ? ` after ${after[state].toFixed(1)} s` : ""}` : accepted ? "done" : "refused";
+    $("answer").textContent = `${act}${whose}: ${message || done}`;
   } catch {
     $("answer").textContent = `${act}: the console does not answer`;
   }

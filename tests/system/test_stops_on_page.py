@@ -1,0 +1,183 @@
+"""A lookout's phone: stops, their states, a drift and the alarm, on the live page of a run whose journal a test writes."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browsers import chromium, load_page
+from patient import PATIENCE_S
+from scenario_files import POOL_FILE
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.wait import WebDriverWait
+
+from apad_bridge.commands.console import console_beside
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.flying import journal_start
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.control import SOCKET_NAME, short_path
+from apad_bridge.supervisor.line_server import LineServer
+from apad_bridge.vehicle.commands import PoseReported
+
+pytestmark = pytest.mark.system
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
+PHONE = {"width": 390, "height": 800, "deviceScaleFactor": 2, "mobile": True}
+
+
+@pytest.fixture(scope="module")
+def phone() -> Iterator[webdriver.Chrome]:
+    with chromium(FLAGS) as driver:
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
+        yield driver
+
+
+class Story:
+    """A run of the pool that has flown 100 s; the test is its supervisor."""
+
+    def __init__(self, path: Path) -> None:
+        scenario = load(POOL_FILE)
+        directory = RunDirectory.create("pool", datetime(2026, 5, 4, tzinfo=UTC), path)
+        starts = starts_of(scenario)
+        directory.write_inputs(scenario, starts)
+        RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
+        recorder = Recorder(directory, scenario, {it.agent_id: (it.north_m, it.east_m) for it in starts})
+        journal_start(recorder, scenario, starts)
+        recorder.tick(0, [], PoseReported(0, 5.0, 5.0, 1.0), None, "", (None,) * 4)
+        recorder.close()
+        self.path = directory.path
+        self.now_s = 100
+        self.orders: list[dict[str, Any]] = []
+        self._lock = threading.Lock()
+        self.passes()
+
+    def answer(self, line: bytes) -> bytes:
+        self.orders.append(json.loads(line))
+        return b'{"accepted": true, "message": ""}'
+
+    def writes(self, kind: str, **data: Any) -> None:
+        with self._lock, (self.path / "journal.jsonl").open("a") as journal:
+            journal.write(json.dumps({"t": 1000 * self.now_s, "kind": kind, **data}) + "\n")
+
+    def passes(self) -> None:
+        """A second passes."""
+        self.now_s += 1
+        self.writes("tick")
+
+    def stop(self, number: int, mode: str, by: str, state: str, **more: Any) -> None:
+        self.writes("stop", number=number, mode=mode, by=by, state=state, **more)
+        self.passes()
+
+
+@pytest.fixture
+def story(tmp_path: Path) -> Iterator[Story]:
+    told = Story(tmp_path / "run")
+    with short_path(told.path) as path:
+        server = LineServer(path, told.answer, lambda _: True)
+    yield told
+    server.close()
+    os.unlink(told.path / SOCKET_NAME)
+
+
+def wait_until(holds: Callable[[], Any]) -> Any:
+    """Polls what announces nothing."""
+    return WebDriverWait(None, PATIENCE_S, 0.05).until(lambda _: holds())  # type: ignore[arg-type]
+
+
+def says(browser: webdriver.Chrome, element: str, words: str) -> None:
+    wait_until(lambda: words in browser.find_element(By.ID, element).text)
+
+
+def seen(browser: webdriver.Chrome, element: str) -> bool:
+    return browser.find_element(By.ID, element).is_displayed()
+
+
+def tap(browser: webdriver.Chrome, selector: str) -> None:
+    """A tap by the browser itself, which counts as a person's touch."""
+    wait_until(lambda: browser.find_element(By.CSS_SELECTOR, selector).is_enabled())
+    browser.find_element(By.CSS_SELECTOR, selector).click()
+
+
+def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
+    phone: webdriver.Chrome, story: Story
+) -> None:
+    with console_beside(story.path) as page:
+        load_page(phone, page)
+        assert not seen(phone, "stopped")
+        assert phone.execute_script("return document.documentElement.scrollWidth") == PHONE["width"]
+
+        tap(phone, "#stop")
+        (asked,) = wait_until(lambda: story.orders)
+        assert (asked["act"], asked["off"]) == ("stop", False)
+        # The touch allowed the sound, too.
+        says(phone, "sound", "Sound on")
+        story.stop(1, "hold", "console", "ordered")
+        story.stop(1, "hold", "console", "sent")
+        says(phone, "stopped", "sent 00:01:42")
+        assert "taken" not in phone.find_element(By.ID, "stopped-states").text
+        story.stop(1, "hold", "console", "taken")
+        says(phone, "stopped", "STOPPED: the aPad holds its place")
+        says(phone, "stopped", "taken by the vehicle 00:01:43")
+        assert (seen(phone, "stop"), seen(phone, "continue")) == (False, True)
+        assert "STOPPED" in phone.title
+        # Of no alarm: a person ordered it.
+        assert phone.execute_script("return document.body.dataset.beeps") is None
+
+        tap(phone, "#continue")
+        tap(phone, "#sure button[value=yes]")
+        wait_until(lambda: len(story.orders) == 2)
+        assert (story.orders[1]["act"], story.orders[1]["stop"]) == ("continue", 1)
+        story.writes("continued", number=1, by="console")
+        story.passes()
+        wait_until(lambda: not seen(phone, "stopped") and seen(phone, "stop"))
+
+        # A guard's stop without thrust: it drifts, and the alarm sounds until it was heard.
+        story.stop(2, "off", "guard: frozen", "ordered", reason="the position stands still")
+        story.stop(2, "off", "guard: frozen", "taken")
+        says(phone, "stopped", "MOTORS OFF: the aPad has no thrust")
+        wait_until(lambda: int(phone.execute_script("return document.body.dataset.beeps || 0")) >= 2)
+        story.writes("drift", north_m=5.0, east_m=20.0, speed_m_s=0.31, towards_rad=4.2, fence_s=75.0)
+        story.passes()
+        says(
+            phone,
+            "drift",
+            "Drifts 0.31 m/s to the south-west (241°), at 5.0 m north, 20.0 m east; at the fence in 75 s",
+        )
+        tap(phone, "#heard")
+        assert not seen(phone, "heard")
+        assert phone.execute_script("return beeping") is None
+        # The next drift is news.
+        story.writes("drift", speed_m_s=0.31, towards_rad=4.2, fence_s=None)
+        story.passes()
+        wait_until(lambda: seen(phone, "heard"))
+        assert "fence" not in phone.find_element(By.ID, "drift").text
+
+        tap(phone, "#off")
+        wait_until(lambda: len(story.orders) == 3)
+        assert (story.orders[2]["act"], story.orders[2]["off"]) == ("stop", True)
+        tap(phone, "#hands")
+        wait_until(lambda: len(story.orders) == 4)
+        assert story.orders[3]["act"] == "hands"
+
+        # A stop that the vehicle does not take may be ordered again.
+        story.stop(3, "off", "console", "ordered")
+        story.stop(3, "off", "console", "not taken", reason="no answer within 3 s")
+        says(phone, "stopped", "STOP NOT TAKEN by the vehicle")
+        assert seen(phone, "stop")
+        assert phone.execute_script("return document.documentElement.scrollWidth") == PHONE["width"]
+    assert [it for it in phone.get_log("browser") if it["level"] == "SEVERE"] == []  # type: ignore[no-untyped-call]
