@@ -135,6 +135,12 @@ def test_a_place_outside_and_a_way_that_leaves_the_fence_are_counted() -> None:
     assert nan.outside == 1
 
 
+def test_a_vehicle_that_truly_leaves_the_fence_is_bad_however_it_was_stopped() -> None:
+    narrow = ((0.0, 0.0), (16.5, 0.0), (16.5, 60.0), (0.0, 60.0))
+    verdict = judged([*sailing(STOPS_S), *off(STOPS_S)], Case("b", narrow, BEGUN_S))
+    assert verdict.failures == ["the vehicle was truly 0.5 m outside the fence"] and verdict.outside == 0
+
+
 def test_orders_while_a_pilot_steers_are_counted_until_the_pilot_lets_go() -> None:
     flag = [{"fact": "pilot", "at_s": 10.0, "steers": True, "by": STRANGER}]
     let_go = [{"fact": "pilot", "at_s": 20.0, "steers": False, "by": STRANGER}]

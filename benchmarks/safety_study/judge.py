@@ -431,6 +431,8 @@ def _judge_way(verdict: Verdict, case: Case, track: Track) -> None:
     places = [place for _, place in rows]
     verdict.moved_m = round(sum(math.dist(a, b) for a, b in pairwise(places)), 1)
     verdict.furthest_out_m = round(max((out_m(it, case.fence) for it in places), default=0.0), 2)
+    if verdict.furthest_out_m > FENCE_ERROR_M:
+        verdict.failures.append(f"the vehicle was truly {verdict.furthest_out_m:g} m outside the fence")
 
 
 def _said(it: Order, case: Case) -> str:
