@@ -122,7 +122,8 @@ class Pressed:
         except subprocess.TimeoutExpired:
             self.process.kill()
             text, code = "no answer", None
-        return Told(" ".join(self.words), self.asked_s, time.monotonic(), code, code == 0, text)
+        says_taken = code == 0 and self.words[0] != "continue"
+        return Told(" ".join(self.words), self.asked_s, time.monotonic(), code, says_taken, text)
 
 
 @dataclass
