@@ -170,10 +170,10 @@ def test_what_cannot_be_overridden_and_docks_without_a_person_are_refused(
     tmp_path: Path, scenario: Path
 ) -> None:
     data = loader.resolve(loader.load(scenario))
-    data["apad"]["start_m"] = [60, 60]
+    data["apad"]["start_m"] = [70, 70]
     outside = tmp_path / "outside.yaml"
-    data["area"]["fence"] = [[50, 50], [70, 50], [70, 70], [50, 70]]
-    data["area"]["home_m"] = [60, 60]
+    data["area"]["fence"] = [[50, 50], [90, 50], [90, 90], [50, 90]]
+    data["area"]["home_m"] = [70, 70]
     loader.write_resolved(outside, loader.from_data(data, "outside"))
     with apad(tmp_path, scenario, "a") as environment:
         hands = musselbed(environment, tmp_path, "preflight", scenario, "--prove-docks")

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from apad_bridge.analysis.calibration.energy import energy_of
+from apad_bridge.analysis.calibration.energy import EnergyFigures, energy_of
 from apad_bridge.analysis.calibration.intervals import Figure, mean, share
 from apad_bridge.analysis.calibration.losses import Loss, by_range, of_sound, of_wifi
 from apad_bridge.analysis.calibration.motion import LEAST_LEG_M, Leg, drifts_m_s, legs_of
 from apad_bridge.analysis.calibration.reflight import Reflown, refly
+from apad_bridge.analysis.calibration.stopping import LEAST_STOPS, stopping_distance
 from apad_bridge.analysis.field_log.facts import Fact, Work
 from apad_bridge.analysis.field_log.reader import facts_of
 from apad_bridge.analysis.field_log.vehicle_log import VehicleLog, vehicle_log
@@ -24,6 +25,10 @@ from apad_bridge.scenario.schema import Scenario
 from firmware_model.packets.codec import load_codec
 
 _DIGITS = 4
+_MISFIT = 0.035
+"""Of a leg's length. Waves of 0.3 m misfit by 0.03 on 6 m, and a vehicle that slows all the way by 0.04 to 0.09."""
+_RESIDUAL = 0.25
+"""Of a go-to's time."""
 _AT_ONCE_S = 0.5
 """Generation A's published server answers a perch without waiting for a mechanism."""
 Spans = tuple[tuple[float, float], ...]
@@ -99,10 +104,16 @@ def calibrate(
     _drift(found, logs, adrift_s)
     moved = with_block(scenario, found.block)
     flown = [(log, _reflown(log, moved)) for log in logs]
+    own = _residuals([it for _, its in flown for it in its])
+    if own.rms_s is not None and own.mean_go_to_s is not None and own.rms_s > _RESIDUAL * own.mean_go_to_s:
+        reason = (
+            f"flown again, go-tos differ by {own.rms_s:.1f} s (root mean square) of {own.mean_go_to_s:.1f} s"
+        )
+        _withdraw_motion(found, reason)
     _energy(found, flown, scenario)
     _losses(found, recordings, scenario)
     others = [_reflown(it.log, moved) for it in flown_with_it]
-    found.residuals = _residuals([it for each in (others or [it for _, it in flown]) for it in each])
+    found.residuals = _residuals([it for each in others for it in each]) if others else own
     found.unmeasured["leeway"] = (
         "water.wind.leeway: no message of either generation has the wind, and one wind cannot be told from a current"
     )
@@ -148,21 +159,43 @@ def _motion(found: Calibration, logs: list[VehicleLog], legs: list[Leg], max_spe
         return
     too_few = f"fewer than three completed go-tos of {LEAST_LEG_M:g} m or more with a cruise"
     speed = _note(found, "speed", mean([it.speed_m_s for it in legs], "m/s"), too_few)
+    if legs and (misfit := float(np.median([it.misfit_m / it.length_m for it in legs]))) > _MISFIT:
+        reason = f"the ways differ from that by {100 * misfit:.0f} % of their length"
+        _withdraw_motion(found, reason)
+        return
     if speed is None:
         found.unmeasured["stopping distance"] = too_few
         return
     _put(found, speed.value, "mission", "speed_m_s")
     if speed.value > max_speed_m_s:
         _put(found, speed.value, "apad", "max_speed_m_s")
-    stops = [it.stopping_m for it in legs if it.stopping_m is not None]
+    stops = [it.stop for it in legs if it.stop is not None]
+    too_seldom = "positions come too seldom to show a braking: record the vehicle's own, at 4 Hz or more"
+    hidden = "the positions' noise hides the braking: more go-tos, or a better fix"
     stopping = _note(
         found,
         "stopping distance",
-        mean(stops, "m"),
-        "positions come too seldom to show a braking: record the vehicle's own, at 4 Hz or more",
+        stopping_distance(stops),
+        too_seldom if len(stops) < LEAST_STOPS else hidden,
     )
     if stopping is not None:
         _put(found, speed.value**2 / (2 * stopping.value), "apad", "max_acceleration_m_s2")
+
+
+def _withdraw_motion(found: Calibration, reason: str) -> None:
+    """Takes back the figures of a vehicle that neither accelerates evenly, cruises nor brakes evenly, and their keys."""
+    for name in ("speed", "stopping distance"):
+        found.figures.pop(name, None)
+        found.unmeasured[name] = (
+            f"does not fit: {reason}. The vehicle has no cruise speed that the simulated aPad could have: "
+            "docs/apads.md#a-vehicle-without-a-cruise-speed"
+        )
+    for block, key in (
+        ("mission", "speed_m_s"),
+        ("apad", "max_speed_m_s"),
+        ("apad", "max_acceleration_m_s2"),
+    ):
+        found.block.get(block, {}).pop(key, None)
 
 
 def _docking(found: Calibration, logs: list[VehicleLog]) -> None:
@@ -201,14 +234,24 @@ def _drift(found: Calibration, logs: list[VehicleLog], adrift_s: Spans) -> None:
 
 
 def _energy(found: Calibration, flown: list[tuple[VehicleLog, list[Reflown]]], scenario: Scenario) -> None:
+    levels = [log.battery.fractions for log, _ in flown if len(log.battery.fractions)]
     energy = energy_of(flown, scenario.apad.battery.capacity_wh)
-    if not any(len(log.battery.times_s) for log, _ in flown):
+    if not levels:
         reason = "no battery level in the bags"
+    elif not any(np.ptp(it) for it in levels):
+        energy = EnergyFigures(None, None, None, None)
+        reason = f"the battery's level never moved from {100 * float(levels[0][0]):g} %"
     else:
         reason = "too few minutes of battery levels, or ways and rests that cannot be told apart"
     rest = _note(found, "power at rest", energy.rest_w, reason)
     _note(found, "energy per metre", energy.per_metre_wh, reason)
-    thrust = _note(found, "power per thrust", energy.per_newton_w, reason)
+    fits = "does not fit" not in found.unmeasured.get("speed", "")
+    thrust = _note(
+        found,
+        "power per thrust",
+        energy.per_newton_w if fits else None,
+        reason if fits else "the vehicle's motion does not fit, so the thrust of its ways is not known",
+    )
     no_docks = reason if rest is None else "the bags do not tell when docks held aMussels"
     dock = _note(found, "power per dock", energy.dock_w, no_docks)
     keys = (

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from apad_bridge.analysis.calibration.intervals import Floats
+from apad_bridge.analysis.calibration.stopping import LOOKED_S, StopTrack
 from apad_bridge.analysis.field_log.facts import Work
 from apad_bridge.analysis.field_log.vehicle_log import Done, Track, VehicleLog
 from apad_bridge.vehicle.generation_b.messages import SERVO_MS
@@ -27,6 +28,11 @@ _SLOWEST_S = 0.25
 """Places farther apart do not show the course of a braking. The choice rests on the log, not on what was fitted: to keep
 the long brakings alone would measure them too long."""
 _SMOOTHED_S = 1.0
+_SETTLED_S = 0.3
+_CORNERS_S = 2.0
+"""A hold takes a vehicle back by less than this at the speed of its cruise."""
+_CRUISE_S = 10.0
+"""So much of a cruise is enough to know its line."""
 _SETTLING_S = 5.0
 """A vehicle whose controllers go off takes so long to come to the water's speed."""
 _BLOCK_S = 30.0
@@ -35,11 +41,14 @@ _BLOCK_S = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A go-to as it was flown: its trapezoid. Braking is None where places come too seldom to show it."""
+    """A go-to as it was flown: its trapezoid. `stop` is None where places come too seldom to show the braking."""
 
     done: Done
     speed_m_s: float
-    stopping_m: float | None
+    length_m: float
+    misfit_m: float
+    """Root mean square of the distance between the trapezoid and the way, the positions' noise taken off."""
+    stop: StopTrack | None
 
 
 def trapezoid(
@@ -90,6 +99,7 @@ def _fitted(track: Track, done: Done) -> Leg | None:
     bow_n = (track.north_m[count - 1] - track.north_m[0]) / length_m
     bow_e = (track.east_m[count - 1] - track.east_m[0]) / length_m
     along_m = (track.north_m - track.north_m[0]) * bow_n + (track.east_m - track.east_m[0]) * bow_e
+    whole_m = along_m
     period_s = float(np.median(np.diff(track.times_s)))
     # What it does after it has come farthest is another motion: a hold takes it back. Noise has a farthest place, too.
     box = max(1, round(_SMOOTHED_S / period_s))
@@ -117,9 +127,23 @@ def _fitted(track: Track, done: Done) -> Leg | None:
         max_nfev=200,
     )
     begin_s, speed, starting_m, brakes_s, stopping_m, _ = map(float, fit.x)
-    if not fit.success or brakes_s - begin_s - 2 * starting_m / speed < LEAST_CRUISE_S:
+    cruises_s = begin_s + 2 * starting_m / speed
+    if not fit.success or brakes_s - cruises_s < LEAST_CRUISE_S:
         return None
-    return Leg(done, speed, stopping_m if period_s <= _SLOWEST_S else None)
+    noise_m2 = float(np.mean(np.diff(fit.fun) ** 2)) / 2
+    misfit_m = float(np.sqrt(max(0.0, np.mean(fit.fun**2) - noise_m2)))
+    stop = None
+    if period_s <= _SLOWEST_S:
+        whole_s = track.times_s - track.times_s[0]
+        # The trapezoid's corner, unless noise led it away: then the one of where the vehicle came to lie.
+        lies_m = np.median(whole_m[whole_s >= min(done.ended_s - track.times_s[0] + 2, whole_s[-1] - 1)])
+        corner_s = float(times_s[middle].mean() + (lies_m - along_m[middle].mean()) / rough)
+        if abs(brakes_s + stopping_m / speed - corner_s) < _CORNERS_S:
+            corner_s = brakes_s + stopping_m / speed
+        from_s = max(cruises_s + _SETTLED_S, corner_s - _CRUISE_S)
+        used = (whole_s > from_s) & (whole_s < corner_s + LOOKED_S)
+        stop = StopTrack(whole_s[used], whole_m[used], speed, stopping_m, corner_s)
+    return Leg(done, speed, length_m, misfit_m, stop)
 
 
 def drifts_m_s(log: VehicleLog, adrift_s: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:

@@ -24,6 +24,15 @@ from apad_bridge.records.bag import RecordedMessage
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.yaml_text import parse_yaml
+from apad_bridge.vehicle.generation_a.messages import (
+    GO_TO,
+    BatteryAndProgressPublished,
+    Goal,
+    GoalEnded,
+    Outcome,
+)
+from apad_bridge.vehicle.simulated.kinematics import Pose
+from apad_bridge.vehicle.stack_messages import PosePublished
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State
@@ -126,6 +135,37 @@ def test_a_go_to_that_is_flown_again_by_the_measured_numbers_takes_as_long() -> 
     assert residuals is not None and residuals.go_tos == GO_TOS
     assert residuals.rms_s is not None and residuals.rms_s < 0.5
     assert residuals.mean_go_to_s is not None and residuals.mean_go_to_s > 10
+
+
+def proportional_day() -> list[RecordedMessage]:
+    """Go-tos of the published simulator's controller: a speed of a third of the distance that is left; a still battery."""
+    recorder = Recorder("apad1", np.random.default_rng(3), 0.02)
+    place, velocity, now_ms = np.zeros(2), np.zeros(2), 0
+    for n in range(8):
+        goal = np.array([(12.0, 3.0), (0.0, 10.0), (15.0, 15.0), (-4.0, 2.0)][n % 4])
+        recorder.goal(now_ms, Goal(f"goal {n}", GO_TO, float(goal[0]), float(goal[1]), ""))
+        arrived = False
+        for _ in range(300):
+            now_ms += 100
+            change = (goal - place) / 3 - velocity
+            velocity = velocity + change * min(1.0, 0.2 / max(float(np.hypot(*change)), 1e-9))
+            place = place + 0.1 * velocity
+            recorder.take([PosePublished(now_ms, Pose(float(place[0]), float(place[1])))])
+            if now_ms % 1000 == 0:
+                recorder.take([BatteryAndProgressPublished(now_ms, 50.0, None, 0.0)])
+            if not arrived and np.hypot(*(goal - place)) < 0.5:
+                arrived = True
+                recorder.take([GoalEnded(now_ms, f"goal {n}", Outcome.SUCCEEDED)])
+    return recorder.messages
+
+
+def test_a_vehicle_without_a_cruise_speed_does_not_fit_and_a_still_battery_is_not_measured() -> None:
+    found = measured(proportional_day())
+    for name in ("speed", "stopping distance"):
+        assert found.unmeasured[name].startswith("does not fit: "), found.unmeasured[name]
+    assert not found.figures.keys() & {"speed", "stopping distance", "power at rest", "power per thrust"}
+    assert found.unmeasured["power at rest"] == "the battery's level never moved from 50 %"
+    assert "speed_m_s" not in found.block.get("mission", {}) and not found.block.get("apad")
 
 
 def test_a_named_span_adrift_gives_the_drift_of_generation_a(
