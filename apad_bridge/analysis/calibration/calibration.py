@@ -26,9 +26,9 @@ from firmware_model.packets.codec import load_codec
 
 _DIGITS = 4
 _MISFIT = 0.035
-"""Of a leg's length. Waves of 0.3 m misfit by 0.03 on 6 m, and a vehicle that slows all the way by 0.04 to 0.09."""
+"""A share of a leg's length. Waves of 0.3 m misfit by 0.03 on 6 m, and a vehicle that slows all the way by 0.04 to 0.09."""
 _RESIDUAL = 0.25
-"""Of a go-to's time."""
+"""A share of a go-to's time."""
 _AT_ONCE_S = 0.5
 """Generation A's published server answers a perch without waiting for a mechanism."""
 Spans = tuple[tuple[float, float], ...]

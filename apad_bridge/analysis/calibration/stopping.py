@@ -21,7 +21,7 @@ LEAST_STOPS = 3
 LOOKED_S = 6.0
 """Seconds after the time at which it would have come to its place of rest at the speed of its cruise."""
 _RETURN_S = 1.5
-"""Of a motion after the rest so much is looked at: later it is of another shape."""
+"""So much of a motion after the rest is looked at: later it has another shape."""
 _WIDE: Floats = np.asarray(np.geomspace(0.05, 4.0, 25), np.float64)
 """First pass, in parts of the first guess."""
 _NARROW = 17
@@ -42,7 +42,7 @@ class StopTrack:
     times_s: Floats
     along_m: Floats
     speed_m_s: float
-    """Of its cruise."""
+    """The speed of its cruise."""
     guess_m: float
     """A first guess of its stopping distance ..."""
     corner_s: float
