@@ -126,6 +126,64 @@ def test_an_installed_clone_has_nothing_to_do() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def test_a_release_without_a_package_is_named_with_it(programs: Path) -> None:
+    replace(programs, "dpkg-query", LACKING_TWO)
+    replace(programs, "id", "echo 0")
+    replace(programs, "apt-get", 'echo "E: Unable to locate package python3-actionlib"; exit 100')
+    done = run_install(programs)
+    assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
+    assert re.search(r"no list of packages of \w+ \S+, \w+ has python3-actionlib\)", done.stderr)
+
+
+def test_a_pipe_shows_steps_while_they_are_slow(programs: Path) -> None:
+    replace(programs, "dpkg-query", LACKING_TWO)
+    replace(programs, "id", "echo 0")
+    # One silent step: the first line that a pipe gets comes after ten seconds.
+    slow = (
+        f"echo 'Unpacking rosbash'; [ -e {programs}/called ] || sleep 13; touch {programs}/called; exit 100"
+    )
+    replace(programs, "apt-get", slow)
+    done = run_install(programs)
+    assert re.search(r"^ +1\d s: Unpacking rosbash$", done.stdout, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("release", "programs_there", "line"),
+    [
+        ("14", {}, "--debian takes 12 or 13, not '14'"),
+        ("13", {"id": "echo 1000"}, "a clean Debian takes root: sudo launch_scripts/test --debian 13"),
+        (
+            "12",
+            {"id": "echo 0", "debootstrap": ":", "git": ":", "df": "echo Avail; echo 3100M"},
+            "a clean Debian takes 6 GB in /var/tmp, where 3 GB are free",
+        ),
+        (
+            "13",
+            {
+                "id": "echo 0",
+                "git": ":",
+                "df": "echo 9000M",
+                "debootstrap": "echo 'E: no mirror there'; exit 1",
+            },
+            "debootstrap could not make a Debian 13 from http://deb.debian.org/debian: E: no mirror there",
+        ),
+    ],
+)
+def test_a_clean_debian_that_cannot_be_made_is_one_line(
+    programs: Path, release: str, programs_there: dict[str, str], line: str
+) -> None:
+    for name, script in programs_there.items():
+        replace(programs, name, script)
+    done = subprocess.run(
+        [str(ROOT / "launch_scripts/test"), "--debian", release],
+        env=os.environ | {"PATH": f"{programs}:/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stderr) == (2, f"musselbed: {line}\n")
+
+
 HTTPS = """
 import functools, http.server, ssl, sys
 folder, certificate, key = sys.argv[1:]
