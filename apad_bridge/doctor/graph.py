@@ -16,10 +16,12 @@ from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.doctor.network import (
     CALLER,
     TIMEOUT_S,
+    Refused,
     Unreachable,
     address_of,
     call,
     call_for_reply,
+    connect,
     host_and_port,
     route_address,
 )
@@ -170,7 +172,7 @@ def check_clock(graph: Graph) -> Finding:
     """Checks the source of the time that nodes on this master follow."""
     code, _, simulated = call_for_reply(graph.uri, "getParam", "/use_sim_time")
     follows = code == 1 and bool(simulated)
-    sources = graph.publishers.get("/clock", [])
+    sources, dead = _living(graph.uri, graph.publishers.get("/clock", []))
     whose = ", ".join(
         f"{node} ({'ours' if node.rpartition('/')[2].startswith('musselbed') else 'somebody else'})"
         for node in sources
@@ -180,7 +182,7 @@ def check_clock(graph: Graph) -> Finding:
     if follows and not sources:
         return fail(
             "clock",
-            "/use_sim_time is true and no node publishes /clock: time stands still",
+            f"/use_sim_time is true and no node{' that lives' if dead else ''} publishes /clock: time stands still",
             "start the node that publishes /clock, or: rosparam set /use_sim_time false, and start the nodes again",
         )
     if follows:
@@ -232,6 +234,32 @@ def _trouble_with(uri: str, node: str) -> Finding | None:
     return None
 
 
+def _living(uri: str, nodes: Iterable[str]) -> tuple[list[str], list[str]]:
+    """The nodes that live, and those whose process has ended without a word to the master, each by name.
+
+    A node that a time-out or a firewall hides counts as living.
+    """
+    named = sorted(set(nodes))
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        has_ended = list(pool.map(lambda node: _has_ended(uri, node), named))
+    found = list(zip(named, has_ended, strict=True))
+    return [node for node, ended in found if not ended], [node for node, ended in found if ended]
+
+
+def _has_ended(uri: str, node: str) -> bool:
+    try:
+        api = str(call(uri, "lookupNode", node))
+    except Unreachable:
+        return False
+    try:
+        connect(api).close()
+    except Refused:
+        return True
+    except Unreachable:
+        return False
+    return False
+
+
 def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str = "") -> Finding:
     """Checks for aMussels that somebody publishes already in this namespace, and for clashes with a scenario's `ids`."""
     position = re.compile(in_full(namespace, r"amussel(\d+)/position"))
@@ -239,12 +267,18 @@ def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str
     for topic, nodes in graph.publishers.items():
         if found := position.fullmatch(topic):
             taken[int(found[1])] = nodes
+    clash = sorted(set(taken) & set(ids or ()))
+    living, dead = _living(graph.uri, {node for agent_id in clash for node in taken[agent_id]})
     if not taken:
         return ok("aMussel ids", f"no node publishes an {in_full(namespace, 'amusselK')}/position")
     taken_ids = in_ranges(taken)
-    clash = sorted(set(taken) & set(ids or ()))
+    if clash and not living:
+        who = f"{', '.join(dead)} alone, whose process has ended"
+        return warn(
+            "aMussel ids", f"{in_ranges(clash)} of the scenario are published by {who}", "rosnode cleanup"
+        )
     if clash:
-        who = ", ".join(sorted({node for agent_id in clash for node in taken[agent_id]}))
+        who = ", ".join(living)
         beyond = max(taken) + 1
         mend = f"end {who}, or set fleet.first_id to {beyond} in the scenario"
         return fail("aMussel ids", f"{in_ranges(clash)} of the scenario are published already by {who}", mend)

@@ -23,6 +23,10 @@ class Unreachable(Exception):
     """A host, master or node did not answer, or gave a wrong answer; the text names it and the reason."""
 
 
+class Refused(Unreachable):
+    """The machine is there, and no process listens at that port: the one that did has ended."""
+
+
 def within(timeout_s: float, work: Callable[[], T]) -> T:
     """Returns or raises the result of `work`; raises TimeoutError if it takes longer and leaves it on a daemon thread.
 
@@ -86,14 +90,18 @@ def route_address(address: str) -> str:
 
 
 def connect(uri: str) -> socket.socket:
-    """Connects to the port that `uri` names, with a time-out on all that follows. Raises Unreachable if it cannot."""
+    """Connects to the port that `uri` names, with a time-out on all that follows.
+
+    Raises Unreachable if it cannot, and Refused where nobody listens.
+    """
     host, port = host_and_port(uri)
     address = address_of(host)
     try:
         return socket.create_connection((address, port), timeout=TIMEOUT_S)
     except OSError as error:
         where = host if host == address else f"{host} ({address})"
-        raise Unreachable(f"port {port} of {where} does not answer ({error})") from None
+        kind = Refused if isinstance(error, ConnectionRefusedError) else Unreachable
+        raise kind(f"port {port} of {where} does not answer ({error})") from None
 
 
 def call(uri: str, method: str, *arguments: Any) -> Any:

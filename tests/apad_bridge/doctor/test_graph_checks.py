@@ -19,10 +19,11 @@ from apad_bridge.doctor.network import Unreachable
 
 @contextmanager
 def answering(**answers: Any) -> Iterator[str]:
-    """Starts a server on loopback whose methods return the given values, and returns its URI."""
+    """Starts a server on loopback whose methods return the given values, or what they return, and returns its URI."""
     with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False, allow_none=True) as server:
         for name, answer in answers.items():
-            server.register_function(lambda *_, answer=answer: answer, name)
+            given = answer if callable(answer) else lambda *_, answer=answer: answer
+            server.register_function(given, name)
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
         thread.start()
         try:
@@ -161,6 +162,25 @@ def test_a_graph_full_of_dead_nodes_is_told_in_few_lines(closed: str) -> None:
     with answering(lookupNode=[1, "", closed]) as master:
         findings = list(graph.check_nodes(a_graph(master, many=[f"/n{number}" for number in range(20)])))
     assert len(findings) == 9 and "12 more" in findings[-1].found
+
+
+def test_ids_and_a_clock_of_a_node_that_was_killed_are_free(closed: str) -> None:
+    """The master keeps the registrations of a process that could not say good-bye."""
+    ours = {"amussel3__position": ["/musselbed_1"], "clock": ["/musselbed_clock"]}
+    with answering(getPid=[1, "", 7]) as alive:
+        apis = {"/musselbed_1": closed, "/musselbed_clock": closed, "/other": alive}
+        with answering(lookupNode=lambda _, node: [1, "", apis[node]], getParam=[1, "", True]) as uri:
+            free = graph.check_agents_present(a_graph(uri, **ours), range(1, 13))
+            assert free.status is Status.WARN and free.mend == "rosnode cleanup"
+            assert "3 of the scenario are published by /musselbed_1 alone" in free.found
+            both = a_graph(
+                uri, amussel3__position=["/musselbed_1", "/other"], clock=["/musselbed_clock", "/other"]
+            )
+            clash = graph.check_agents_present(both, range(1, 13))
+            assert clash.status is Status.FAIL and clash.found.endswith("published already by /other")
+            assert graph.check_clock(both).status is Status.OK
+            clock = graph.check_clock(a_graph(uri, **ours))
+            assert clock.status is Status.FAIL and "no node that lives publishes /clock" in clock.found
 
 
 def test_ids_that_are_taken() -> None:
