@@ -3,6 +3,7 @@
     python -m agents.hosting.started MODULE [arguments]
 
 runs a module as such a process. While the module is imported, a signal that asks the process to end ends it in silence.
+Who becomes such a process by `replace_process` ends in silence too before it has run a line of its new program.
 """
 
 from __future__ import annotations
@@ -11,11 +12,14 @@ import ctypes
 import os
 import signal
 import sys
+from collections.abc import Mapping
+from typing import NoReturn
 
 PYTHON = (sys.executable, "-P")
 """The interpreter of each process of ours. The present folder is not searched: it may hold a package named like ours."""
 _VARIABLE = "MUSSELBED_STARTER"
 _PR_SET_PDEATHSIG = 1
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LIBC = ctypes.CDLL(None)  # once: each makes a class, which only the search for garbage cycles frees
 
 
@@ -39,6 +43,16 @@ def outlive_starter() -> None:
     _LIBC.prctl(_PR_SET_PDEATHSIG, 0, 0, 0, 0)
 
 
+def replace_process(module: str, arguments: list[str], variables: Mapping[str, str]) -> NoReturn:
+    """Makes this process run another module of ours, with these further variables in its environment.
+
+    The signals that ask it to end wait until the new interpreter knows what they mean.
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    command = [*PYTHON, "-m", __name__, module, *arguments]
+    os.execve(command[0], command, {**os.environ, **variables})
+
+
 def main() -> None:
     # Imported here, because nurseries import this module and are to stay small.
     import logging
@@ -47,6 +61,7 @@ def main() -> None:
     from agents.hosting.interrupts import leave_at_once
 
     leave_at_once()
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
     end_with_starter()
     logging.raiseExceptions = False  # a log on a full disk must not fill another one with tracebacks
     _, module, *arguments = sys.argv

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ def add_parser(commands: Any) -> None:
         "apad",
         description="Puts the scenario's simulated aPad on the master at ROS_MASTER_URI, with the topics, services and "
         "actions of its generation, and without a fleet or a mission. It prints `ready` when it is on the graph, "
-        "and ends at Ctrl-C.",
+        "and ends at Ctrl-C, SIGTERM or SIGHUP with exit code 130.",
         epilog=ending(
             "musselbed apad launch_scripts/scenarios/pool-12.yaml",
             "musselbed apad launch_scripts/scenarios/pool-12.yaml --generation b --time clock",
@@ -49,10 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
     load(arguments.scenario)
     with peers_may_fail():
         environment = environment_for(somebodys_master(), namespace_of_shell())
-    command = [*started.PYTHON, "-m", started.__name__, "apad_bridge.ros.simulated_node.apad_node"]
-    command += ["--scenario", str(arguments.scenario), "--time", arguments.time]
+    options = ["--scenario", str(arguments.scenario), "--time", arguments.time]
     for option in ("apad", "generation"):
         if (value := getattr(arguments, option)) is not None:
-            command += [f"--{option}", value]
+            options += [f"--{option}", value]
     sys.stdout.flush()
-    os.execve(command[0], command, {**os.environ, **environment})
+    started.replace_process("apad_bridge.ros.simulated_node.apad_node", options, environment)

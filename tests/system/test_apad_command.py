@@ -22,11 +22,15 @@ pytestmark = pytest.mark.system
 
 
 @pytest.mark.parametrize(
-    ("generation", "service"),
-    [("a", "/apad1/get_battery_level"), ("b", "/apad1/commander/primitive/go2point")],
+    ("generation", "service", "number"),
+    [
+        ("a", "/apad1/get_battery_level", signal.SIGINT),
+        ("a", "/apad1/get_battery_level", signal.SIGHUP),
+        ("b", "/apad1/commander/primitive/go2point", signal.SIGTERM),
+    ],
 )
-def test_it_offers_its_generation_alone_and_ends_at_ctrl_c(
-    generation: str, service: str, tmp_path: Path
+def test_it_offers_its_generation_alone_and_ends_when_it_is_asked_to(
+    generation: str, service: str, number: signal.Signals, tmp_path: Path
 ) -> None:
     master = start_master(tmp_path / "ros", timeout_s=120, orphan_s=60)
     try:
@@ -47,8 +51,8 @@ def test_it_offers_its_generation_alone_and_ends_at_ctrl_c(
             nodes = {node for kind in offered for _, nodes in kind for node in nodes}
             assert service in {name for name, _ in offered[2]}
             assert nodes - {"/rosout"} == {"/apad1_simulated"}
-            apad.send_signal(signal.SIGINT)
-            assert apad.wait(PATIENCE_S) == 0, apad.stderr.read()
+            apad.send_signal(number)
+            assert apad.wait(PATIENCE_S) == 130, apad.stderr.read()
     finally:
         master.stop()
 

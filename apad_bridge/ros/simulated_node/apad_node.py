@@ -5,7 +5,7 @@
 A thin shell around the simulated vehicle of a generation. It follows /clock and has no time of its own; or, to stand in for
 a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a /clock of T, it
 publishes `stateRef` stamped T, last, to confirm that T was handled. It prints `ready` when it is on the graph, ends on
-SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
+SIGTERM, SIGINT or SIGHUP with status 130, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def main() -> int:
                 )
                 break
     rospy.signal_shutdown("asked to end")
-    return 0
+    return interrupts.INTERRUPTED if stop.is_set() else 0
 
 
 def _on_graph(whole: Scenario, scenario: Scenario, xmlrpc_port: int) -> LegacyServer[Any]:

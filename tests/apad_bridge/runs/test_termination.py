@@ -47,6 +47,25 @@ def test_the_command_ends_in_silence_while_the_interpreter_loads_its_packages(
     assert (done.returncode, done.stdout, done.stderr) == (Exit.INTERRUPTED, b"", b"")
 
 
+@pytest.mark.parametrize("number", ENDING)
+def test_a_process_that_becomes_another_of_ours_ends_in_silence_from_the_first_moment(
+    number: int, tmp_path: Path
+) -> None:
+    """The signal comes while the new interpreter loads: before any handler of ours can be there."""
+    (tmp_path / "sitecustomize.py").write_text(
+        f"import os, signal\nif 'BECAME' in os.environ: signal.raise_signal({int(number)})\n"
+    )
+    program = "from agents.hosting.started import replace_process; replace_process('calendar', ['2026'], {'BECAME': '1'})"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}:{SCRIPT.parents[1]}"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (Exit.INTERRUPTED, "", "")
+
+
 def test_the_command_runs_by_the_python_beside_it(tmp_path: Path) -> None:
     installed, elsewhere = tmp_path / "bin", tmp_path / "a link to it"
     installed.mkdir()
