@@ -42,7 +42,8 @@ def report(
     else:
         console = Console(markup=False)
         is_counted = summary["uptime_paper"] is not None
-        bounds = bounds_of([scenario], summary["mission_s"]) if is_counted else None
+        failed = len(summary["failed_docks"])
+        bounds = bounds_of([scenario], summary["mission_s"], failed) if is_counted else None
         print_table(console, scenario.name, flown_by, summary, bounds)
         if is_virtual:
             line = f"Digest of decisions and happenings: {summary['digest']}   (the same on every machine)"

@@ -86,6 +86,11 @@ def _print_failures(console: Console, summary: dict[str, Any]) -> None:
         _print(console, f"{count} x {cause}", indent=2)
     if len(causes) > _MOST_CAUSES:
         _print(console, f"{len(causes) - _MOST_CAUSES} more causes: see summary.json", indent=2)
+    if failed_docks := summary["failed_docks"]:
+        numbers = ", ".join(str(dock_index + 1) for dock_index in failed_docks)
+        _print(
+            console, f"Each docking failed in dock {numbers}: the bounds above are those of the other docks."
+        )
     if summary["left_alone"]:
         ids = ", ".join(map(str, summary["left_alone"]))
         _print(console, f"Left alone after failed tries: aMussel {ids}")

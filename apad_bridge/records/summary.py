@@ -45,6 +45,8 @@ class Ending:
     """The sequence numbers of samples that can no longer be uploaded, by aMussel."""
 
 
+_TRIES_OF_A_DOCK = 2
+"""Failed dockings of a dock that never closed, after which it counts as failed: a single one is a missed aMussel."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
@@ -62,6 +64,9 @@ class FailureCounts:
         self._causes: Counter[str] = Counter()
         self._texts: dict[str, str] = {}
         self._newest: tuple[int, str] | None = None
+        self._failed_dockings: Counter[int] = Counter()
+        """Number of failed dockings by dock, of docks that have not closed around any aMussel."""
+        self._closed: set[int] = set()
 
     @property
     def causes(self) -> dict[str, int]:
@@ -72,6 +77,10 @@ class FailureCounts:
         if kind == EventKind.PRIMITIVE and data.get("phase") == "failed" and data["reason"] != PRE_EMPTED:
             self._count(data["reason"])
             self._newest = (at_ms, data["reason"])
+            if data["name"] == "dock" and (dock_index := data.get("dock")) is not None:
+                self._failed_dockings[dock_index] += 1
+        elif kind == EventKind.DOCK and data["closed"]:
+            self._closed.add(data["dock"])
         elif kind == EventKind.GIVEN_UP:
             self.steps_given_up += 1
             if self._newest != (at_ms, data["reason"]):
@@ -91,6 +100,11 @@ class FailureCounts:
             "causes": self.causes,
             "steps_given_up": self.steps_given_up,
             "left_alone": sorted(self.left_alone),
+            "failed_docks": sorted(
+                dock_index
+                for dock_index, tries in self._failed_dockings.items()
+                if tries >= _TRIES_OF_A_DOCK and dock_index not in self._closed
+            ),
         }
 
     def _count(self, reason: str) -> None:
@@ -186,6 +200,11 @@ SUMMARY: tuple[Field, ...] = (
     Field("causes", _OBJECT, "number of failures, by cause"),
     Field("steps_given_up", INTEGER, "steps of plans that the mission gave up"),
     Field("left_alone", Type(list, "list of integer"), "aMussels that the mission no longer tries to serve"),
+    Field(
+        "failed_docks",
+        Type(list, "list of integer"),
+        "docks in which each docking failed, twice or more; from 0",
+    ),
     Field("counted_s", NUMBER, "time in the water as simulated ones, over all aMussels", "s"),
     Field("counted_at_end", INTEGER, "aMussels that count at the end"),
     Field("uptime_paper", _SPREAD, "share of ticks undocked with charge in the primary battery", "%"),

@@ -109,10 +109,15 @@ class Bounds:
         )
 
 
-def bounds_of(scenarios: Sequence[Scenario], duration_s: float | None = None) -> Bounds:
-    """The bounds of missions that differ in their seeds alone; `duration_s` is another mission time than the scenarios'."""
+def bounds_of(
+    scenarios: Sequence[Scenario], duration_s: float | None = None, failed_docks: int = 0
+) -> Bounds:
+    """The bounds of missions that differ in their seeds alone; `duration_s` is another mission time than the scenarios'.
+
+    `failed_docks` of their docks served nobody.
+    """
     fleets = [rates_of(scenario) for scenario in scenarios]
-    scenario, amussels, docks = scenarios[0], len(fleets[0]), _docks_of(scenarios[0])
+    scenario, amussels, docks = scenarios[0], len(fleets[0]), _docks_of(scenarios[0]) - failed_docks
     mission_s = scenario.duration_s if duration_s is None else duration_s
     minutes = mission_s * scenario.theta / 60
     if not amussels or not minutes:

@@ -111,6 +111,7 @@ SUMMARY = {
     "causes": {},
     "steps_given_up": 0,
     "left_alone": [],
+    "failed_docks": [],
     "active_mean": 8.92,
     "samples_uploaded": None,
     "amussels_lost": 0,
@@ -157,6 +158,19 @@ def test_a_run_that_was_stopped_or_failed_is_no_row_of_the_papers_table(
     shown = capsys.readouterr().out
     assert "no row of the paper's Table II" in shown and "a row of" not in shown
     assert f"Interrupted: {why}." in shown
+
+
+def test_docks_in_which_nothing_could_be_docked_sustain_nobody(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    scenario, directory = load(ROOT / POOL), RunDirectory(Path("run"))
+    shown = []
+    for failed in ([], [1, 3]):
+        report(scenario, "cautious", directory, SUMMARY | {"failed_docks": failed}, as_json=False)
+        shown.append(capsys.readouterr().out)
+    assert "4 docks sustain at most" in shown[0] and "Each docking failed" not in shown[0]
+    assert "2 docks sustain at most" in shown[1] and "Each docking failed in dock 2, 4:" in shown[1]
 
 
 @pytest.mark.parametrize(("theta", "used", "figure"), [(1, 0.25, 0.25), (30, 0.25, None), (1, None, None)])

@@ -12,7 +12,7 @@ from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.summary import Ending
+from apad_bridge.records.summary import Ending, FailureCounts
 from apad_bridge.runs.display import failure_line
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress
@@ -181,3 +181,28 @@ def test_a_bar_makes_the_statuses_that_it_shows_and_no_others(
     assert made[0] == 0 and made[-1] == 600_000
     assert len(made) == 6  # 0.6 s of real time, eight of them a second, and the last one
     assert "10:00 / 10:00" in capsys.readouterr().err
+
+
+def test_a_dock_that_never_closed_has_failed_and_one_that_missed_once_has_not() -> None:
+    counts = FailureCounts()
+
+    def failed(dock_index: int) -> tuple[str, dict[str, Any]]:
+        return "primitive", {"name": "dock", "phase": "failed", "reason": "it is jammed", "dock": dock_index}
+
+    def closed(dock_index: int) -> tuple[str, dict[str, Any]]:
+        return "dock", {"dock": dock_index, "agent": 7, "closed": True}
+
+    story = [
+        failed(0),
+        failed(0),
+        failed(1),
+        closed(2),
+        failed(2),
+        failed(2),
+        failed(3),
+        closed(3),
+        failed(0),
+    ]
+    for kind, data in story:
+        counts.take(1000, kind, data)
+    assert counts.figures()["failed_docks"] == [0]
