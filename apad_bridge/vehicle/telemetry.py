@@ -22,6 +22,8 @@ SILENT_MS = 5_000
 """Positions come at 10 Hz: fifty of them missing are no jitter."""
 INVALID_COUNT = 3
 """So many unusable positions in a row, or no other since the last tick, are no glitch."""
+AHEAD_MS = 10_000
+"""An aPad on our clock stamps its messages with ticks that it has reached: a stamp so far ahead is somebody else's."""
 FAR_M = 5.0
 """More than a mission's victory radius plus the drift meanwhile; a docking from here is a mistake."""
 Sight = Callable[[int], Mapping[int, tuple[float, float]]]
@@ -135,14 +137,26 @@ Message = TypeVar("Message", bound=Stamped)
 
 
 class DeferredMessages(Generic[Message]):
-    """Keeps messages with stamps after the present tick until their time. Mission time begins at `now_ms`."""
+    """Keeps messages with stamps after the present tick until their time. Mission time begins at `now_ms`.
 
-    def __init__(self, now_ms: int) -> None:
+    One that is stamped more than `AHEAD_MS` ahead is dropped, and counted in `dropped`: it would wait for ever, or stand
+    for progress that the vehicle has not made.
+    """
+
+    def __init__(self, now_ms: int, dropped: Counter[str]) -> None:
         self._now_ms = now_ms
+        self._dropped = dropped
         self._deferred: list[Message] = []
 
     def defers(self, message: Message, now_ms: int) -> bool:
-        """Keeps a later message and returns True. `stateRef` never waits: it states the vehicle's progress."""
+        """Keeps a later message, or drops it, and returns True.
+
+        `stateRef` never waits: it states the vehicle's progress.
+        """
+        if message.at_ms > now_ms + AHEAD_MS:
+            name = type(message).__name__.removesuffix("Received")
+            self._dropped[f"{name}: stamped more than {AHEAD_MS // 1000} s ahead of the mission"] += 1
+            return True
         if message.at_ms <= now_ms or isinstance(message, StateRefReceived):
             return False
         self._deferred.append(message)

@@ -134,7 +134,7 @@ class GenerationACore:
         self._sight = sight
         self._nonce = nonce
         self._object_prefix = object_prefix
-        self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms)
+        self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms, self.readings.dropped)
         self._facts: list[LinkFact] = []
         self._goals: dict[str, _SentGoal] = {}
         self._latest_key = ""

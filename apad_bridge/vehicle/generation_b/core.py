@@ -66,7 +66,7 @@ class GenerationBCore:
         self.status_count = 0
         """Number of messages of either status topic."""
         self._tasks = Tasks(docking, self.docks, self.readings, takes_back=takes_back)
-        self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms)
+        self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms, self.readings.dropped)
         self._silence = SilenceWatch()
 
     @property
