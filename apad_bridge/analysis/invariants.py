@@ -191,7 +191,7 @@ class Invariants:
         del losses[:most]
 
     def _motor_runs(self, before: Truth, truth: Truth) -> range:
-        """How many runs of the motors may have cost charge between two truths; a state may end as it is entered."""
+        """The most runs of the motors that may have cost charge between two truths; a state may end as it is entered."""
         if not self._motor_run:
             return range(1)
         if truth.state is not before.state:

@@ -94,11 +94,10 @@ def test_bytes_that_are_nothing_are_counted_and_disturb_nothing() -> None:
     ("fact", "now_ms", "reason"),
     [
         (EndRequested(1000, MissionEnd(EndReason.OPERATOR)), 1000, "the operator"),
-        (BatteryReported(1000, 10.5, 0.0), 1000, "the aPad's battery"),
         (BatteryReported(1000, 16.0, 1.0), 2_400_000, "mission time"),
     ],
 )
-def test_a_flight_ends_by_the_operator_the_battery_or_the_time(fact: Fact, now_ms: int, reason: str) -> None:
+def test_a_flight_ends_by_the_operator_or_the_time(fact: Fact, now_ms: int, reason: str) -> None:
     supervisor = parts.supervisor(flight_config(SCENARIO))
     supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
     supervisor.receive(fact)
@@ -107,6 +106,18 @@ def test_a_flight_ends_by_the_operator_the_battery_or_the_time(fact: Fact, now_m
     assert str(supervisor.mission.state.ended_by) == reason
     held = [action for action in actions if isinstance(action, Hold)]
     assert (held[-1].north_m, held[-1].east_m) == (3.0, 4.0)
+
+
+def test_an_empty_battery_ends_a_flight_after_three_seconds_of_readings() -> None:
+    supervisor = parts.supervisor(flight_config(SCENARIO))
+    supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
+    for at_s, fraction in enumerate((0.0, 0.0, 0.9, 0.0, 0.0, 0.0), start=1):
+        supervisor.receive(BatteryReported(1000 * at_s, 12.0, fraction))
+        supervisor.advance(1000 * at_s)
+        assert not supervisor.has_ended
+    supervisor.receive(BatteryReported(7000, 12.0, 0.0))
+    supervisor.advance(7000)
+    assert str(supervisor.mission.state.ended_by) == "the aPad's battery"
 
 
 def test_time_going_back_is_refused() -> None:
