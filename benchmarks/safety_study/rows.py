@@ -200,6 +200,17 @@ def stopped(
     return act
 
 
+def hands_then_silence(it: Try) -> Case:
+    """Hands are in the docks when the Wi-Fi dies: the watchdog must not have the thrusters keep the place."""
+    begun_s = it.order("hands")
+    it.flight.pause(3.0)
+    it.flight.link(1.0)
+    it.flight.pause(20.0)
+    it.flight.link(0.0)
+    it.flight.pause(10.0)
+    return it.case(begun_s, must_be=Kind.OFF)
+
+
 def stopped_twice(it: Try) -> Case:
     it.order("stop")
     it.flight.pause(3.0)
@@ -405,6 +416,7 @@ ROWS: dict[str, Row] = {
     "stop off": Row("`stop --off` under way", stopped("stop", "--off", must_be=Kind.OFF), is_short=True),
     "stop twice": Row("`stop`, and `stop` again", stopped_twice),
     "hands": Row("`hands` under way", stopped("hands", must_be=Kind.OFF)),
+    "hands, silence": Row("`hands`, and then the Wi-Fi is cut", hands_then_silence, is_short=True),
     "older stop": Row("`continue` of an older stop, then of the newest", older_stop),
     "in docking": Row(
         "`stop` in a docking", stopped("stop", before=in_docking), Setup(near_m=8.0, ahead_m=2.0)
