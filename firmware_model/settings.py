@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from firmware_model.clock import AlarmClock, Clock
 from firmware_model.config import BoardConfig
 from firmware_model.packets import SetThreshold, SleepSchedule, SlotAssignment
 from firmware_model.power.charge import FULL
@@ -93,44 +92,3 @@ class StoredSettings:
     anchor_ms: int
     reading_ms: int
     settings: Settings
-
-
-class SettingsStore:
-    """The clock and the settings of a running board."""
-
-    def __init__(self, config: BoardConfig, kept: StoredSettings | None, now_ms: int) -> None:
-        """`kept` None is a board as delivered; its clock was set when it was put into the water, at agent time 0."""
-        self.kept = kept
-        anchor_ms, reading_ms = (0, 0) if kept is None else (kept.anchor_ms, kept.reading_ms)
-        self.clock = AlarmClock(Clock(anchor_ms, reading_ms, config.drift_ppb), now_ms)
-        self.settings = Settings.of(config) if kept is None else kept.settings
-
-    def set_clock(self, reading_ms: int, now_ms: int) -> None:
-        self.clock.set(reading_ms, now_ms)
-        self._keep()
-
-    def jump_clock(self, by_ms: int, now_ms: int) -> None:
-        """The clock's reading changes by itself; no reading is negative."""
-        clock = self.clock.clock
-        self.clock.clock = clock.set(max(0, clock.reading_at(now_ms) + by_ms), now_ms)
-        self._keep()
-
-    def skew_clock(self, drift_ppb: int, now_ms: int) -> None:
-        """The crystal has another drift from now on, until the board is reset."""
-        reading_ms = self.clock.clock.reading_at(now_ms)
-        self.clock.clock = Clock(now_ms, reading_ms, drift_ppb)
-        self._keep()
-
-    def apply(self, command: SleepSchedule | SlotAssignment | SetThreshold, now_ms: int) -> bool:
-        """Applies and stores the command; returns False if it is impossible."""
-        settings = self.settings.changed_by(command)
-        if settings is None:
-            return False
-        self.settings = settings
-        self.clock.pass_over(now_ms)  # the alarms of the new period begin now
-        self._keep()
-        return True
-
-    def _keep(self) -> None:
-        clock = self.clock.clock
-        self.kept = StoredSettings(clock.anchor_ms, clock.reading_ms, self.settings)

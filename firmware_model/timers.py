@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from firmware_model.clock import AlarmClock
 from firmware_model.config import Cycle, FullFirmware, LastResort
-from firmware_model.power.power_path import PowerPath
-from firmware_model.settings import Settings, SettingsStore
+from firmware_model.port import WholeHardware
+from firmware_model.settings import Settings
+from firmware_model.settings_store import SettingsStore
 from firmware_model.states import State, Trigger
 
 Deadline = tuple[int, Trigger]
@@ -58,11 +59,11 @@ def _timeslot_deadline(whole: FullFirmware, settings: Settings, clock: AlarmCloc
 
 
 def last_resort(
-    whole: FullFirmware, batteries: PowerPath, last_ms: int | None, stays_down_until_ms: int, now_ms: int
+    whole: FullFirmware, hardware: WholeHardware, last_ms: int | None, stays_down_until_ms: int, now_ms: int
 ) -> Deadline | None:
     """The deadline of EMPTY; `last_ms` is the time of the latest last resort since the charger was last seen."""
     action = whole.power.last_resort
-    if action is LastResort.WAIT or batteries.safe_ms is None:
+    if action is LastResort.WAIT or not hardware.is_at_safe_level:
         return None
     at_ms = now_ms if last_ms is None else max(now_ms, last_ms + whole.call_ms)
     if action is LastResort.CALL:

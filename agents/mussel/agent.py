@@ -34,7 +34,7 @@ from agents.mussel.stimuli import (
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
 from firmware_model.actions import Buoyancy
-from firmware_model.boards import board_of
+from firmware_model.board import Board
 from firmware_model.config import BoardConfig
 from firmware_model.packets import LogRecords
 from firmware_model.packets.codec import Codec
@@ -113,7 +113,7 @@ class Agent:
             physical.hover_um,
             physical.fix_um,
         )
-        self.board = board_of(
+        self.board = Board(
             config.board, self._codec, physical.primary, physical.secondary, now_ms, physical.kept
         )
         self._logbook = None if config.board.whole is None else self._open_logbook(physical)

@@ -213,7 +213,7 @@ def _cycle_of(firmware: FullFirmware, timeslot: int) -> Cycle:
 
 
 def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
-    """Computes the shift of the readings by load and charger, for boards that meter, as firmware_model.power.voltage does.
+    """Computes the shift of the readings by load and charger, for boards that meter (firmware_model.hardware.voltage).
 
     The primary feeds the whole load in the water, and in the dock the part of it that the path lets through.
     """

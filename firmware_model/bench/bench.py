@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
-from firmware_model.boards import board_of
+from firmware_model.board import Board
 from firmware_model.config import BoardConfig
 from firmware_model.packets import CommandPacket, Kind, Packet
 from firmware_model.packets.codec import MusselbedCodec
@@ -49,7 +49,7 @@ class Bench:
         self._docked = docked
         self._at_surface = docked
         flow = Flow.CHARGING if docked else Flow.RESTING
-        self.board = board_of(
+        self.board = Board(
             config,
             MusselbedCodec(),
             Battery(0, grains(primary), flow, 0, 2),
@@ -149,9 +149,7 @@ class Bench:
     def reset(self, cause: ResetCause) -> list[Action]:
         """Restarts the firmware; batteries and body stay as they were."""
         old = self.board
-        self.board = board_of(
-            self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept
-        )
+        self.board = Board(self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept)
         if self.ledger is not None:
             self.ledger.power_off(self.now_ms)
         return self.tell(PowerCameOn(cause, self._at_surface, self._docked))

@@ -62,9 +62,21 @@ RAILS: dict[State, int] = {
 """Rails that are on for a time of their own in any state are not listed: motors, and a modem that receives or answers."""
 
 
-def rails_of(state: State, kept_on: int, never_asleep: bool, pulsed: int) -> int:
-    """The rails that are on in `state`, as bits; `pulsed` are the rails that are on for a time of their own."""
+def switched_in(state: State, never_asleep: bool) -> int:
+    """The rails that the firmware switches on in `state`, as bits."""
     on = RAILS[state]
+    return (
+        on & ~bits(Rail.MU_ASLEEP) | bits(Rail.MU_ACTIVE)
+        if never_asleep and on & bits(Rail.MU_ASLEEP)
+        else on
+    )
+
+
+def powered(on: int, kept_on: int, pulsed: int) -> int:
+    """The rails that have power when the firmware has switched on `on`: none of them if that is none.
+
+    `kept_on` are rails that nothing switches off, and `pulsed` those that are on for a time of their own.
+    """
     if on == 0:
         return 0
     on |= kept_on | pulsed
@@ -72,11 +84,14 @@ def rails_of(state: State, kept_on: int, never_asleep: bool, pulsed: int) -> int
         on &= ~bits(Rail.MODEM_RECEIVING, Rail.MODEM_LISTENING)
     elif on >> Rail.MODEM_RECEIVING & 1:
         on &= ~bits(Rail.MODEM_LISTENING)
-    if never_asleep and on >> Rail.MU_ASLEEP & 1:
-        on |= bits(Rail.MU_ACTIVE)
     if on >> Rail.MU_ACTIVE & 1:
         on &= ~bits(Rail.MU_ASLEEP)
     return on
+
+
+def rails_of(state: State, kept_on: int, never_asleep: bool, pulsed: int) -> int:
+    """The rails that have power in `state`, as bits; `pulsed` are the rails that are on for a time of their own."""
+    return powered(switched_in(state, never_asleep), kept_on, pulsed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
 from firmware_model.bench import Bench
 from firmware_model.board import Board
-from firmware_model.boards import board_of
 from firmware_model.config import BoardConfig, Cycle, LastResort, Metering, Timekeeping
 from firmware_model.packets import (
     PLAIN_KINDS,
@@ -328,7 +327,7 @@ CONFIGS = st.builds(
 
 def made(config: BoardConfig, primary: float, secondary: float) -> Board:
     batteries = (Battery(0, grains(round(charge, 10)), Flow.RESTING) for charge in (primary, secondary))
-    return board_of(config, MusselbedCodec(), *batteries, 0)
+    return Board(config, MusselbedCodec(), *batteries, 0)
 
 
 @settings(deadline=None)

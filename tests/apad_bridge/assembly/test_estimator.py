@@ -20,9 +20,9 @@ from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.bench import Bench
+from firmware_model.hardware.voltage import Meter
 from firmware_model.power.charge import FULL, Battery, Flow, grains
 from firmware_model.power.rails import rails_of
-from firmware_model.power.voltage import Meter
 from firmware_model.states import State
 
 POOL = load(POOL_FILE)

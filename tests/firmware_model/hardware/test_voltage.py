@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from firmware_model.actions import Action, FeedFrom
 from firmware_model.bench import Bench
 from firmware_model.config import LastResort, Metering, Power
+from firmware_model.hardware.power_path import PowerPath
+from firmware_model.hardware.voltage import Meter
 from firmware_model.packets import Kind
+from firmware_model.port import Level
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
-from firmware_model.power.power_path import Level, PowerPath
 from firmware_model.power.rails import Loads, Rail
-from firmware_model.power.voltage import Meter
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, METERING, board, power
 

@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
-
 from firmware_model.config import PATH_UNIT, Power
+from firmware_model.hardware.voltage import Meter, Watch
+from firmware_model.port import Level
 from firmware_model.power.active_battery import ActiveBattery, without
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
-from firmware_model.power.voltage import Meter, Watch
-
-
-class Level(IntEnum):
-    """A level that a battery reached; several at one time count in this order."""
-
-    EMPTIED = 0
-    """The feeding battery is empty: another one feeds the board from now on, or neither."""
-    SWITCH_BACK = 1
-    """The primary, while the charger feeds the board through the secondary: the primary feeds the board again."""
-    SAFE_LEVEL = 2
-    """The backup, feeding the board: soon the aMussel may be unable to surface."""
-    LOW_LEVEL = 3
-    """The primary, feeding the board."""
 
 
 class PowerPath:
     """Two batteries with a charger each, two coils for the primary and one for the secondary, under a switched load.
 
     While charging, the stated part of the load reaches the feeding battery, and none of it the other one. With a
-    `Metering`, the board concludes levels from readings (`firmware_model.power.voltage`); even so a battery ends at a
+    `Metering`, the board concludes levels from readings (`firmware_model.hardware.voltage`); even so a battery ends at a
     charge of 0, because then its protection cuts it off.
     """
 

@@ -1,0 +1,106 @@
+"""The hardware of the paper's worst case (section IV-A): one battery, one load, the secondary's charging curve."""
+
+from __future__ import annotations
+
+from copy import copy
+
+from firmware_model.actions import Action, Buoyancy, RunBuoyancy
+from firmware_model.config import BoardConfig
+from firmware_model.port import Level, Timer
+from firmware_model.power.active_battery import ActiveBattery, without
+from firmware_model.power.charge import Battery, Flow
+from firmware_model.states import State
+from firmware_model.stimuli import ClockJumped, ClockSkewed
+
+
+class WorstCaseHardware:
+    """Its primary battery feeds the board and takes the charge; the secondary stays as it is."""
+
+    def __init__(self, config: BoardConfig, primary: Battery, secondary: Battery) -> None:
+        self._config = config
+        self.primary = primary
+        self.secondary = secondary
+        self.feed = ActiveBattery.PRIMARY
+        self.pin_high = False
+        self.at_surface = False
+        self._is_powered = True
+        """False while the pin is high without a charger."""
+        self._watch_from_ms: int | None = None
+        """Since when the monitor's interrupt of an empty battery is armed."""
+
+    def copy(self) -> WorstCaseHardware:
+        return copy(self)
+
+    rails = 0
+    is_modem_listening = True
+    has_wifi = True
+    kept = None
+
+    def clock_reads(self, now_ms: int) -> int:
+        """The clock of the worst case is exact."""
+        return now_ms
+
+    def readings(self, now_ms: int) -> tuple[int, int]:
+        """Primary and secondary charge, in grains: the worst case measures them exactly."""
+        charge = self._config.charge
+        return charge.charge_at(self.primary, now_ms), charge.charge_at(self.secondary, now_ms)
+
+    def next_timer(self) -> tuple[int | None, Timer]:
+        if self._watch_from_ms is None:
+            return None, Timer.BATTERIES
+        empty_at_ms = self._config.charge.empty_at_ms(self.primary)
+        return None if empty_at_ms is None else max(self._watch_from_ms, empty_at_ms), Timer.BATTERIES
+
+    def level_due(self, now_ms: int) -> Level:
+        """The battery is empty: the monitor interrupts once."""
+        self._watch_from_ms = None
+        return Level.EMPTIED
+
+    def pulse_over(self, now_ms: int) -> list[Action]:
+        return []
+
+    def power_on(self, pin_high: bool, at_surface: bool) -> None:
+        self.pin_high, self.at_surface, self._is_powered = pin_high, at_surface, True
+
+    def pin_changed(self, high: bool, powered: bool, now_ms: int) -> list[Action]:
+        """Another level of the pin. The charger waits for the firmware, which debounces the pin."""
+        self.pin_high = high
+        if high:
+            self._is_powered = powered
+        return []
+
+    def enter(self, state: State, rails: int, now_ms: int) -> list[Action]:
+        """The charger runs in the dock, and the monitor interrupts only a board that measures."""
+        if state is not State.BOOTING:
+            self._charge(state is State.CHARGING and self._is_powered, now_ms)
+        self._watch_from_ms = now_ms if state is State.ACTIVE else None
+        return []
+
+    def _charge(self, charging: bool, now_ms: int) -> None:
+        flow = Flow.CHARGING if charging else Flow.DISCHARGING
+        if flow is not self.primary.flow:
+            self.primary = self._config.charge.settle(self.primary, now_ms, flow)
+
+    def run_motors(self, to: Buoyancy, depth_mm: int | None, now_ms: int) -> Action:
+        """Takes the charge of a run from the primary battery at once, at most what it holds."""
+        if self._config.motor_run:
+            self.primary = without(self.primary, self._config.motor_run, self._config.charge, now_ms)
+        return RunBuoyancy(now_ms, to, depth_mm)
+
+    def receive_packet(self, now_ms: int) -> list[Action]:
+        return []
+
+    def transmit(self, lasting_ms: int, now_ms: int) -> list[Action]:
+        """The modem sends. The worst case has one load, whatever its modem does."""
+        return []
+
+    def lose(self, primary: int, secondary: int, now_ms: int) -> None:
+        """Takes these charges (grains) from both batteries at once, at most what they hold."""
+        self.primary = without(self.primary, primary, self._config.charge, now_ms)
+        self.secondary = without(self.secondary, secondary, self._config.charge, now_ms)
+        if self._watch_from_ms is not None:
+            self._watch_from_ms = now_ms
+
+    def disturb_clock(self, defect: ClockJumped | ClockSkewed, now_ms: int) -> str | None:
+        """Returns the reason why the defect has no effect."""
+        return "a defect of the clock: the worst case has none"
