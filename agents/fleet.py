@@ -72,6 +72,20 @@ def deviations_of(seed: int, agent_id: int, of: bytes) -> float:
 
 
 @dataclass(frozen=True, slots=True)
+class FirmwareConfig:
+    """Somebody's firmware: an executable and its arguments, on the boards of these ids."""
+
+    command: tuple[str, ...] = ()
+    """Empty for ours."""
+    agent_ids: tuple[int, ...] = ()
+    """Empty for all aMussels."""
+
+    def of(self, agent_id: int) -> tuple[str, ...]:
+        """The command of one aMussel; empty for our firmware."""
+        return self.command if not self.agent_ids or agent_id in self.agent_ids else ()
+
+
+@dataclass(frozen=True, slots=True)
 class FleetConfig:
     """Shared by all agents. Durations `_ms` are agent time."""
 
@@ -94,6 +108,7 @@ class FleetConfig:
     flash_pages: int = PAGES
     """Flash pages of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
     spread: Spread = Spread()
+    firmware: FirmwareConfig = FirmwareConfig()
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -118,6 +133,7 @@ class FleetConfig:
                 "current": CurrentConfig.from_wire(wire["current"]),
                 "waters": {key: Waters.from_wire(it) for key, it in wire["waters"].items()},
                 "spread": Spread(**wire["spread"]),
+                "firmware": FirmwareConfig(**{key: tuple(it) for key, it in wire["firmware"].items()}),
             }
         )
 
@@ -194,7 +210,8 @@ class AgentConfigs:
             slot=self._slot(agent_id) if self._has_slots else 0,
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
-        return AgentConfig(fleet.spread.applied(board, fleet.seed), self._water, fleet.reports)
+        applied = fleet.spread.applied(board, fleet.seed)
+        return AgentConfig(applied, self._water, fleet.reports, fleet.firmware.of(agent_id))
 
     def _slot(self, agent_id: int) -> int:
         return self._slots[agent_id] if self._slots else agent_id - self._fleet.first_id

@@ -27,6 +27,15 @@ class StateChanged:
 
 
 @dataclass(frozen=True, slots=True)
+class StateReported:
+    """Firmware in a process of its own states its state; nothing but records and reports follows from it."""
+
+    at_ms: int
+    old: State
+    new: State
+
+
+@dataclass(frozen=True, slots=True)
 class RunBuoyancy:
     """`depth_mm` is the depth to hover at; None for the present depth."""
 
@@ -88,6 +97,15 @@ class SendAnswer:
 
 
 @dataclass(frozen=True, slots=True)
+class SendBytes:
+    """Send these bytes by the modem or by Wi-Fi: a packet that the firmware has made itself."""
+
+    at_ms: int
+    by: Rail
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Dropped:
     """The board could not use a stimulus; its host counts this, and nothing is raised."""
 
@@ -97,6 +115,7 @@ class Dropped:
 
 Action = (
     StateChanged
+    | StateReported
     | RunBuoyancy
     | SetRail
     | FeedFrom
@@ -105,6 +124,7 @@ Action = (
     | SendLog
     | SendStatus
     | SendAnswer
+    | SendBytes
     | Dropped
 )
 

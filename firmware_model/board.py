@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,10 @@ if TYPE_CHECKING:
     from firmware_model.settings import StoredSettings
 
 
+MakeFirmware = Callable[[WorstCaseHardware], FirmwareLike]
+"""Makes another program than ours for this hardware."""
+
+
 class Board:
     """One MU board. It is OFF until it receives `PowerCameOn`; its batteries go on whether it runs or not.
 
@@ -52,13 +57,19 @@ class Board:
         secondary: Battery,
         now_ms: int,
         kept: StoredSettings | None = None,
+        firmware: MakeFirmware | None = None,
     ) -> None:
-        """`kept` holds the clock and settings of a whole board that outlived a reset; without it they are as delivered."""
+        """`kept` holds the clock and settings of a whole board that outlived a reset; without it they are as delivered.
+
+        `firmware` makes another program than ours. ValueError for one on a whole board, whose port it does not have.
+        """
+        if firmware is not None and config.whole is not None:
+            raise ValueError("firmware in a process of its own runs on the board of the worst case")
         self.config = config
         self._now_ms = now_ms
         if config.whole is None:
             self._hardware = worst = WorstCaseHardware(config, primary, secondary)
-            self.firmware = Firmware(config, codec, worst, now_ms)
+            self.firmware = Firmware(config, codec, worst, now_ms) if firmware is None else firmware(worst)
         else:
             # Imported here: a fleet in the worst case does not need it, and every memory page of an agent counts.
             from firmware_model.hardware.whole import WholeBoardHardware
@@ -70,7 +81,7 @@ class Board:
     def copy(self) -> Board:
         """A board in the same state that goes on by itself. TypeError for a whole board, whose log is not its own."""
         if not isinstance(self._hardware, WorstCaseHardware) or not isinstance(self.firmware, Firmware):
-            raise TypeError("a whole board cannot be copied")
+            raise TypeError("neither a whole board nor firmware in a process of its own can be copied")
         other = copy(self)
         other._hardware = hardware = self._hardware.copy()
         other.firmware = self.firmware.copy(hardware)
@@ -198,7 +209,7 @@ class Board:
                 hardware.at_surface = isinstance(stimulus, SurfaceReached)
                 actions += firmware.depth_changed(now_ms)
             case PowerCameOn(cause, at_surface, pin_high):
-                hardware.power_on(pin_high, at_surface)
+                hardware.power_on(pin_high, at_surface, now_ms)
                 actions += firmware.start(cause, now_ms)
             case ChargeVanished(primary, secondary):
                 hardware.lose(primary, secondary, now_ms)

@@ -200,3 +200,8 @@ def board(cycle: Cycle | None, a_power: Power, agent_id: int = 1) -> BoardConfig
     """A board with these loads; `cycle` None never sleeps."""
     whole = FullFirmware(a_power, cycle, transmit_ms=1000, call_ms=600_000, hover_ms=600_000)
     return BoardConfig(agent_id, MODEL, 50, 2000, 12 * _HOUR_MS, 120_000, whole)
+
+
+def worst_case_board(agent_id: int = 1) -> BoardConfig:
+    """The board of the paper's experiments: one battery, one load, never asleep."""
+    return BoardConfig(agent_id, WORST_CASE, 50, 2000, 12 * _HOUR_MS, 120_000)

@@ -93,8 +93,8 @@ class WindowHandler:
         """The reason why a message cannot be obeyed."""
         match message:
             case RunAhead(windows=windows, counted_ms=counted_ms):
-                if self._agent.config.board.whole is not None:
-                    return "a whole board does not run ahead"
+                if self._agent.config.board.whole is not None or self._agent.config.firmware:
+                    return "neither a whole board nor firmware in a process of its own runs ahead"
                 ahead = sum(end_ms > counted_ms for end_ms in self._ran_ahead)
                 return "farther ahead than its records reach" if ahead + windows > MOST_AHEAD else None
             case Window(grant=grant, from_ms=int() as before_ms):

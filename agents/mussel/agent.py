@@ -45,7 +45,10 @@ from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
     from agents.mussel.defects import Defects
+    from agents.mussel.firmware_process import FirmwareProcess
     from agents.mussel.logbook import Logbook
+    from firmware_model.hardware.worst_case import WorstCaseHardware
+    from firmware_model.port import FirmwareLike
     from firmware_model.sampling.flash import Flash
 
 
@@ -56,6 +59,8 @@ class AgentConfig:
     board: BoardConfig
     water: WaterConfig
     reports: ReportConfig
+    firmware: tuple[str, ...] = ()
+    """The program on its board, an executable and its arguments; empty for ours."""
 
 
 class Agent:
@@ -79,6 +84,7 @@ class Agent:
         self._codec = codec
         self._flash = flash
         self._defects: Defects | None = None
+        self._process: FirmwareProcess | None = None
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
@@ -113,8 +119,15 @@ class Agent:
             physical.hover_um,
             physical.fix_um,
         )
+        self.close()
         self.board = Board(
-            config.board, self._codec, physical.primary, physical.secondary, now_ms, physical.kept
+            config.board,
+            self._codec,
+            physical.primary,
+            physical.secondary,
+            now_ms,
+            physical.kept,
+            self._make_firmware if config.firmware else None,
         )
         self._logbook = None if config.board.whole is None else self._open_logbook(physical)
         self._reporter = Reporter(self.board, self.body, self._logbook, config.reports.modem)
@@ -123,6 +136,19 @@ class Agent:
         self._report_due_ms = self._report_after(now_ms + later)
         power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
         return self._stimulate_board(power, now_ms)
+
+    def _make_firmware(self, hardware: WorstCaseHardware) -> FirmwareLike:
+        # Imported here: few agents have another program than ours.
+        from agents.mussel.firmware_process import FirmwareProcess
+
+        config = self.config
+        self._process = FirmwareProcess(config.firmware, config.board, hardware, config.water.seed)
+        return self._process
+
+    def close(self) -> None:
+        """Ends the process of its firmware, if that has one."""
+        if self._process is not None:
+            self._process.close()
 
     def _open_logbook(self, physical: Physical) -> Logbook:
         # Imported here: the paper's worst case has no log.
@@ -415,6 +441,8 @@ class Agent:
                     outputs.append(self._status(at_ms, by))
                 case board_actions.SendAnswer(at_ms):
                     outputs.append(SoundSent(at_ms, self._codec.encode(self._reporter.answer(at_ms))))
+                case board_actions.SendBytes(at_ms, by, data):
+                    outputs.append((WifiSent if by is Rail.WIFI else SoundSent)(at_ms, data))
                 case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
                     outputs += self._log(action)
                 case _:

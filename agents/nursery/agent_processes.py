@@ -16,7 +16,7 @@ from agents.hosting.agent_process import WindowHandler, message_buffer
 from agents.hosting.link_protocol import Key, readable
 from agents.mussel.agent import Agent
 from agents.mussel.physical import Physical
-from agents.nursery.child import live
+from agents.nursery.child import FIRMWARE_FAILED, FIRMWARE_HUNG, live
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
@@ -94,6 +94,8 @@ class AgentProcesses:
         """The agent time at which an agent's newest life has settled."""
         self.children: dict[int, Child] = {}
         self._id_of_pid: dict[int, int] = {}
+        self._hung: set[int] = set()
+        """The agents whose firmware did not end its turn: it would hang again, and hold up the fleet."""
         self._have_room(file.initial_states)
 
     def _have_room(self, initial_states: Mapping[int, Physical]) -> None:
@@ -183,6 +185,8 @@ class AgentProcesses:
             raise NotStarted(f"aMussel {agent_id} is not of this fleet")
         if agent_id in self.children:
             raise NotStarted(f"aMussel {agent_id} lives already, as process {self.children[agent_id].pid}")
+        if agent_id in self._hung:
+            raise NotStarted(f"aMussel {agent_id}: its firmware hangs, so it stays dead; see nursery.log")
         ring = self._ring(agent_id)
         record = _newest(ring, boot.up_to, boot.at_ms)
         config = self._configs.config(agent_id)
@@ -220,6 +224,8 @@ class AgentProcesses:
                 break
             agent_id = self._id_of_pid[pid]
             self._forget(agent_id)
+            if os.WIFEXITED(status) and os.WEXITSTATUS(status) == FIRMWARE_HUNG:
+                self._hung.add(agent_id)
             died.append(Died(agent_id, pid, _ending(status)))
         return died
 
@@ -282,4 +288,6 @@ def _newest(ring: RecordRing, up_to: Key | None, until_ms: int | None) -> Record
 def _ending(status: int) -> str:
     if os.WIFSIGNALED(status):
         return f"killed by {signal.Signals(os.WTERMSIG(status)).name}"
-    return f"ended with exit status {os.WEXITSTATUS(status)}; see nursery.log"
+    code = os.WEXITSTATUS(status)
+    ended = {FIRMWARE_FAILED: "its firmware failed", FIRMWARE_HUNG: "its firmware hung"}
+    return f"{ended.get(code, f'ended with exit status {code}')}; see nursery.log"

@@ -9,7 +9,12 @@ import socket
 import sys
 
 from agents.hosting.agent_process import WindowHandler, serve
+from agents.mussel.firmware_failure import FirmwareFailed
 
+FIRMWARE_FAILED = 65
+"""The exit status of an agent whose firmware's process failed."""
+FIRMWARE_HUNG = 66
+"""The exit status of an agent whose firmware's process did not end its turn."""
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
 _LIBC = ctypes.CDLL(None)
@@ -19,6 +24,7 @@ _DUP2, _CLOSERANGE, _GETPPID, _EXIT = os.dup2, os.closerange, os.getppid, os._ex
 _SIG_DFL = 0
 _SIGKILL = int(signal.SIGKILL)
 _SIGTERM = int(signal.SIGTERM)
+_SIGCHLD = int(signal.SIGCHLD)
 
 
 def live(
@@ -45,8 +51,12 @@ def live(
             _EXIT(0)  # the nursery died before its death could be a signal
         _PRCTL(_PR_SET_NAME, name, 0, 0, 0)
         _SET_SIGNAL(_SIGTERM, _SIG_DFL)
+        _SET_SIGNAL(_SIGCHLD, _SIG_DFL)
         serve(link, buffer, handler)
         status = 0
+    except FirmwareFailed as failure:
+        print(f"{name.decode()}: its firmware: {failure}", file=sys.stderr, flush=True)
+        status = FIRMWARE_HUNG if failure.hung else FIRMWARE_FAILED
     except BaseException:
         sys.excepthook(*sys.exc_info())
         sys.stderr.flush()

@@ -60,7 +60,7 @@ def warm_up(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
     config = configs.config(agent_id)
     water = replace(config.water, step_ms=_SELDOM_MS)
     reports = replace(config.reports, period_ms=_SELDOM_MS)
-    walk = _Walk(replace(config, reports=reports, water=water), codec)
+    walk = _Walk(replace(config, reports=reports, water=water, firmware=()), codec)
     for epoch in range(1, _LIVES + 1):
         walk.live(epoch)
     walk.close()

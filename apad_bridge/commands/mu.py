@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.mu_program import is_program, run_program
 from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
@@ -46,16 +47,18 @@ def add_parser(commands: Any) -> None:
     table1.set_defaults(run=run_table1)
     budget = parts.add_parser(
         "run",
-        help="run a board from a small script",
+        help="run a board from a small script, or with firmware of your own",
         description="Runs one board for the time in SCRIPT.yaml. Prints the energy of each module and each state, and the "
-        "life of its batteries at that rate.",
+        "life of its batteries at that rate. With a program in place of the script it runs a board with that firmware "
+        "through a dive, a dock and a brown-out, and prints what it does.",
         epilog=ending(
             "musselbed mu run night.yaml --trace",
             "musselbed mu run night.yaml --vcd night.vcd",
-            note="docs/mu-scripts.md has a script to copy.",
+            "musselbed mu run ./board",
+            note="docs/mu-scripts.md has a script to copy, and docs/firmware-port.md has firmware of your own.",
         ),
     )
-    budget.add_argument("script", type=Path, metavar="SCRIPT.yaml", help="see docs/mu-scripts.md")
+    budget.add_argument("script", type=Path, metavar="SCRIPT.yaml|PROGRAM", help="a script, or firmware")
     budget.add_argument("--json", action="store_true", help="print the budget as JSON on stdout")
     budget.add_argument(
         "--vcd", type=Path, metavar="FILE", help="write states, rails and batteries for GTKWave"
@@ -157,6 +160,10 @@ def _show_table_one(result: dict[str, Any], console: Console) -> None:
 
 
 def run_script(arguments: argparse.Namespace) -> int:
+    if is_program(arguments.script):
+        if arguments.json or arguments.vcd or arguments.trace:
+            raise UserError("a program takes no --json, --vcd or --trace: it prints its trace")
+        return run_program(arguments.script)
     try:
         script = read_script(arguments.script)
     except ScriptError as error:

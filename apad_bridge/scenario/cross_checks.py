@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
 from apad_bridge.scenario.chart import chart_of
+from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
 from apad_bridge.scenario.faults import Fault
@@ -26,6 +28,8 @@ from firmware_model.power.rails import Rail
 
 Contradiction = tuple[str, str]
 _S_PER_HOUR = 3600
+_LONGEST_ALARM_S = 65_000
+"""Half the range of a board's counter (`firmware_model.port_frames`): 18 hours."""
 
 
 def contradictions(scenario: Scenario) -> list[Contradiction]:
@@ -226,7 +230,27 @@ def _check_fleet(scenario: Scenario) -> list[Contradiction]:
                 "physical drift has no random step: leave this key out, or use mode: paper",
             )
         )
-    return found
+    return [*found, *_check_firmware(scenario)]
+
+
+def _check_firmware(scenario: Scenario) -> Iterator[Contradiction]:
+    firmware, board = scenario.fleet.firmware, scenario.board
+    if firmware is None:
+        return
+    if not os.access(firmware.executable, os.X_OK) or not os.path.isfile(firmware.executable):
+        yield "fleet.firmware.executable", f"no program that can be executed: {firmware.executable}"
+    if board.whole is not None:
+        yield "fleet.firmware", "it runs on the board of the worst case: set board.profile: worst-case"
+    if scenario.fleet.hosting is Hosting.ONE_PROCESS:
+        yield "fleet.firmware", "it needs a process for each aMussel: set fleet.hosting: processes"
+    if unknown := sorted(set(firmware.agents) - set(scenario.fleet.all_ids)):
+        yield "fleet.firmware.agents", f"the fleet has no aMussel {unknown[0]}"
+    for key in ("float_timeout_s", "surfacing_timeout_s", "release_wait_s"):
+        if (getattr(board, key) or 0) > _LONGEST_ALARM_S:
+            yield (
+                f"board.{key}",
+                f"with fleet.firmware it is {_LONGEST_ALARM_S} s at most: half of the board's counter",
+            )
 
 
 def _check_board(scenario: Scenario) -> Iterator[Contradiction]:

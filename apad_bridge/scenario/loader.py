@@ -34,6 +34,7 @@ _SCENARIO = TypeAdapter(Scenario)
 _FILE_KEYS = (
     ("fleet", "start"),
     ("fleet", "drift", "current_file"),
+    ("fleet", "firmware", "executable"),
     ("water", "links_file"),
     ("water", "current", "file"),
     ("apad", "interface"),
@@ -134,7 +135,7 @@ def write_with_files(path: Path, scenario: Scenario) -> None:
         if named.is_dir():
             shutil.copytree(named, copy, dirs_exist_ok=True)
         else:
-            shutil.copyfile(named, copy)
+            shutil.copy(named, copy)  # with its mode: firmware is to be executed
         block[key] = str(copy.absolute())
     write_resolved(path, from_data(data, str(path)))
 

@@ -126,6 +126,17 @@ class Spread:
 
 
 @frozen
+class FirmwareProgram:
+    """Somebody's firmware on the aMussels' boards: docs/firmware-port.md."""
+
+    executable: str
+    """Relative to the scenario file."""
+    arguments: tuple[str, ...] = ()
+    agents: tuple[AgentId, ...] = ()
+    """The ids that it runs on; empty for all."""
+
+
+@frozen
 class Fleet:
     count: Annotated[int, Ge(0), Le(20000)]
     first_id: AgentId = 1
@@ -140,6 +151,8 @@ class Fleet:
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
     spread: Spread = Spread()
+    firmware: FirmwareProgram | None = None
+    """A program in a process of its own on each board, which has to be the worst case; without it ours."""
 
     def __post_init__(self) -> None:
         ids = self.agent_ids

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TypeVar
 
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
-from firmware_model.board import Board
+from firmware_model.board import Board, MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.packets import CommandPacket, Kind, Packet
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge import Battery, Flow, fraction, grains
 from firmware_model.power.energy_ledger import EnergyLedger
+from firmware_model.settings import StoredSettings
 from firmware_model.states import State
 from firmware_model.stimuli import (
     BottomReached,
@@ -40,8 +41,11 @@ class Bench:
         secondary: float = 1.0,
         docked: bool = False,
         travel_ms: int = MS_PER_MIN,
+        firmware: MakeFirmware | None = None,
     ) -> None:
+        """`firmware` makes another program than ours for each reset of the board, which is the worst case then."""
         self.config = config
+        self._firmware = firmware
         self.now_ms = 0
         self.trace: list[Action] = []
         self.travel_ms = travel_ms
@@ -49,17 +53,17 @@ class Bench:
         self._docked = docked
         self._at_surface = docked
         flow = Flow.CHARGING if docked else Flow.RESTING
-        self.board = Board(
-            config,
-            MusselbedCodec(),
-            Battery(0, grains(primary), flow, 0, 2),
-            Battery(0, grains(secondary), flow, 0, 1),
-            0,
+        coils = 2 if config.charge.segments_by_two else 1
+        self.board = self._new_board(
+            Battery(0, grains(primary), flow, 0, coils), Battery(0, grains(secondary), flow, 0, 1)
         )
         self.courses: list[tuple[int, Battery, Battery]] = []
         """(from ms, primary, secondary): the course of the batteries, piece by piece."""
         self.ledger = None if config.whole is None else EnergyLedger(config.whole.power.loads, 0)
         self.reset(ResetCause.POWER_ON)
+
+    def _new_board(self, primary: Battery, secondary: Battery, kept: StoredSettings | None = None) -> Board:
+        return Board(self.config, MusselbedCodec(), primary, secondary, self.now_ms, kept, self._firmware)
 
     @property
     def state(self) -> State:
@@ -149,7 +153,7 @@ class Bench:
     def reset(self, cause: ResetCause) -> list[Action]:
         """Restarts the firmware; batteries and body stay as they were."""
         old = self.board
-        self.board = Board(self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept)
+        self.board = self._new_board(old.primary, old.secondary, old.kept)
         if self.ledger is not None:
             self.ledger.power_off(self.now_ms)
         return self.tell(PowerCameOn(cause, self._at_surface, self._docked))

@@ -12,10 +12,12 @@ from firmware_model.actions import (
     LogSample,
     RunBuoyancy,
     SendAnswer,
+    SendBytes,
     SendLog,
     SendStatus,
     SetRail,
     StateChanged,
+    StateReported,
 )
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Battery, ChargeModel, fraction
@@ -34,6 +36,8 @@ def line(action: Action) -> str:
     match action:
         case StateChanged(at_ms, old, trigger, new):
             return f"{clock(at_ms)}  {old.name} -{trigger.name}-> {new.name}"
+        case StateReported(at_ms, old, new):
+            return f"{clock(at_ms)}  {old.name} -> {new.name}"
         case RunBuoyancy(at_ms, to, depth_mm):
             depth = "" if depth_mm is None else f" at {depth_mm / 1000:g} m"
             return f"{clock(at_ms)}      motors: {to.name}{depth}"
@@ -51,6 +55,8 @@ def line(action: Action) -> str:
             return f"{clock(at_ms)}      status sent by {by.name}"
         case SendAnswer(at_ms):
             return f"{clock(at_ms)}      asked, and answered by MODEM_TRANSMITTING"
+        case SendBytes(at_ms, by, data):
+            return f"{clock(at_ms)}      {data.hex()} sent by {by.name}"
         case Dropped(at_ms, reason):
             return f"{clock(at_ms)}      dropped: {reason}"
 
@@ -70,7 +76,7 @@ def vcd(
     changes: list[tuple[int, str]] = []
     for action in trace:
         match action:
-            case StateChanged(at_ms, _, _, new):
+            case StateChanged(at_ms, _, _, new) | StateReported(at_ms, _, new):
                 changes.append((at_ms, f"s{new.name} S"))
             case SetRail(at_ms, rail, on):
                 changes.append((at_ms, f"{int(on)}{_rail_id(rail)}"))

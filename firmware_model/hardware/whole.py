@@ -97,7 +97,7 @@ class WholeBoardHardware:
         self._pulses = {rail: off_ms for rail, off_ms in self._pulses.items() if off_ms > now_ms}
         return self._switch(now_ms)
 
-    def power_on(self, pin_high: bool, at_surface: bool) -> None:
+    def power_on(self, pin_high: bool, at_surface: bool, now_ms: int) -> None:
         self.pin_high, self.at_surface, self._is_powered = pin_high, at_surface, True
 
     def pin_changed(self, high: bool, powered: bool, now_ms: int) -> list[Action]:

@@ -27,6 +27,10 @@ class WorstCaseHardware:
         """False while the pin is high without a charger."""
         self._watch_from_ms: int | None = None
         """Since when the monitor's interrupt of an empty battery is armed."""
+        self._charger_on = False
+        """The firmware lets the charger run."""
+        self._contact_until_ms: int | None = None
+        """When a charger without a contact stops, whatever the firmware does; None while there is a contact."""
 
     def copy(self) -> WorstCaseHardware:
         return copy(self)
@@ -46,10 +50,18 @@ class WorstCaseHardware:
         return charge.charge_at(self.primary, now_ms), charge.charge_at(self.secondary, now_ms)
 
     def next_timer(self) -> tuple[int | None, Timer]:
-        if self._watch_from_ms is None:
-            return None, Timer.BATTERIES
-        empty_at_ms = self._config.charge.empty_at_ms(self.primary)
-        return None if empty_at_ms is None else max(self._watch_from_ms, empty_at_ms), Timer.BATTERIES
+        due_ms = None
+        if self._watch_from_ms is not None:
+            due_ms = self._config.charge.empty_at_ms(self.primary)
+            due_ms = None if due_ms is None else max(self._watch_from_ms, due_ms)
+        until_ms = self._contact_until_ms
+        if (
+            until_ms is not None
+            and self.primary.flow is Flow.CHARGING
+            and (due_ms is None or until_ms < due_ms)
+        ):
+            return until_ms, Timer.PULSE
+        return due_ms, Timer.BATTERIES
 
     def level_due(self, now_ms: int) -> Level:
         """The battery is empty: the monitor interrupts once."""
@@ -57,29 +69,51 @@ class WorstCaseHardware:
         return Level.EMPTIED
 
     def pulse_over(self, now_ms: int) -> list[Action]:
+        """The contact has been gone for longer than firmware needs to notice."""
+        self.set_charger(False, now_ms)
         return []
 
-    def power_on(self, pin_high: bool, at_surface: bool) -> None:
+    def power_on(self, pin_high: bool, at_surface: bool, now_ms: int) -> None:
         self.pin_high, self.at_surface, self._is_powered = pin_high, at_surface, True
+        if pin_high:
+            self._contact_until_ms = None
+        else:
+            # A charger that ran stays on, and the firmware finds the lost contact when it has booted.
+            ran = self.primary.flow is Flow.CHARGING
+            self._contact_until_ms = now_ms + self._config.boot_ms + 1 if ran else now_ms
 
     def pin_changed(self, high: bool, powered: bool, now_ms: int) -> list[Action]:
-        """Another level of the pin. The charger waits for the firmware, which debounces the pin."""
+        """Another level of the pin. The charger waits for the firmware, which debounces the pin or finds a missed edge."""
         self.pin_high = high
         if high:
             self._is_powered = powered
+            self._contact_until_ms = None
+            if self._charger_on:
+                self.set_charger(True, now_ms)
+        elif self._contact_until_ms is None:
+            config = self._config
+            self._contact_until_ms = now_ms + config.pin_check_ms + config.pin_chatter_ms
         return []
 
     def enter(self, state: State, rails: int, now_ms: int) -> list[Action]:
         """The charger runs in the dock, and the monitor interrupts only a board that measures."""
         if state is not State.BOOTING:
-            self._charge(state is State.CHARGING and self._is_powered, now_ms)
-        self._watch_from_ms = now_ms if state is State.ACTIVE else None
+            self.set_charger(state is State.CHARGING, now_ms)
+        self.watch_battery(state is State.ACTIVE, now_ms)
         return []
 
-    def _charge(self, charging: bool, now_ms: int) -> None:
-        flow = Flow.CHARGING if charging else Flow.DISCHARGING
+    def set_charger(self, on: bool, now_ms: int) -> None:
+        """Lets the charger feed the battery, if it has power and a contact."""
+        self._charger_on = on
+        until_ms = self._contact_until_ms
+        is_fed = on and self._is_powered and (until_ms is None or now_ms < until_ms)
+        flow = Flow.CHARGING if is_fed else Flow.DISCHARGING
         if flow is not self.primary.flow:
             self.primary = self._config.charge.settle(self.primary, now_ms, flow)
+
+    def watch_battery(self, on: bool, now_ms: int) -> None:
+        """Arms the monitor's interrupt of an empty battery."""
+        self._watch_from_ms = now_ms if on else None
 
     def run_motors(self, to: Buoyancy, depth_mm: int | None, now_ms: int) -> Action:
         """Takes the charge of a run from the primary battery at once, at most what it holds."""

@@ -21,7 +21,8 @@ from apad_bridge.scenario.schema import Scenario
 VALUES = (-0.0, 0, 5e-324, 1e-300, 1e308, 2**63, math.nan, math.inf, -math.inf)
 FLIGHT = """
 duration_s: 20
-fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: paper, amplitude_m: 0.005}, hosting: one_process,
+fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: paper, amplitude_m: 0.005},
+        firmware: {executable: /bin/true, agents: [1]},
         spread: {drain: 0.05, capacity: 0.05, secondary_start: 0.1, drain_bias: 0.1}}
 hearing: {mode: paper, report_period_s: 5}
 """

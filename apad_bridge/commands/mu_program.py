@@ -1,0 +1,63 @@
+"""`musselbed mu run ./board`: somebody's firmware on one board of the worst case, through a dive, a dock and a reset."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.firmware_process import FirmwareProcess
+from apad_bridge.runs.exits import Exit, UserError
+from firmware_model.bench import Bench
+from firmware_model.bench.trace import clock, line
+from firmware_model.hardware.worst_case import WorstCaseHardware
+from firmware_model.packets import Kind
+from firmware_model.port import FirmwareLike
+from firmware_model.stimuli import ResetCause
+from firmware_model.table_one import worst_case_board
+
+
+def is_program(path: Path) -> bool:
+    """True for a file that can be executed and is no script of a board."""
+    return path.suffix not in (".yaml", ".yml") and path.is_file() and os.access(path, os.X_OK)
+
+
+def run_program(path: Path) -> int:
+    """Prints what the firmware does in a day with a permission, four hours in a dock and a brown-out."""
+    bench = bench_of(path)
+    steps: tuple[tuple[str, Callable[[], object], float], ...] = (
+        ("the power came on", lambda: None, 1.0),
+        ("it is permitted to surface", lambda: bench.command(Kind.PERMISSION), 0.1),
+        ("a dock closes around it", bench.charge_pin_rises, 4.0),
+        ("the dock opens", bench.charge_pin_falls, 0.01),
+        ("it is cleared to sink", lambda: bench.command(Kind.RELEASE), 0.5),
+        ("a brown-out", lambda: bench.reset(ResetCause.BROWN_OUT), 18.0),
+    )
+    done = 0
+    try:
+        for what, act, hours in steps:
+            print(f"{clock(bench.now_ms)}  -- {what}")
+            act()
+            bench.run(hours=hours)
+            for action in bench.trace[done:]:
+                print(line(action))
+            done = len(bench.trace)
+    except FirmwareFailed as failure:
+        print(f"{clock(bench.now_ms)}  the firmware failed: {failure}")
+        return Exit.PEER_FAILED
+    print(f"after {bench.now_ms / 3_600_000:g} h: {bench.state.name}, primary {bench.primary_fraction:.4f}")
+    return Exit.DONE
+
+
+def bench_of(path: Path, primary: float = 1.0) -> Bench:
+    """A board of the worst case with this program on it; UserError if the file is none."""
+    if not is_program(path):
+        raise UserError(f"{path} is no program: compile it, and check that it may be executed (chmod +x)")
+    command = (str(path.absolute()),)
+    config = worst_case_board()
+
+    def firmware(hardware: WorstCaseHardware) -> FirmwareLike:
+        return FirmwareProcess(command, config, hardware, seed=1)
+
+    return Bench(config, primary=primary, firmware=firmware)

@@ -1,0 +1,175 @@
+"""The port of a board as bytes, for firmware in a process of its own: frames, their framing, and the board's counter.
+
+A frame is a little-endian head (type, port, length of the payload, the board's counter, sequence), the payload, and a
+CRC-16/CCITT of both. On the stream it is encoded by COBS and ends with a zero byte, so that a reader finds the next frame
+after any noise. docs/firmware-port.md has the rules of the exchange.
+"""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc_hqx
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+VERSION = 1
+COUNTER_HZ = 32_768
+MAX_PAYLOAD = 1024
+MOST_FRAMES = 10_000
+"""A board that sends so many frames in one turn does not come to an end."""
+_HEAD = struct.Struct("<BBHII")
+_CRC = struct.Struct("<H")
+_MAX_ENCODED = (_HEAD.size + MAX_PAYLOAD + _CRC.size) * 255 // 254 + 2
+_COUNTER_MASK = (1 << 32) - 1
+_HALF = 1 << 31
+
+
+class ToBoard(IntEnum):
+    """Types of frames from the bench to the board."""
+
+    HELLO = 1
+    """Version u16, id u16, seed u32; debounce, boot, surfacing, float and release times in ms, u32 each."""
+    RESET = 2
+    """Cause u8: the program begins. Output pins are low."""
+    RUN = 3
+    """The levels of the input pins as bits, u8; how many interrupts follow, u8: the board's turn, until it sleeps."""
+    PIN = 4
+    """`port` is the line; level u8. An interrupt: the line changed, or repeats its level."""
+    UART_RX = 5
+    """`port` is the UART; bytes."""
+    ADC = 6
+    """`port` is the channel; counts u16: the answer to ADC_READ."""
+
+
+class FromBoard(IntEnum):
+    """Types of frames from the board to the bench."""
+
+    HELLO = 65
+    """Version u16, then a name in UTF-8."""
+    SLEEP = 66
+    """`port` is 1 with an alarm: counter u32. Ends the turn."""
+    PIN = 67
+    """`port` is the line; level u8."""
+    UART_TX = 68
+    """`port` is the UART; bytes."""
+    ADC_READ = 69
+    """`port` is the channel."""
+    STATE = 70
+    """A state of docs/firmware-states.md, u8, for records and reports. No energy follows from it."""
+    LOG = 71
+    """`port` is 1 for an input that the firmware refused, 0 for other text; UTF-8."""
+
+
+class InputPin(IntEnum):
+    CHARGER = 0
+    """High while a dock's charger has contact; not debounced."""
+    SURFACE = 1
+    """High while the pressure sensor reads the surface."""
+    BOTTOM = 2
+    """The pressure sensor stopped rising: the aMussel rests on the bottom."""
+    BATTERY_EMPTY = 3
+    """The battery monitor's interrupt, while WATCH_BATTERY is high."""
+
+
+class OutputPin(IntEnum):
+    CHARGE = 0
+    """High lets the charger feed the battery, for as long as it has contact. A reset leaves it."""
+    MOTOR_UP = 1
+    """A rising edge runs the buoyancy motors up."""
+    MOTOR_DOWN = 2
+    WATCH_BATTERY = 3
+    """High arms the battery monitor's interrupt."""
+
+
+class Uart(IntEnum):
+    MODEM = 0
+    WIFI = 1
+
+
+class BadFrame(ValueError):
+    """Bytes that are no frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    kind: int
+    port: int
+    counter: int
+    sequence: int
+    payload: bytes = b""
+
+    def encode(self) -> bytes:
+        """The frame on the stream, with its closing zero."""
+        body = _HEAD.pack(self.kind, self.port, len(self.payload), self.counter, self.sequence) + self.payload
+        return _stuffed(body + _CRC.pack(crc_hqx(body, 0xFFFF))) + b"\0"
+
+    @classmethod
+    def decode(cls, encoded: bytes) -> Frame:
+        """The frame of the bytes between two zeros; BadFrame for others."""
+        data = _unstuffed(encoded)
+        body = data[: -_CRC.size]
+        if len(body) < _HEAD.size or crc_hqx(body, 0xFFFF) != _CRC.unpack(data[-_CRC.size :])[0]:
+            raise BadFrame("a frame whose check is wrong")
+        kind, port, length, counter, sequence = _HEAD.unpack_from(body)
+        if length != len(body) - _HEAD.size or length > MAX_PAYLOAD:
+            raise BadFrame("a frame of another length than it states")
+        return cls(kind, port, counter, sequence, body[_HEAD.size :])
+
+
+class FrameReader:
+    """Cuts a stream into frames. Empty frames (two zeros in a row) are skipped."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> Iterator[Frame]:
+        """The frames that end in `data`, in order; BadFrame for one that is none, and for a frame without an end."""
+        *whole, self._rest = (self._rest + data).split(b"\0")
+        for encoded in whole:
+            if encoded:
+                yield Frame.decode(encoded)
+        if len(self._rest) > _MAX_ENCODED:
+            raise BadFrame("a frame without an end")
+
+
+def _stuffed(data: bytes) -> bytes:
+    out = bytearray()
+    for block in data.split(b"\0"):
+        while len(block) >= 254:
+            out += b"\xff" + block[:254]
+            block = block[254:]
+        out.append(len(block) + 1)
+        out += block
+    return bytes(out)
+
+
+def _unstuffed(encoded: bytes) -> bytes:
+    out = bytearray()
+    at, size = 0, len(encoded)
+    while at < size:
+        code = encoded[at]
+        if code == 0 or at + code > size:
+            raise BadFrame("bytes that are no COBS")
+        out += encoded[at + 1 : at + code]
+        at += code
+        if code < 255 and at < size:
+            out.append(0)
+    return bytes(out)
+
+
+def counter_at(now_ms: int) -> int:
+    """The board's counter at agent time `now_ms`: it begins at 0 and wraps after 36 hours."""
+    return now_ms * COUNTER_HZ // 1000 & _COUNTER_MASK
+
+
+def alarm_ms(counter: int, now_ms: int) -> int:
+    """The first millisecond from `now_ms` on at which the counter has reached `counter`; `now_ms` for one that has passed.
+
+    A counter less than 2^31 ahead is in the future, any other in the past.
+    """
+    ticks = now_ms * COUNTER_HZ // 1000
+    ahead = (counter - ticks) & _COUNTER_MASK
+    if ahead >= _HALF:
+        return now_ms
+    return max(now_ms, -(-(ticks + ahead) * 1000 // COUNTER_HZ))

@@ -1,0 +1,231 @@
+"""Firmware in a process of its own: our C board decides as ours does, and a program that misbehaves is a stated failure."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from native_boards import bench, compiled, script
+
+from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.firmware_process import FirmwareProcess
+from firmware_model.actions import Action, StateChanged, StateReported
+from firmware_model.bench import Bench
+from firmware_model.packets import Beacon, CommandPacket, Kind, StatusPacket
+from firmware_model.port_frames import Frame, FromBoard, OutputPin
+from firmware_model.power.charge import Battery
+from firmware_model.states import State
+from firmware_model.stimuli import PacketHeard, ResetCause, WifiReceived
+from firmware_model.table_one import worst_case_board
+
+CONFIG = replace(
+    worst_case_board(), surfacing_timeout_ms=90_000, float_timeout_ms=1_800_000, motor_run=10**12
+)
+STATUS = StatusPacket(1, 0, State.ACTIVE, 0.5, 0.5, 0.0, 0.0, 0.0, 0)
+PACKETS = [
+    b"",
+    b"\1\2\3",
+    STATUS.encode(),
+    Beacon(1, 7).encode(),
+    CommandPacket(Kind.PERMISSION, 1).encode()[:-1] + b"\0",
+    *(
+        CommandPacket(kind, agent_id).encode()
+        for kind in (Kind.PERMISSION, Kind.RELEASE)
+        for agent_id in (0, 1, 9)
+    ),
+    *(CommandPacket(kind, 1).encode() for kind in (Kind.PING, Kind.SINK, Kind.HOVER, Kind.BACK_UP_LOG)),
+    CommandPacket(Kind.PING, 0).encode(),
+]
+STEPS = st.one_of(
+    st.tuples(st.just("sound"), st.sampled_from(PACKETS)),
+    st.tuples(st.just("wifi"), st.sampled_from(PACKETS)),
+    st.tuples(st.just("rises"), st.booleans()),
+    st.tuples(st.just("falls"), st.booleans()),
+    st.tuples(st.just("reset"), st.sampled_from(ResetCause)),
+)
+WAITS_MS = st.one_of(st.integers(0, 120), st.integers(0, 3000), st.integers(0, 7_200_000))
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory)
+
+
+def seen(actions: list[Action]) -> list[Action]:
+    """The actions without triggers, which are inside the firmware; a state that is reported again is no change."""
+    changes = (
+        StateReported(it.at_ms, it.old, it.new) if isinstance(it, StateChanged) else it for it in actions
+    )
+    # On the way out of OFF the port shows BOOTING as soon as the board has power.
+    return [
+        it for it in changes if not isinstance(it, StateReported) or State.OFF is not it.old is not it.new
+    ]
+
+
+def act(on: Bench, what: str, value: object) -> None:
+    match what, value:
+        case "sound", bytes(data):
+            on.tell(PacketHeard(data))
+        case "wifi", bytes(data):
+            on.tell(WifiReceived(data))
+        case "rises", bool(noticed):
+            on.charge_pin_rises(noticed=noticed)
+        case "falls", bool(noticed):
+            on.charge_pin_falls(noticed=noticed)
+        case "reset", ResetCause() as cause:
+            on.reset(cause)
+
+
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(st.tuples(STEPS, WAITS_MS), max_size=14),
+    st.sampled_from([0.0, 0.02, 0.9]),
+    st.lists(st.integers(1, 900_000), max_size=4),
+)
+def test_the_c_board_does_what_ours_does(
+    board: Path,
+    steps: list[tuple[tuple[str, object], int]],
+    charge: float,
+    cuts: list[int],
+) -> None:
+    """Any stimuli at any times, and for the C board any further cuts of time between them."""
+    ours, theirs = Bench(CONFIG, primary=charge), bench(CONFIG, board, charge)
+    for (what, value), wait_ms in steps:
+        act(ours, what, value)
+        act(theirs, what, value)
+        end_ms = ours.now_ms + wait_ms
+        ours.run_until(end_ms)
+        for cut_ms in cuts:
+            theirs.run_until(min(end_ms, theirs.now_ms + cut_ms))
+        theirs.run_until(end_ms)
+    assert seen(theirs.trace) == seen(ours.trace)
+    assert (theirs.state, theirs.board.primary) == (ours.state, ours.board.primary)
+
+
+FAILURES: dict[str, tuple[str, str]] = {
+    "ends": ("sys.exit(3)", "it ended with exit status 3"),
+    "is killed": ("os.kill(os.getpid(), 11)", "it was killed by SIGSEGV"),
+    "speaks nonsense": ("port.sendall(b'hello\\0'); time.sleep(60)", "it sent "),
+    "never ends a frame": ("port.sendall(b'x' * 5000); time.sleep(60)", "without an end"),
+    "hangs": ("time.sleep(60)", "did not end its turn within 0.5 s"),
+    "hangs after a part of a frame": ("port.sendall(b'\\x05abc'); time.sleep(60)", "did not end its turn"),
+}
+
+
+@pytest.mark.parametrize("name", FAILURES)
+def test_a_program_that_misbehaves_is_a_stated_failure(tmp_path: Path, name: str) -> None:
+    text, reason = FAILURES[name]
+    on = bench(CONFIG, script(tmp_path, text), timeout_s=0.5 if "hangs" in name else 30.0)
+    with pytest.raises(FirmwareFailed, match=reason) as failed:
+        on.run(ms=1)
+    assert failed.value.hung == ("hangs" in name)
+
+
+def encoded(*sent: tuple[int, int, bytes]) -> bytes:
+    return b"".join(Frame(kind, port, 0, n, payload).encode() for n, (kind, port, payload) in enumerate(sent))
+
+
+def frames(*sent: tuple[int, int, bytes]) -> str:
+    return f"port.sendall({encoded(*sent)!r}); time.sleep(60)"
+
+
+HELLO = (FromBoard.HELLO, 0, b"\1\0board")
+ILLEGAL: dict[str, tuple[tuple[int, int, bytes], ...]] = {
+    "speaks version 9": ((FromBoard.HELLO, 0, b"\x09\0"),),
+    "type 200, port 0": (HELLO, (200, 0, b"")),
+    "type 67, port 77": (HELLO, (FromBoard.PIN, 77, b"\1")),
+    "type 70, port 0": (HELLO, (FromBoard.STATE, 0, b"\xfe")),
+    "a SLEEP of another length": (HELLO, (FromBoard.SLEEP, 1, b"\0")),
+    "type 69, port 5": (HELLO, (FromBoard.ADC_READ, 5, b"")),
+}
+
+
+@pytest.mark.parametrize("reason", ILLEGAL)
+def test_a_frame_that_cannot_be_is_a_stated_failure(tmp_path: Path, reason: str) -> None:
+    on = bench(CONFIG, script(tmp_path, frames(*ILLEGAL[reason])))
+    with pytest.raises(FirmwareFailed, match=reason):
+        on.run(ms=1)
+
+
+def test_a_flood_without_a_sleep_is_a_livelock(tmp_path: Path) -> None:
+    flood = frames(HELLO, *((FromBoard.LOG, 0, b"again") for _ in range(10_001)))
+    on = bench(CONFIG, script(tmp_path, flood))
+    with pytest.raises(FirmwareFailed, match="10000 frames in one turn"):
+        on.run(ms=1)
+
+
+def test_a_missing_frame_is_noticed(tmp_path: Path) -> None:
+    gap = Frame(FromBoard.HELLO, 0, 0, 0, b"\1\0").encode() + Frame(FromBoard.SLEEP, 0, 0, 2).encode()
+    on = bench(CONFIG, script(tmp_path, f"port.sendall({gap!r}); time.sleep(60)"))
+    with pytest.raises(FirmwareFailed, match="frame 2 came where 1 was due"):
+        on.run(ms=1)
+
+
+def test_a_board_that_leaves_its_charger_on_gains_nothing_without_a_contact(tmp_path: Path) -> None:
+    """The pin's check and its chatter are the longest that our own board needs: 62 s of 20 hours."""
+    begins = (HELLO, (FromBoard.PIN, OutputPin.CHARGE, b"\1"), (FromBoard.SLEEP, 0, b""))
+    answers = [encoded(*begins), *(Frame(FromBoard.SLEEP, 0, 0, n).encode() for n in (3, 4))]
+    text = "".join(f"port.recv(9999); port.sendall({answer!r})\n" for answer in answers)
+    on = bench(CONFIG, script(tmp_path, f"{text}time.sleep(60)"), primary=0.5)
+    on.run(minutes=1)
+    on.charge_pin_rises()
+    on.charge_pin_falls()
+    at_contact = on.primary
+    on.run(hours=1)
+    gained = on.config.charge.segments[1][1] * 62_000
+    lost = on.config.charge.discharge * (3_600_000 - 62_000)
+    assert on.primary == at_contact + gained - lost
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def pid_of(on: Bench) -> int:
+    firmware = on.board.firmware
+    assert isinstance(firmware, FirmwareProcess)
+    pid = firmware.pid
+    assert pid is not None
+    return pid
+
+
+ENDS: dict[str, Callable[[Bench], object]] = {
+    "a reset": lambda it: it.reset(ResetCause.BROWN_OUT),
+    "close": lambda it: it.board.firmware.close() if isinstance(it.board.firmware, FirmwareProcess) else None,
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_its_process_ends_and_is_reaped(board: Path, name: str) -> None:
+    on = bench(CONFIG, board)
+    on.run(hours=1)
+    pid = pid_of(on)
+    assert alive(pid)
+    ENDS[name](on)
+    assert not alive(pid)
+
+
+def test_a_process_killed_between_two_turns_fails_in_the_next(board: Path) -> None:
+    on = bench(CONFIG, board)
+    on.run(minutes=1)
+    before: Battery = on.board.primary
+    os.kill(pid_of(on), signal.SIGKILL)
+    with pytest.raises(FirmwareFailed, match="killed by SIGKILL"):
+        on.run(hours=1)
+    assert on.board.primary == before
+
+
+def test_a_program_that_is_none_fails(tmp_path: Path) -> None:
+    on = bench(CONFIG, tmp_path / "nothing")
+    with pytest.raises(FirmwareFailed, match="exit status 127"):
+        on.run(ms=1)

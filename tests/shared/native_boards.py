@@ -1,0 +1,46 @@
+"""Programs that tests run as firmware: our C boards, compiled once, and programs that misbehave."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from agents.mussel.firmware_process import FirmwareProcess
+from firmware_model.bench import Bench
+from firmware_model.board import MakeFirmware
+from firmware_model.config import BoardConfig
+
+NATIVE = Path(__file__).parents[2] / "firmware_model" / "native"
+_COMPILE_TIMEOUT_S = 120
+
+
+def compiled(factory: pytest.TempPathFactory, name: str = "worst_case") -> Path:
+    """A board of `firmware_model/native`, compiled with every warning an error."""
+    board = factory.mktemp("native") / name
+    subprocess.run(
+        ["make", "-s", "-C", str(NATIVE), f"BUILD={board.parent}", str(board)],
+        check=True,
+        timeout=_COMPILE_TIMEOUT_S,
+    )
+    return board
+
+
+def script(directory: Path, text: str, name: str = "board") -> Path:
+    """A program of these lines of Python, after imports and a socket `port` to the bench."""
+    program = directory / name
+    imports = f"#!{sys.executable} -I\nimport os, socket, sys, time\n"
+    program.write_text(f"{imports}port = socket.socket(fileno=int(os.environ['MUSSELBED_PORT']))\n{text}")
+    program.chmod(0o755)
+    return program
+
+
+def maker(config: BoardConfig, *command: str, timeout_s: float = 30.0) -> MakeFirmware:
+    return lambda hardware: FirmwareProcess(command, config, hardware, seed=1, timeout_s=timeout_s)
+
+
+def bench(config: BoardConfig, program: Path, primary: float = 1.0, timeout_s: float = 30.0) -> Bench:
+    """A board with that program on it."""
+    return Bench(config, primary=primary, firmware=maker(config, str(program), timeout_s=timeout_s))

@@ -1,0 +1,196 @@
+"""Fleets of boards with a C program in a process of its own: the same traces as ours, and each death stays alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from fleets import PAPER
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from killing import gone, kill_9
+from native_boards import compiled
+
+from agents.coordinator import Coordinator, Died, Heard
+from agents.fleet import FirmwareConfig, resting_on_bottom
+from agents.hosting.in_process import InProcessHost
+from agents.hosting.process_host import ProcessHost
+from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
+from agents.nursery.fleet_file import RestartPolicy
+from firmware_model.packets import CommandPacket, Kind
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+pytestmark = pytest.mark.system
+
+IDS = (3, 8, 21)
+THETA = 30
+PATIENCE_S = 180.0
+BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
+PATIENT = RestartPolicy(restarts=1000)
+SCENARIO = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "pool-12.yaml"
+MUSSELBED = Path(__file__).parents[2] / "launch_scripts" / "musselbed"
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory)
+
+
+def started(directory: Path, board: Path, agent_ids: tuple[int, ...] = ()) -> ProcessHost:
+    fleet = replace(PAPER, firmware=FirmwareConfig((str(board),), agent_ids))
+    return ProcessHost.start(directory, fleet, BIRTHS, window_timeout_s=PATIENCE_S, restart_policy=PATIENT)
+
+
+@pytest.fixture
+def host(tmp_path: Path, board: Path) -> Iterator[ProcessHost]:
+    host = started(tmp_path, board)
+    yield host
+    host.close()
+
+
+def command(kind: Kind, agent_id: int) -> SoundArrived:
+    return SoundArrived(CommandPacket(kind, agent_id).encode())
+
+
+EVENTS = st.one_of(
+    st.just("kill"),
+    st.sampled_from([ContactClosed(1, 2), DockMoved(9, 9), ContactOpened()]),
+    st.sampled_from(
+        [command(kind, agent_id) for kind in (Kind.PERMISSION, Kind.RELEASE) for agent_id in IDS]
+    ),
+)
+Story = list[tuple[int, int, Stimulus | str]]
+
+
+def fly(
+    host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
+) -> tuple[list[Heard | Died], list[Truth]]:
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+    came: list[Heard | Died] = []
+    told: list[Truth] = []
+    now_ms = 0
+    for step, length_ms in enumerate([0, *steps_ms]):
+        now_ms += length_ms
+        for _, agent_id, event in (entry for entry in story if entry[0] == step):
+            if not isinstance(event, str):
+                clock.receive(agent_id, event, now_ms)
+            elif isinstance(host, InProcessHost):
+                host.kill(agent_id)
+            elif agent_id in host.pids:
+                kill_9(host.pids[agent_id])
+        came += clock.advance(now_ms)
+        told += host.take_truths()
+    return came, told
+
+
+@settings(
+    max_examples=8,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(
+    story=st.lists(st.tuples(st.integers(0, 20), st.sampled_from(IDS), EVENTS), max_size=12),
+    steps_ms=st.lists(st.integers(1, 4000), min_size=5, max_size=20),
+)
+def test_a_fleet_of_c_boards_gives_the_trace_of_ours(
+    tmp_path_factory: pytest.TempPathFactory, board: Path, story: Story, steps_ms: list[int]
+) -> None:
+    """Any events and cuts, and kills of agents. One of the three boards has our firmware."""
+    many = started(tmp_path_factory.mktemp("run"), board, IDS[:2])
+    try:
+        assert fly(many, story, steps_ms) == fly(InProcessHost(PAPER, BIRTHS), story, steps_ms)
+        assert not many.dropped
+    finally:
+        many.close()
+
+
+def children(pid: int) -> list[int]:
+    return [int(it) for it in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def flying(host: ProcessHost) -> tuple[Coordinator, dict[int, int]]:
+    """The fleet at 10 s of mission time, and the process of each board's firmware; aMussel 8 charges in a dock."""
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+    clock.receive(8, command(Kind.PERMISSION, 8), 1_000)
+    clock.advance(1_000)
+    clock.receive(8, ContactClosed(7_000_000, 8_000_000), 5_000)
+    clock.advance(10_000)
+    boards = {}
+    for agent_id, pid in host.pids.items():
+        (boards[agent_id],) = children(pid)
+    return clock, boards
+
+
+def test_kill_9_of_a_firmware_is_a_reset_of_its_board_alone(host: ProcessHost) -> None:
+    clock, boards = flying(host)
+    before = {truth.agent_id: truth for truth in host.take_truths()}[8]
+    assert before.state is State.CHARGING
+    kill_9(boards[8])
+    died = [it for it in clock.advance(20_000) if isinstance(it, Died)]
+    assert [(it.agent_id, it.agent_ms, it.cause, it.reason, it.gave_up) for it in died] == [
+        (8, 300_000, ResetCause.BROWN_OUT, "its firmware failed; see nursery.log", None)
+    ]
+    mine = [truth for truth in host.take_truths() if truth.agent_id == 8]
+    assert [(truth.at_ms, truth.state) for truth in mine] == [
+        (300_000, State.BOOTING),
+        (302_000, State.CHARGING),
+    ]
+    assert all(truth.physical == before.physical for truth in mine)
+    assert [children(host.pids[it]) for it in (3, 21)] == [[boards[3]], [boards[21]]]
+
+
+def test_a_firmware_ends_with_its_agent(host: ProcessHost) -> None:
+    _, boards = flying(host)
+    kill_9(host.pids[3])
+    assert gone(boards[3])
+
+
+def test_firmware_ends_with_the_nursery(host: ProcessHost) -> None:
+    _, boards = flying(host)
+    kill_9(host.nursery_pid)
+    assert all(gone(pid) for pid in boards.values())
+
+
+def test_a_firmware_that_hangs_stays_dead_and_the_others_fly_on(host: ProcessHost) -> None:
+    """A stopped process cannot be told from one that hangs, or from a host that is too slow for its fleet."""
+    clock, boards = flying(host)
+    os.kill(boards[21], signal.SIGSTOP)
+    clock.receive(21, command(Kind.PERMISSION, 21), 11_000)
+    came = clock.advance(12_000)
+    (died,) = [it for it in came if isinstance(it, Died)]
+    assert (died.agent_id, died.reason) == (21, "its firmware hung; see nursery.log")
+    assert died.gave_up == "aMussel 21: its firmware hangs, so it stays dead; see nursery.log"
+    assert gone(boards[21])
+    heard = {it.agent_id for it in clock.advance(20_000) if isinstance(it, Heard)}
+    assert heard == {3, 8}
+
+
+def test_a_flight_of_c_boards_has_the_journal_of_ours(tmp_path: Path, board: Path) -> None:
+    """Ten minutes of the paper's pool experiment at theta 30, byte for byte."""
+    data = yaml.safe_load(SCENARIO.read_text())
+    data["duration_s"] = 600
+    shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
+    shutil.copy(board, tmp_path / "board")
+    journals = []
+    for name, firmware in (("ours", None), ("native", {"executable": "board"})):
+        data["fleet"]["firmware"] = firmware
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(data))
+        run = [sys.executable, str(MUSSELBED), "run", str(tmp_path / f"{name}.yaml"), "--time", "asap"]
+        subprocess.run(
+            [*run, "--out", str(tmp_path / name)], check=True, timeout=PATIENCE_S, capture_output=True
+        )
+        journals.append((tmp_path / name / "journal.jsonl").read_bytes())
+    ours, native = journals
+    assert native == ours
+    assert sum(json.loads(it)["kind"] == "truth" for it in ours.splitlines()) > 40
