@@ -18,7 +18,7 @@ from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from killing import gone, kill_9
-from native_boards import compiled
+from native_boards import NATIVE, compiled
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import FirmwareConfig, resting_on_bottom
@@ -176,12 +176,13 @@ def test_a_firmware_that_hangs_stays_dead_and_the_others_fly_on(host: ProcessHos
     assert heard == {3, 8}
 
 
-def test_a_flight_of_c_boards_has_the_journal_of_ours(tmp_path: Path, board: Path) -> None:
+@pytest.mark.parametrize("language", ["C", "Perl"])
+def test_a_flight_of_other_boards_has_the_journal_of_ours(tmp_path: Path, board: Path, language: str) -> None:
     """Ten minutes of the paper's pool experiment at theta 30, byte for byte."""
     data = yaml.safe_load(SCENARIO.read_text())
     data["duration_s"] = 600
     shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
-    shutil.copy(board, tmp_path / "board")
+    shutil.copy(board if language == "C" else NATIVE / "worst_case.pl", tmp_path / "board")
     journals = []
     for name, firmware in (("ours", None), ("native", {"executable": "board"})):
         data["fleet"]["firmware"] = firmware
