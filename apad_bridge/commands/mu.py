@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.mu_conform import add_conform
 from apad_bridge.commands.mu_program import is_program, run_program
 from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -67,6 +68,7 @@ def add_parser(commands: Any) -> None:
         "--trace", action="store_true", help="print all the board's actions before the budget"
     )
     budget.set_defaults(run=run_script)
+    add_conform(parts)
     energy = parts.add_parser(
         "energy",
         help="the energy that the boards of a run drew, by module and by state",

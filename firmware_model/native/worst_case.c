@@ -100,6 +100,14 @@ static bool sample_pin(void) {
     return true;
 }
 
+/* Finds an edge whose interrupt was lost. */
+static bool check_pin(void) {
+    bool missed = sample_pin();
+    if (missed)
+        mu_refuse("an edge of the charger's pin was missed: its level told");
+    return missed;
+}
+
 static uint32_t pin_due(void) {
     uint32_t settled = pin.flipped + mu_ticks(mu_config()->debounce_ms), chatters = pin.unsettled + mu_ticks(CHATTER_MS);
     return (int32_t)(settled - chatters) < 0 ? settled : chatters;
@@ -123,6 +131,8 @@ static void pin_certain(bool high) {
 
 static void pin_settles(void) {
     uint32_t now = mu_now();
+    if (check_pin())
+        return;
     if (mu_reached(pin.flipped + mu_ticks(mu_config()->debounce_ms))) {
         pin.settling = false;
         pin_certain(pin.seen);
@@ -136,11 +146,6 @@ static void pin_settles(void) {
     pin.unsettled = now;
     pin.high_ticks = 0;
     pin_certain(more_high ? more_high > 0 : pin.high);
-}
-
-static void check_pin(void) {
-    if (sample_pin())
-        mu_refuse("an edge of the charger's pin was missed: its level told");
 }
 
 static void ends_after(uint32_t ms, enum trigger by) {

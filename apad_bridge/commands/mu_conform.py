@@ -1,0 +1,178 @@
+"""`musselbed mu conform ./board`: judges somebody's firmware by the motors, charges and bytes of its board."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from agents.mussel.firmware_failure import FirmwareFailed
+from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.mu_program import bench_of
+from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.scenario.text_file import read_text, write_atomically
+from apad_bridge.scenario.yaml_text import parse_yaml
+from firmware_model.bench import Bench
+from firmware_model.bench.conformance import (
+    Case,
+    Result,
+    Source,
+    Verdict,
+    judged,
+    random_cases,
+    shrunk,
+    side_by_side,
+    unknown_names,
+)
+from firmware_model.bench.conformance_cases import CASES
+from firmware_model.table_one import worst_case_board
+
+
+def add_conform(parts: Any) -> None:
+    conform = parts.add_parser(
+        "conform",
+        help="judge firmware of your own by the outside of its board",
+        description="Runs PROGRAM and our own firmware through the same cases, and compares when motors run, when "
+        "batteries charge, which bytes are sent, and the charge at the end. A case that cites our own choice differs; the "
+        "others fail (exit code 3). Passing is a least filter: it does not show that firmware is right.",
+        epilog=ending(
+            "musselbed mu conform ./board", "musselbed mu conform ./board --case bounces --random 50"
+        ),
+    )
+    conform.add_argument("program", type=Path, metavar="PROGRAM", help="firmware: see docs/firmware-port.md")
+    conform.add_argument(
+        "--case", action="append", default=[], metavar="NAME", help="this case alone; can be repeated"
+    )
+    conform.add_argument(
+        "--random",
+        type=int,
+        default=0,
+        metavar="N",
+        help="also N random scripts, shortened where they differ",
+    )
+    conform.add_argument(
+        "--seed", type=int, default=1, metavar="N", help="of the random scripts (default: 1)"
+    )
+    conform.add_argument("--script", metavar="WORDS", help="this script alone, as a failed case prints it")
+    conform.add_argument(
+        "--waive", type=Path, metavar="FILE.yaml", help="cases that need not pass, each with its reason"
+    )
+    conform.add_argument("--junit", type=Path, metavar="FILE.xml", help="write the results as JUnit XML")
+    conform.add_argument("--json", action="store_true", help="print the results as JSON on stdout")
+    conform.set_defaults(run=run_conform)
+
+
+def run_conform(arguments: argparse.Namespace) -> int:
+    program: Path = arguments.program
+    bench_of(program)  # a file that is none is told before anything starts
+    waivers = {} if arguments.waive is None else _waivers(arguments.waive)
+    console = Console(stderr=arguments.json)
+    results = []
+    cases = _cases(arguments)
+    for case in track(cases, "cases", console=console, transient=True, disable=arguments.json):
+        try:
+            result = _judged(program, case, waivers)
+        except ValueError as error:
+            raise UserError(f"--script: {error}") from None
+        if result.verdict is not Verdict.PASSED and case.name.startswith("random-"):
+            short = shrunk(case, lambda it: _judged(program, it, {}).verdict is not Verdict.PASSED)
+            result = _judged(program, short, waivers)
+        results.append(result)
+    if arguments.junit is not None:
+        try:
+            write_atomically(arguments.junit, _junit(program, results))
+        except OSError as error:
+            raise UserError(f"{arguments.junit} cannot be written: {error.strerror}") from None
+    if arguments.json:
+        print(json.dumps([_as_data(it) for it in results], indent=1))
+    else:
+        _show(results, console)
+    return Exit.PEER_FAILED if any(it.verdict is Verdict.FAILED for it in results) else Exit.DONE
+
+
+def _cases(arguments: argparse.Namespace) -> list[Case]:
+    if arguments.script is not None:
+        return [Case("script", Source.CHOICE, "the same as ours", arguments.script)]
+    if unknown := unknown_names(arguments.case, CASES):
+        raise UserError(f"--case {unknown[0]}: there are {', '.join(case.name for case in CASES)}")
+    chosen = [case for case in CASES if not arguments.case or case.name in arguments.case]
+    return [*chosen, *random_cases(arguments.random, arguments.seed)]
+
+
+def _judged(program: Path, case: Case, waivers: dict[str, str]) -> Result:
+    def ours(primary: float) -> Bench:
+        return Bench(worst_case_board(), primary=primary)
+
+    return judged(case, ours, lambda primary: bench_of(program, primary), FirmwareFailed, waivers)
+
+
+def _waivers(path: Path) -> dict[str, str]:
+    """Reads names of cases and reasons; UserError for another file, or a case that there is not."""
+    try:
+        data = parse_yaml(read_text(path))
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path} cannot be read: {error}") from None
+    if not isinstance(data, dict) or not all(
+        isinstance(it, str) and it for pair in data.items() for it in pair
+    ):
+        raise UserError(f"{path}: a mapping of names of cases to reasons is needed")
+    if unknown := unknown_names(data, CASES):
+        raise UserError(f"{path}: no case is called {unknown[0]}")
+    return data
+
+
+def _show(results: list[Result], console: Console) -> None:
+    others = [it for it in results if it.verdict is not Verdict.PASSED]
+    if others:
+        table = Table("case", "verdict", "requirement of", "requirement", "what happened")
+        for it in others:
+            table.add_row(it.case.name, it.verdict, it.case.source, it.case.requirement, it.reason)
+        console.print(table)
+    for result in others:
+        if result.verdict in (Verdict.FAILED, Verdict.DIFFERS):
+            console.print(f"{result.case.name}: {result.case.script}", soft_wrap=True, markup=False)
+            for line in side_by_side(result):
+                console.print(line, soft_wrap=True, markup=False, highlight=False)
+    counts = Counter(it.verdict for it in results)
+    found = ", ".join(f"{counts[it]} {it.lower()}" for it in Verdict if counts[it])
+    console.print(
+        f"{len(results)} cases: {found}. Passing is a least filter: it does not show that firmware is right.",
+        soft_wrap=True,
+    )
+
+
+def _as_data(result: Result) -> dict[str, Any]:
+    return {
+        "case": result.case.name,
+        "verdict": result.verdict.lower(),
+        "source": result.case.source,
+        "requirement": result.case.requirement,
+        "script": result.case.script,
+        "reason": result.reason,
+        "expected": asdict(result.ours),
+        "found": asdict(result.theirs),
+    }
+
+
+def _junit(program: Path, results: Iterable[Result]) -> str:
+    """JUnit's XML: what differs or is waived counts as skipped, with its reason."""
+    suite = ElementTree.Element("testsuite", name=f"musselbed mu conform {program.name}")
+    for result in results:
+        case = ElementTree.SubElement(
+            suite, "testcase", classname=result.case.source.replace(".", "-"), name=result.case.name
+        )
+        if result.verdict is Verdict.FAILED:
+            failure = ElementTree.SubElement(case, "failure", message=result.reason)
+            failure.text = "\n".join([result.case.requirement, result.case.script, *side_by_side(result)])
+        elif result.verdict is not Verdict.PASSED:
+            ElementTree.SubElement(case, "skipped", message=f"{result.verdict}: {result.reason}")
+    return ElementTree.tostring(suite, encoding="unicode")

@@ -1,0 +1,314 @@
+"""The cases of the conformance kit, for the board of the paper's worst case."""
+
+from __future__ import annotations
+
+from firmware_model.bench.conformance import Case, Source
+from firmware_model.packets import (
+    EVERYONE,
+    Beacon,
+    CommandPacket,
+    HoverAt,
+    Kind,
+    LogAck,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    StatusPacket,
+    Threshold,
+)
+from firmware_model.states import State
+
+_UP = "3s permission 70s"
+"""It floats."""
+_DOCKED = f"{_UP} rises 10min"
+_RELEASED = f"{_DOCKED} falls 1s"
+_SINKING = f"{_UP} sink 30s"
+_PERMISSION = CommandPacket(Kind.PERMISSION, 1).encode()
+_STATUS = StatusPacket(1, 0, State.ACTIVE, 0.5, 0.5, 0.0, 0.0, 0.0, 0).encode()
+
+
+def _of(kind: Kind, agent_id: int) -> str:
+    return CommandPacket(kind, agent_id).encode().hex()
+
+
+def _damaged(n: int) -> str:
+    data = bytearray(_PERMISSION)
+    data[n // 8] ^= 1 << n % 8
+    return data.hex()
+
+
+_PAPER = [
+    Case("measures", Source.PAPER, "IV-A: on the bottom it draws equation (1)'s load", "1h"),
+    Case("measures-20-h", Source.PAPER, "IV-A: 959 minutes empty a full battery", "20h"),
+    Case("stays-down", Source.PAPER, "II: without a permission an aMussel stays on the bottom", "13h"),
+    Case("surfaces", Source.PAPER, "III-C: the aPad's permission brings it up", "3s permission 5min"),
+    Case("surfaces-once", Source.PAPER, "III-C: it rises by one run of its motors", f"{_UP} 10min"),
+    Case("charges", Source.PAPER, "III-C: the charger's pin alone starts a charge", f"{_DOCKED} 5h", 0.2),
+    Case("charges-from-empty", Source.PAPER, "equation (2) from its first segment", f"{_UP} rises 9h", 0.05),
+    Case("no-charge-unasked", Source.PAPER, "III-C: without the pin nothing charges", f"{_UP} 2h", 0.5),
+    Case(
+        "charges-no-longer",
+        Source.PAPER,
+        "III-C: the falling pin ends the charge",
+        f"{_DOCKED} falls 1h",
+        0.3,
+    ),
+    Case(
+        "sinks-when-released",
+        Source.PAPER,
+        "III-C: it sinks once its dock released it",
+        f"{_RELEASED} release 5min",
+    ),
+    Case(
+        "not-before", Source.PAPER, "III-C: in its dock it does not run its motors", f"{_DOCKED} release 1h"
+    ),
+    Case(
+        "two-services",
+        Source.PAPER,
+        "III-C: a second service is as the first",
+        f"{_RELEASED} release 2min permission 70s rises 1h falls 1s release 5min",
+    ),
+    Case(
+        "empties", Source.PAPER, "IV-A: an empty battery measures nothing, and its aMussel stays", "2h", 0.05
+    ),
+    Case(
+        "empty-and-fetched",
+        Source.PAPER,
+        "III-C: an empty aMussel takes a permission",
+        "2h permission 70s rises 1h",
+        0.05,
+    ),
+]
+_PACKETS = [
+    Case("for-all", Source.PACKETS, "id 0 addresses all", f"3s sound:{_of(Kind.PERMISSION, EVERYONE)} 5min"),
+    Case(
+        "for-another",
+        Source.PACKETS,
+        "a command has the id of its receiver",
+        f"3s sound:{_of(Kind.PERMISSION, 2)} 5min",
+    ),
+    Case("for-257", Source.PACKETS, "an id has two bytes", f"3s sound:{_of(Kind.PERMISSION, 257)} 5min"),
+    Case("for-256", Source.PACKETS, "an id is little-endian", f"3s sound:{_of(Kind.PERMISSION, 256)} 5min"),
+    Case(
+        "by-wifi", Source.PACKETS, "a permission may come by any medium", f"3s wifi:{_PERMISSION.hex()} 5min"
+    ),
+    *(
+        Case(
+            f"bit-{n}-flipped",
+            Source.PACKETS,
+            "the CRC detects every single bit error",
+            f"3s sound:{_damaged(n)} 5min",
+        )
+        for n in (0, 9, 17, 30, 39, 47)
+    ),
+    Case(
+        "too-short",
+        Source.PACKETS,
+        "bytes that are no packet are dropped",
+        f"3s sound:{_PERMISSION[:-1].hex()} 5min",
+    ),
+    Case(
+        "too-long",
+        Source.PACKETS,
+        "bytes that are no packet are dropped",
+        f"3s sound:{_PERMISSION.hex()}00 5min",
+    ),
+    Case("one-byte", Source.PACKETS, "bytes that are no packet are dropped", "3s sound:01 wifi:02 5min"),
+    Case("no-bytes", Source.PACKETS, "bytes that are no packet are dropped", "3s sound: wifi: 5min"),
+    Case("64-bytes", Source.PACKETS, "a v3 modem carries 64 bytes", f"3s sound:{'ff' * 64} permission 5min"),
+    Case("a-status", Source.PACKETS, "a status is no command", f"3s sound:{_STATUS.hex()} 5min"),
+    Case(
+        "another-version",
+        Source.PACKETS,
+        "an unknown version is dropped",
+        f"3s sound:{CommandPacket(Kind.PERMISSION, 1).encode().replace(bytes([1, 2]), bytes([9, 2]), 1).hex()} 5min",
+    ),
+    Case(
+        "a-beacon",
+        Source.PACKETS,
+        "a beacon moves no aMussel",
+        f"3s sound:{Beacon(1, 10**6).encode().hex()} 5min",
+    ),
+    Case(
+        "a-log-ack",
+        Source.PACKETS,
+        "an acknowledgement moves no aMussel",
+        f"3s wifi:{LogAck(1, 7).encode().hex()} 5min",
+    ),
+    Case(
+        "a-schedule",
+        Source.PACKETS,
+        "a schedule moves no aMussel",
+        f"3s sound:{SleepSchedule(1, 3_600_000, 10_000).encode().hex()} 2h",
+    ),
+    Case(
+        "a-timeslot",
+        Source.PACKETS,
+        "a timeslot moves no aMussel",
+        f"3s sound:{SlotAssignment(1, 300_000, 3000, 0, 1, 0).encode().hex()} 1h",
+    ),
+    Case(
+        "a-threshold",
+        Source.PACKETS,
+        "a threshold moves no aMussel",
+        f"3s sound:{SetThreshold(1, Threshold.SAFE_LEVEL, 0.5).encode().hex()} 1h",
+    ),
+    Case("a-ping", Source.CHOICE, "a worst case answers no ping by sound", "3s ping 5min"),
+    Case(
+        "a-ping-for-all",
+        Source.PACKETS,
+        "nobody answers a ping to everyone",
+        f"3s sound:{_of(Kind.PING, EVERYONE)} 5min",
+    ),
+    Case(
+        "a-hover",
+        Source.CHOICE,
+        "a worst case does not hover",
+        f"3s hover sound:{HoverAt(1, 2.0).encode().hex()} 10min",
+    ),
+]
+_STATES = [
+    Case(
+        "permission-again",
+        Source.STATES,
+        "on its way up a further permission runs no motor",
+        "3s permission 10s permission 10s permission 5min",
+    ),
+    Case("permission-afloat", Source.STATES, "afloat a permission runs no motor", f"{_UP} permission 5min"),
+    Case(
+        "permission-docked", Source.STATES, "docked a permission runs no motor", f"{_DOCKED} permission 5min"
+    ),
+    Case(
+        "permission-while-sinking",
+        Source.STATES,
+        "a permission turns a sinking one round",
+        f"{_SINKING} permission 5min",
+    ),
+    Case(
+        "does-not-come-up",
+        Source.STATES,
+        "one that does not come up in 180 s runs its motors back",
+        "travel:20min 3s permission 30min",
+    ),
+    Case(
+        "tries-again",
+        Source.STATES,
+        "the permission's repetition is another try",
+        "travel:4min 3s permission 8min travel:60s permission 5min",
+    ),
+    Case("comes-up-in-time", Source.STATES, "179 s are in time", "travel:179s 3s permission 10min"),
+    Case("nobody-comes", Source.STATES, "afloat for 12 h it sinks again", f"{_UP} 13h"),
+    Case("fetched-late", Source.STATES, "afloat for less it stays", f"{_UP} 11h rises 10min"),
+    Case("no-release-packet", Source.STATES, "without a release it sinks after 120 s", f"{_RELEASED} 10min"),
+    Case(
+        "release-in-time", Source.STATES, "a release within 120 s counts", f"{_RELEASED} 118s release 10min"
+    ),
+    Case(
+        "release-before-the-edge",
+        Source.STATES,
+        "docked, it sinks as soon as the pin has fallen",
+        f"{_DOCKED} release 1s falls 10min",
+    ),
+    Case(
+        "a-release-is-used-once",
+        Source.STATES,
+        "a release belongs to one docking",
+        f"{_DOCKED} release 1s falls 5min permission 70s rises 1min falls 10min",
+    ),
+    Case("a-release-afloat", Source.STATES, "afloat a release sinks it", f"{_UP} release 5min"),
+    Case("a-release-below", Source.STATES, "on the bottom a release runs no motor", "3s release 5min"),
+    Case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} sink 5min"),
+    Case("sinks-on-its-way", Source.STATES, "an order sinks it on its way up", "3s permission 20s sink 5min"),
+    Case("sink-below", Source.STATES, "on the bottom an order to sink runs no motor", "3s sink 5min"),
+    Case("sink-docked", Source.STATES, "docked, an order to sink runs no motor", f"{_DOCKED} sink 5min"),
+    Case("docked-again", Source.STATES, "a rising pin charges a released one", f"{_RELEASED} rises 1h", 0.4),
+    Case(
+        "docked-on-its-way-down",
+        Source.STATES,
+        "a rising pin charges a sinking one",
+        f"{_SINKING} rises 1h",
+        0.4,
+    ),
+    Case("charger-below", Source.STATES, "a rising pin charges one on the bottom", "3s rises 1h", 0.4),
+    Case(
+        "bounces",
+        Source.STATES,
+        "a level counts once it held for 50 ms",
+        f"{_UP} chatter:20:20:20 rises 1h",
+        0.4,
+    ),
+    Case("a-touch", Source.STATES, "a touch of 49 ms charges nothing", f"{_UP} rises 49ms falls 1h", 0.4),
+    Case(
+        "a-gap",
+        Source.STATES,
+        "a gap of 49 ms ends no charge",
+        f"{_DOCKED} falls 49ms rises 1h falls 1s release 2min",
+        0.4,
+    ),
+    Case(
+        "chatter-mostly-high",
+        Source.STATES,
+        "after 2 s of chatter the level of most of the time counts",
+        f"{_UP} chatter:30:10:100 rises 1h",
+        0.4,
+    ),
+    Case(
+        "chatter-mostly-low",
+        Source.STATES,
+        "after 2 s of chatter the level of most of the time counts",
+        f"{_UP} chatter:10:30:100 5min",
+        0.4,
+    ),
+    Case("missed-rise", Source.STATES, "a minute's look finds a lost edge", f"{_UP} rises_unseen 1h", 0.4),
+    Case(
+        "missed-fall", Source.STATES, "a minute's look finds a lost edge", f"{_DOCKED} falls_unseen 5min", 0.4
+    ),
+    Case(
+        "a-wake-finds-it",
+        Source.STATES,
+        "a wake finds a lost edge",
+        "3s rises_unseen 1s permission 200ms 1h",
+        0.4,
+    ),
+    Case("brown-out-below", Source.STATES, "a reset on the bottom measures on", "1h brown_out 1h"),
+    Case(
+        "brown-out-afloat",
+        Source.STATES,
+        "a reset afloat floats on, for 12 h from then",
+        f"{_UP} 2h brown_out 13h",
+    ),
+    Case("brown-out-docked", Source.STATES, "a reset in a dock charges on", f"{_DOCKED} watchdog 2h", 0.2),
+    Case(
+        "brown-out-on-its-way-up",
+        Source.STATES,
+        "a reset on its way up arrives, and can be docked",
+        "3s permission 20s brown_out 2min rises 1h",
+        0.4,
+    ),
+    Case(
+        "undocked-in-a-boot",
+        Source.STATES,
+        "a pin that fell in a boot ends the charge",
+        f"{_DOCKED} brown_out 1s falls 10min",
+        0.4,
+    ),
+    Case(
+        "docked-in-a-boot",
+        Source.STATES,
+        "a pin that rose in a boot charges after it",
+        f"{_UP} brown_out 1s rises 1h",
+        0.4,
+    ),
+    Case(
+        "release-forgotten",
+        Source.STATES,
+        "a reset forgets a release",
+        f"{_DOCKED} release brown_out 1min falls 10min",
+    ),
+    Case(
+        "empties-afloat", Source.STATES, "afloat an empty battery runs no motor", f"{_UP} 3h rises 1h", 0.05
+    ),
+    Case("permission-in-a-boot", Source.CHOICE, "a booting board takes no command", "1s permission 5min"),
+    Case("boot-time", Source.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 5min"),
+]
+CASES = (*_PAPER, *_PACKETS, *_STATES)

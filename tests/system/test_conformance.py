@@ -1,0 +1,124 @@
+"""`musselbed mu conform`: the C board passes, the Perl board fails what it leaves out, and mutants are caught."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from native_boards import NATIVE, compiled, script
+
+from apad_bridge.commands.main import main
+
+pytestmark = pytest.mark.system
+PERL = NATIVE / "worst_case.pl"
+CLAIMS_LESS = {"chatter-mostly-high", "missed-rise", "missed-fall", "a-wake-finds-it"}
+"""The cases of a pin that chatters or whose edge is lost, which the Perl board leaves out."""
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory)
+
+
+def test_the_c_board_passes_everything(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mu", "conform", str(board), "--random", "40", "--json"]) == 0
+    results = json.loads(capsys.readouterr().out)
+    assert len(results) > 100
+    assert {it["verdict"] for it in results} == {"passed"}
+
+
+def test_the_perl_board_fails_what_it_leaves_out_and_may_waive_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    junit = tmp_path / "results.xml"
+    assert main(["mu", "conform", str(PERL), "--junit", str(junit)]) == 3
+    shown = capsys.readouterr().out
+    assert "missed-rise: 3s permission 70s rises_unseen 1h" in shown
+    assert " ! 120.050 s charges" in shown
+    failed = {
+        case.get("name")
+        for case in ElementTree.parse(junit).iter("testcase")
+        if case.find("failure") is not None
+    }
+    assert failed == CLAIMS_LESS
+    waivers = tmp_path / "waivers.yaml"
+    waivers.write_text("".join(f"{name}: our contacts do not bounce\n" for name in CLAIMS_LESS))
+    assert main(["mu", "conform", str(PERL), "--waive", str(waivers)]) == 0
+    assert "76 passed, 4 waived" in capsys.readouterr().out
+
+
+def test_a_failed_case_s_script_can_be_replayed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mu", "conform", str(PERL), "--script", "3s permission 70s rises_unseen 1h"]) == 0
+    assert "1 differs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["/nowhere/board"], "is no program"),
+        (["/bin/true", "--case", "nothing"], "--case nothing: there are measures"),
+        (["/bin/true", "--script", "jump"], "--script: 'jump' is neither a wait"),
+        (["/bin/true", "--waive", "/nowhere"], "/nowhere cannot be read"),
+    ],
+)
+def test_a_mistake_is_told_before_anything_starts(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["mu", "conform", *arguments]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_program_that_dies_fails_every_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dead = script(tmp_path, "sys.exit(1)")
+    assert main(["mu", "conform", str(dead), "--case", "measures", "--case", "a-ping"]) == 3
+    assert "2 failed" in capsys.readouterr().out
+
+
+MUTANTS = {
+    "an empty board takes no permission": (
+        "IN(ACTIVE) | IN(EMPTY) | IN(SINKING), SURFACING",
+        "IN(ACTIVE) | IN(SINKING), SURFACING",
+    ),
+    "an id of one byte": ("(uint16_t)(data[2] | data[3] << 8)", "(uint16_t)data[2]"),
+    "no check of the CRC": ("mu_crc(data, size - 2) != (data[size - 2] | data[size - 1] << 8)", "false"),
+    "no look for lost edges": (
+        "next_check += CHECK_TICKS;\n        check_pin();",
+        "next_check += CHECK_TICKS;",
+    ),
+    "a debounce of no time": ("pin.flipped + mu_ticks(mu_config()->debounce_ms)", "pin.flipped"),
+    "a charger that stays on": ("mu_pin(MU_CHARGE, board.state == CHARGING)", "mu_pin(MU_CHARGE, true)"),
+    "motors the wrong way": ("run_motors(MU_MOTOR_DOWN)", "run_motors(MU_MOTOR_UP)"),
+    "a release that is kept": ("board.clear_to_sink = false;", ""),
+}
+"""Hand-written changes of the C board, each of which changes what it does; benchmarks/run native has the generated ones."""
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_a_mutant_of_the_c_board_is_caught(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = (NATIVE / "worst_case.c").read_text()
+    old, new = MUTANTS[name]
+    assert old in source
+    (tmp_path / "mutant.c").write_text(source.replace(old, new))
+    subprocess.run(
+        [
+            "cc",
+            "-std=c99",
+            "-D_POSIX_C_SOURCE=200809L",
+            f"-I{NATIVE}",
+            "-o",
+            "mutant",
+            "mutant.c",
+            str(NATIVE / "musselbed.c"),
+        ],
+        cwd=tmp_path,
+        check=True,
+        timeout=120,
+    )
+    assert main(["mu", "conform", str(tmp_path / "mutant")]) == 3
+    assert re.search(r"\d+ failed", capsys.readouterr().out)
