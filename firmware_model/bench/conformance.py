@@ -34,7 +34,7 @@ _FASTEST = FULL * 4 // 1000 // 60_000
 
 
 class Source(StrEnum):
-    """Where a requirement comes from; firmware that differs from our own choice does not fail."""
+    """The origin of a requirement; firmware that differs from our own choice does not fail."""
 
     PAPER = "paper"
     PACKETS = "docs/packets.md"
@@ -75,14 +75,14 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """What a board did in a case."""
+    """A board's deeds in a case."""
 
     events: tuple[Event, ...]
     charge: int
     flowed: int
     """The grains that flowed into and out of its battery."""
     failure: str | None = None
-    """Why its firmware could do no more; None if it lived."""
+    """The reason why its firmware could do no more; None if it lived."""
 
 
 @dataclass(frozen=True, slots=True)

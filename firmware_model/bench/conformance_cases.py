@@ -259,6 +259,13 @@ _STATES = [
         f"{_UP} chatter:10:30:100 5min",
         0.4,
     ),
+    Case(
+        "chatter-that-turns",
+        Source.STATES,
+        "each 2 s of chatter are judged by themselves",
+        f"{_UP} chatter:30:10:100 chatter:10:30:200 5min",
+        0.4,
+    ),
     Case("missed-rise", Source.STATES, "a minute's look finds a lost edge", f"{_UP} rises_unseen 1h", 0.4),
     Case(
         "missed-fall", Source.STATES, "a minute's look finds a lost edge", f"{_DOCKED} falls_unseen 5min", 0.4
@@ -284,6 +291,19 @@ _STATES = [
         "a reset on its way up arrives, and can be docked",
         "3s permission 20s brown_out 2min rises 1h",
         0.4,
+    ),
+    Case(
+        "arrives-after-a-reset",
+        Source.STATES,
+        "a reset on its way up floats for 12 h once it has arrived",
+        "3s permission 20s brown_out 13h",
+    ),
+    Case(
+        "arrives-empty-after-a-reset",
+        Source.STATES,
+        "likewise with an empty battery",
+        "2h permission 20s brown_out 13h",
+        0.05,
     ),
     Case(
         "undocked-in-a-boot",
