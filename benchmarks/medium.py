@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import heapq
+import json
 import random
 import statistics
+import sys
 import time
 from _blake2 import blake2b
 from pathlib import Path
@@ -21,6 +23,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 
 SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "sound-12.yaml"
 HOURS = 20
+SHORT_HOURS = 2
 FLEETS = (24, 100, 1000)
 PACKETS = 3000
 BROADCASTS = 30
@@ -83,11 +86,11 @@ def _floor() -> float:
     return PACKETS / (time.perf_counter() - began_s)
 
 
-def _flight_s(agents: int, *, by_sound: bool) -> float:
-    """Wall seconds of `HOURS` of agent time, hourly reports in timeslots, all in one process; no aMussel is collected."""
+def _flight_s(agents: int, hours: int, *, by_sound: bool) -> float:
+    """Wall seconds of so many hours of agent time, hourly reports in timeslots, in one process; nobody is collected."""
     data = resolve(load(SCENARIO))
     side_m, frame_s = 60 * agents**0.5, 60 * (agents * 1.7 // 60 + 2)
-    data.update(duration_s=HOURS * 3600 / data["theta"])
+    data.update(duration_s=hours * 3600 / data["theta"])
     data["area"]["polygon_m"] = [[0, 0], [side_m, 0], [side_m, side_m], [0, side_m]]
     data["apad"]["start_m"] = [side_m / 2, side_m / 2]
     data["fleet"].update(count=agents, hosting="one_process", start={"charge": [0.9, 1.0]})
@@ -101,26 +104,29 @@ def _flight_s(agents: int, *, by_sound: bool) -> float:
     return time.perf_counter() - began_s
 
 
-def measure() -> dict[str, Any]:
+def measure(short: bool = False) -> dict[str, Any]:
     """Medians of fresh media; `of_floor` is the share of the rate that drawing and queueing alone would reach."""
+    repeats, hours = (1, SHORT_HOURS) if short else (REPEATS, HOURS)
     floor = statistics.median(_floor() for _ in range(REPEATS))
     result: dict[str, Any] = {
         "floor_packets_per_s": floor,
         "packets": PACKETS,
-        "repeats": REPEATS,
+        "repeats": repeats,
+        "hours": hours,
         "agents": {},
     }
     for agents in FLEETS:
-        runs = [_packets(agents) for _ in range(REPEATS)]
+        runs = [_packets(agents) for _ in range(repeats)]
         per_s = statistics.median(run["per_s"] for run in runs)
-        result["agents"][str(agents)] = {
+        row = result["agents"][str(agents)] = {
             "packets_per_s": per_s,
             "of_floor": per_s / floor,
             "heard": runs[0]["heard"],
-            "flight_s": _flight_s(agents, by_sound=True),
-            "flight_without_sound_s": _flight_s(agents, by_sound=False),
-            "broadcast_receptions_per_s": statistics.median(_broadcasts(agents) for _ in range(REPEATS)),
+            "flight_s": _flight_s(agents, hours, by_sound=True),
+            "flight_without_sound_s": _flight_s(agents, hours, by_sound=False),
+            "broadcast_receptions_per_s": statistics.median(_broadcasts(agents) for _ in range(repeats)),
         }
+        print(json.dumps({"agents": agents, **row}), file=sys.stderr, flush=True)
     return result
 
 
@@ -129,5 +135,5 @@ def show(result: dict[str, Any], console: Console) -> None:
         console.print(
             f"{agents:>5} aMussels: {row['packets_per_s']:8.0f} packets/s ({row['of_floor']:.0%} of the floor, "
             f"{row['heard']:.0%} heard), {row['broadcast_receptions_per_s']:8.0f} receptions/s of broadcasts; "
-            f"{HOURS} h in {row['flight_s']:.1f} s, without sound {row['flight_without_sound_s']:.1f} s"
+            f"{result['hours']} h in {row['flight_s']:.1f} s, without sound {row['flight_without_sound_s']:.1f} s"
         )
