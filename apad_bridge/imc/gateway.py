@@ -86,6 +86,8 @@ class Gateway:
         self._tell = tell
         self._frame = LocalFrame.about(scenario.area.origin)
         self._apad = apad_system(scenario.apad.name)
+        systems = [self._apad, *map(amussel_system, scenario.fleet.ids)]
+        self._systems = {it.imc_id: it for it in systems}
         self._orders = Orders(self._frame, self._apad.name)
         self._wire = Wire(settings.listen, settings.consoles, multicast=settings.multicast)
         self._log = LsfLog(run_dir, time.time())
@@ -201,10 +203,16 @@ class Gateway:
         if isinstance(message, imc.Announce):
             self._wire.discover(received)
         elif isinstance(message, imc.EntityList) and message.op == imc.EntityList.OperationEnum.QUERY:
-            if self._wire.why_not_obeyed(received, self._apad.imc_id) is None:
-                self._send_to(received.sender, messages.entity_list(), message.src)
+            self._answer_entities(received)
         elif _is_order(message):
             self._take_order(received)
+
+    def _answer_entities(self, received: Received) -> None:
+        """Answers as the system that is asked. A console asks each of them at its every Announce, until it is answered."""
+        asked = self._systems.get(received.message.dst)
+        if asked is not None and received.sender in self._wire.destinations:
+            stamped = messages.stamped(messages.entity_list(), asked, time.time(), received.message.src)
+            self._log.append(self._wire.send_to(stamped, received.sender))
 
     def _take_order(self, received: Received) -> None:
         message, dropped = received.message, self._wire.dropped

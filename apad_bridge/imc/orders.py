@@ -27,6 +27,8 @@ class Order:
     asked: Message
     plan_id: str = ""
     """The plan that is executed once the order is accepted; empty for an order that starts none."""
+    remark: str = ""
+    """Part of the message that is not followed, told with the answer to an accepted order."""
 
     def answer(self, answer: Answer) -> Message:
         """The answer to the console: to a PlanControl another one, to anything else an entry of the log book."""
@@ -35,10 +37,17 @@ class Order:
             kinds = imc.LogBookEntry.TypeEnum
             message.type = kinds.INFO if answer.accepted else kinds.ERROR
             message.context = "musselbed"
-            done = answer.message or "done"
+            done = "; ".join(it for it in (answer.message or "done", self._told(answer)) if it)
             message.text = plain(f"{self.request.act}: {done if answer.accepted else f'refused: {done}'}")
             return message
-        return _reply(self.asked, answer.accepted, answer.message)
+        return _reply(
+            self.asked,
+            answer.accepted,
+            "; ".join(it for it in (answer.message, self._told(answer)) if it),
+        )
+
+    def _told(self, answer: Answer) -> str:
+        return self.remark if answer.accepted else ""
 
 
 class Unfit(ValueError):
@@ -63,7 +72,7 @@ class Orders:
             case imc.Abort():
                 return Order(Request(Act.ABORT, by), message)
             case imc.Goto() | imc.StationKeeping():
-                return Order(self._of_manoeuvre(message, by), message, message.msg_name)
+                return Order(self._of_manoeuvre(message, by), message, message.msg_name, _remark(message))
             case _CONTROL() if message.type == _CONTROL.TypeEnum.REQUEST:
                 try:
                     return self._of_plan_control(message, by, now_s)
@@ -104,7 +113,7 @@ class Orders:
         if not isinstance(manoeuvre, imc.Goto | imc.StationKeeping):
             manoeuvre = _only_manoeuvre(self._plan_of(message))
         plan_id = message.plan_id or getattr(message.arg, "plan_id", "")
-        return Order(self._of_manoeuvre(manoeuvre, by), message, plan_id)
+        return Order(self._of_manoeuvre(manoeuvre, by), message, plan_id, _remark(manoeuvre))
 
     def _plan_of(self, message: Message) -> Message:
         """The plan that comes with the message, or else the stored one that it names."""
@@ -117,13 +126,13 @@ class Orders:
         return self._stored(message.plan_id)
 
     def _of_manoeuvre(self, manoeuvre: Message, by: str) -> Request:
-        if manoeuvre.speed_units != imc.SpeedUnits.METERS_PS:
-            raise Unfit("speeds in m/s alone are understood (METERS_PS)")
         if manoeuvre.z_units != imc.ZUnits.NONE and manoeuvre.z != 0:
             raise Unfit("the aPad stays at the surface: a depth of 0 is asked for")
         goal_m = self._local_m(manoeuvre.lat, manoeuvre.lon)
         if isinstance(manoeuvre, imc.StationKeeping):
             return Request(Act.HOLD, by, goal_m=goal_m)
+        if manoeuvre.speed_units != imc.SpeedUnits.METERS_PS:
+            return Request(Act.GO_TO, by, goal_m=goal_m)
         if not math.isfinite(manoeuvre.speed):
             raise Unfit("a speed that is no number")
         return Request(Act.GO_TO, by, goal_m=goal_m, speed_m_s=manoeuvre.speed)
@@ -173,6 +182,14 @@ class Orders:
         if plan_id not in self._plans:
             raise Unfit(f"no plan `{plan_id}` is here")
         return self._plans[plan_id][0]
+
+
+def _remark(manoeuvre: Message) -> str:
+    """Neptus sends a surface vehicle without a speed of its own to a place at 1000 RPM."""
+    if isinstance(manoeuvre, imc.StationKeeping) or manoeuvre.speed_units == imc.SpeedUnits.METERS_PS:
+        return ""
+    unit = "RPM" if manoeuvre.speed_units == imc.SpeedUnits.RPM else "percent"
+    return f"at the scenario's speed, for one in {unit} means nothing to this aPad"
 
 
 def _only_manoeuvre(plan: Message) -> Message:

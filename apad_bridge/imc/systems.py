@@ -1,7 +1,7 @@
 """A run's systems as IMC knows them: an id, a name and a type for the aPad and for each aMussel.
 
-Ids follow the ranges of IMC's addressing scheme (IMC_Addressing_Scheme.txt of the protocol's definition): other surface
-vehicles from 0x2800, self-contained sensors from 0x9000.
+Ids follow the ranges of IMC's addressing scheme (IMC_Addressing_Scheme.txt of the protocol's definition), other surface
+vehicles from 0x2800 and self-contained sensors from 0x9000, where LSTS' list of addresses (IMC_Addresses.xml) has nobody.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from apad_bridge.imc import protocol as imc
 
-APADS, AMUSSELS = 0x2800, 0x9000
-_RANGE = 0x0800
-"""Ids of the aPads' range."""
+APADS, AMUSSELS = 0x2A00, 0x9A00
+_APADS_RANGE, _AMUSSELS_RANGE = 0x0200, 0x0600
+"""Ids up to the ends of the scheme's ranges."""
 NOBODY = 0xFFFF
 """The null id: no owner, and as a destination everybody."""
 
@@ -34,8 +34,9 @@ def apad_number(name: str) -> int:
     """The number at the end of an aPad's name, 1 for a name without one or with one that no id can carry."""
     found = re.search(r"[1-9]\d*$", name)
     number = 1 if found is None else int(found[0])
-    return number if number < _RANGE else 1
+    return number if number < _APADS_RANGE else 1
 
 
 def amussel_system(agent_id: int) -> System:
-    return System(AMUSSELS + agent_id, f"amussel{agent_id}", imc.SystemType.MOBILESENSOR)
+    """The aMussel with this id. Ids beyond the range share those of lower ones; a fleet so large is not announced."""
+    return System(AMUSSELS + agent_id % _AMUSSELS_RANGE, f"amussel{agent_id}", imc.SystemType.MOBILESENSOR)

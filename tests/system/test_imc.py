@@ -26,7 +26,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 PATIENCE_S = 180.0
-NEPTUS, APAD = 0x4001, 0x2801
+NEPTUS, APAD = 0x4001, 0x2A01
 FRAME = LocalFrame(43.9330937, 15.4443468)
 START, STOP = 0, 1
 READY, EXECUTING = 1, 3
@@ -135,7 +135,7 @@ def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_
     announced = console.await_message("Announce", of_apad)
     assert (announced.sys_name, announced.sys_type) == ("apad1", 3)
     console.await_message("PlanControlState", lambda it: it.state == EXECUTING and it.plan_id == "mission")
-    console.await_message("FuelLevel", lambda it: header_of(it).src == 0x9006)
+    console.await_message("FuelLevel", lambda it: header_of(it).src == 0x9A06)
 
     # Outside the fence: refused with the reason, and the mission goes on as if nothing had been asked.
     refused = console.start(40.0, 10.0)

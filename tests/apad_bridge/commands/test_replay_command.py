@@ -51,8 +51,10 @@ def test_the_page_of_a_run_that_has_not_ended(run_dir, capsys):
 def test_what_is_no_run_is_said_in_one_line(tmp_path, run_dir):
     with pytest.raises(UserError, match="nowhere: no such folder: name the directory of a run"):
         command(tmp_path / "nowhere")
+    empty = tmp_path / "empty"
+    empty.mkdir()
     with pytest.raises(UserError, match=r"no run: it has no journal\.jsonl"):
-        command(tmp_path.parent)
+        command(empty)
     (run_dir / "journal.jsonl").write_text('{"t":0,"kind":"tick"}\n')
     with pytest.raises(UserError, match=r"journal\.jsonl: cannot be shown: the journal has no line `run`"):
         command(run_dir)

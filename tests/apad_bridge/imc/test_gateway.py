@@ -25,7 +25,7 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.local_frame import LocalFrame
 
-APAD = 0x2801
+APAD = 0x2A01
 
 
 def show(run_dir: Path) -> tuple[Gateway, list[bytes]]:
@@ -83,10 +83,10 @@ def test_the_systems_are_announced_where_the_journal_says_that_they_are(
     newest: dict[int, dict[str, Any]] = {}
     for line in read_journal(flown / "journal.jsonl").lines:
         if line["kind"] == "belief":
-            newest[0x9000 + line["id"]] = line
+            newest[0x9A00 + line["id"]] = line
         elif line["kind"] == "apad":
             newest[APAD] = line
-            docked = {0x9000 + it for it in line["docks"] if it >= 0}
+            docked = {0x9A00 + it for it in line["docks"] if it >= 0}
     said = by_kind([codec.read(it) for it in shown[1]])
     assert {src for src, _ in said} == newest.keys() and len(newest) == 7
     for src, line in newest.items():
@@ -225,3 +225,36 @@ def test_a_run_in_virtual_time_has_its_log(tmp_path: Path, flown: Path, codec: C
     said = codec.read_log(log.read_bytes())
     assert {name_of(it) for it in said} >= {"LoggingControl", "Announce", "EstimatedState", "FuelLevel"}
     assert (out / "imc.log").read_text() == ""
+
+
+def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
+    flown: Path, codec: Codec
+) -> None:
+    """Neptus asks every system that it sees, by its own id, and again at each Announce until it is answered."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+    ):
+        for link in (console, stranger):
+            link.bind(("127.0.0.1", 0))
+        settings = Settings(("127.0.0.1", 0), (Console(console.getsockname()),))
+        gateway = Gateway(flown, load(flown / "scenario.yaml"), settings, pytest.fail)
+        for link, asked in ((console, APAD), (console, 0x9A03), (console, 0x9A63), (stranger, 0x9A04)):
+            query = codec.make("EntityList", op=1)
+            link.sendto(codec.pack(query, 0x4001, asked), gateway.address)
+        # The run has ended, and the gateway with it: what it hears is given to it by hand.
+        for _ in range(4):
+            for received in gateway._wire.receive(1.0):
+                gateway._take(received)
+        gateway._wire.close()
+        gateway._log.close()
+        console.setblocking(False)
+        answers = []
+        while True:
+            try:
+                message = codec.read(console.recv(65_535))
+            except BlockingIOError:
+                break
+            if name_of(message) == "EntityList":
+                answers.append((header_of(message).src, header_of(message).dst, message.list))
+    assert answers == [(APAD, 0x4001, messages.ENTITIES), (0x9A03, 0x4001, messages.ENTITIES)]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import imcpy
 import pytest
@@ -11,14 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from imc_codec import Codec, inner, name_of
 
+from apad_bridge.commands.imc import NEPTUS_PORT
 from apad_bridge.imc.messages import stamped
 from apad_bridge.imc.orders import MOST_PLANS, Order, Orders, Unfit
-from apad_bridge.imc.systems import amussel_system, apad_system
+from apad_bridge.imc.systems import amussel_system, apad_number, apad_system
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.supervisor.control import Act, Answer
 
 FRAME = LocalFrame(43.9330937, 15.4443468)
-NEPTUS, APAD = 0x4001, 0x2801
+NEPTUS, APAD = 0x4001, 0x2A01
 START, STOP, LOAD, GET = range(4)
 SET, DEL, GET_PLAN, GET_INFO, CLEAR, GET_STATE = range(6)
 SUCCESS, FAILURE = 1, 2
@@ -114,9 +117,6 @@ def test_stop_abort_and_the_mission_itself(desk: Desk) -> None:
 @pytest.mark.parametrize(
     ("kind", "fields", "why"),
     [
-        ("Goto", {"speed": 1000.0, "speed_units": 1}, "m/s alone"),
-        ("Goto", {"speed": 50.0, "speed_units": 2}, "m/s alone"),
-        ("StationKeeping", {"speed": 50.0, "speed_units": 2}, "m/s alone"),
         ("Goto", {"speed": 0.5, "z": 2.0, "z_units": 1}, "stays at the surface"),
         ("Goto", {"speed": math.nan}, "no number"),
     ],
@@ -129,6 +129,24 @@ def test_what_the_apad_cannot_do_is_refused_with_the_reason(
     assert refused.type == FAILURE and why in refused.info
     with pytest.raises(Unfit, match=why):
         desk.take(manoeuvre)
+
+
+@pytest.mark.parametrize(("units", "named"), [(1, "RPM"), (2, "percent")])
+@pytest.mark.parametrize("is_in_a_plan", [True, False])
+def test_a_speed_of_another_unit_is_the_scenarios_and_the_answer_says_so(
+    desk: Desk, units: int, named: str, is_in_a_plan: bool
+) -> None:
+    """Neptus sends a surface vehicle without a speed of its own to a place at 1000 RPM."""
+    goto = desk.codec.make("Goto", speed=1000.0, speed_units=units, **radians_at(3.0, 4.0))
+    order = desk.control(START, desk.plan(goto)) if is_in_a_plan else desk.take(goto)
+    assert isinstance(order, Order) and order.request.act is Act.GO_TO
+    assert order.request.speed_m_s is None and order.request.goal_m == pytest.approx((3.0, 4.0), abs=1e-3)
+    told = desk.read(order.answer(Answer(True, "")))
+    text = told.info if is_in_a_plan else told.text
+    assert "at the scenario's speed" in text and named in text
+    assert "scenario's speed" not in getattr(desk.read(order.answer(Answer(False, "fence"))), "info", "")
+    keeping = desk.codec.make("StationKeeping", speed=50.0, speed_units=units, **radians_at(1.0, 1.0))
+    assert desk.control(START, desk.plan(keeping)).request.act is Act.HOLD
 
 
 @pytest.mark.parametrize("place", [(43.9, 15.4), (math.nan, 0.2), (0.7, math.inf)])
@@ -161,9 +179,32 @@ def test_the_store_of_plans_is_bounded(desk: Desk) -> None:
 
 def test_ids_follow_the_addressing_scheme() -> None:
     assert [apad_system(it).imc_id for it in ("apad1", "apad12", "boat", "/lab/apad2")] == [
-        0x2801,
-        0x280C,
-        0x2801,
-        0x2802,
+        0x2A01,
+        0x2A0C,
+        0x2A01,
+        0x2A02,
     ]
-    assert amussel_system(7).imc_id == 0x9007
+    assert amussel_system(7).imc_id == 0x9A07
+    # Of a list of its ids, IMC_Addresses.xml: wg-sv3-127, ntnu-nest-01 and -02 have the first of the ranges.
+    assert not {0x2801, 0x9001, 0x9002} & {
+        apad_system("apad1").imc_id,
+        *(amussel_system(n).imc_id for n in range(51)),
+    }
+    assert all(0x9A00 <= amussel_system(n).imc_id <= 0x9FFF for n in (1, 1535, 1536, 0xFFFF))
+    assert all(0x2A00 <= apad_system(f"apad{n}").imc_id <= 0x2BFF for n in (1, 511, 512, 99_999))
+
+
+def test_the_shipped_definition_is_that_of_the_aPad_which_the_gateway_shows() -> None:
+    root = ElementTree.parse(Path(__file__).parents[3] / "launch_scripts/neptus/90-apad1.nvcl").getroot()
+    system = apad_system("apad1")
+    assert root.findtext("properties/id") == system.name and root.findtext("properties/type") == "ASV"
+    imc = root.find("communication-means/comm-mean/protocols-args/imc")
+    assert imc is not None
+    high, low = (imc.findtext("imc-id") or "").split(":")
+    assert int(high + low, 16) == system.imc_id
+    assert int(imc.findtext("port") or 0) == NEPTUS_PORT + apad_number("apad1")
+    manoeuvres = {it[0].tag: it[0] for it in root.findall("feasibleManeuvers/maneuver")}
+    assert manoeuvres.keys() == {"Goto", "StationKeeping"}
+    for manoeuvre in manoeuvres.values():
+        speed = next(it for it in manoeuvre if it.tag in ("velocity", "speed"))
+        assert speed.get("unit") == "m/s" and float(speed.text or 0) == 0.5

@@ -13,7 +13,7 @@ from imc_codec import Codec
 
 from apad_bridge.imc.wire import ANNOUNCE_PORTS, GROUP, Console, Received, Wire
 
-NEPTUS, APAD = 0x4001, 0x2801
+NEPTUS, APAD = 0x4001, 0x2A01
 PATIENCE_S = 60.0
 
 
@@ -44,7 +44,7 @@ def received(wire: Wire) -> list[Received]:
         (NEPTUS, APAD, None),
         (0x4002, APAD, "a console that is not listed"),
         (NEPTUS, 0xFFFF, "not addressed to the aPad"),
-        (NEPTUS, 0x2802, "not addressed to the aPad"),
+        (NEPTUS, 0x2A02, "not addressed to the aPad"),
     ],
 )
 def test_only_a_listed_console_gives_orders(
@@ -157,7 +157,7 @@ def test_by_multicast_consoles_are_found_and_nobody_is_obeyed(
         assert got.by_multicast and group_wire.why_not_obeyed(got, APAD) == "an order by multicast"
 
         service = "imc+udp://127.0.0.1:7001/;imc+tcp://127.0.0.1:7001/"
-        for system, kind in ((0x4002, 0), (0x2805, 3)):
+        for system, kind in ((0x4002, 0), (0x2A05, 3)):
             announced = codec.make("Announce", sys_name="n", sys_type=kind, services=service)
             message = imcpy.Packet.deserialize(codec.pack(announced, system, 0xFFFF))
             group_wire.discover(Received(message, sender.getsockname(), by_multicast=True))

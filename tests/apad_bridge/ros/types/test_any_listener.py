@@ -123,7 +123,7 @@ def test_a_pose_whose_numbers_are_narrower_is_read() -> None:
     narrow.position.north, narrow.position.east, narrow.orientation.yaw = 1.5, 2.0, 0.5
     subscribers._subscribers[0].callback(on_the_wire(narrow))
     subscribers.close()
-    assert inbox.take() == [PoseReceived(UNSTAMPED, 1.5, 2.0, 0.5, None)]
+    assert inbox.take() == [PoseReceived(UNSTAMPED, 1.5, 2.0, 0.5, publisher="/stranger")]
 
 
 def test_the_guards_of_several_aPads_keep_the_last_place_of_one_with_a_strangers_messages() -> None:
