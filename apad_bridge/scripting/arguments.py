@@ -22,7 +22,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from apad_bridge.mission.values import Refused
+from apad_bridge.mission.values import Location, Refused
 
 C = TypeVar("C", bound=type)
 
@@ -35,7 +35,7 @@ def _point(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
 
 
 Point = Annotated[Sequence[float], Len(2, 2), WrapValidator(_point)]
-"""[latitude, longitude] in degrees."""
+"""[latitude, longitude] in degrees, or a `Location`."""
 Flag = Annotated[bool, Strict(False)]
 """True or False, or 1 or 0 for them."""
 _STRICT = ConfigDict(strict=True, arbitrary_types_allowed=True)
@@ -72,7 +72,9 @@ def _checked(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A number or point of numpy's as Python's."""
+    """A number or point of numpy's as Python's, and a place that the API gave as the point that it is."""
+    if isinstance(value, Location):
+        return [value.lat, value.lon]
     return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 

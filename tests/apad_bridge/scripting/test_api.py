@@ -1,5 +1,7 @@
 """Tests the API's calls in flights in memory: answers, orders, refusals, and the end of every wait."""
 
+import inspect
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -76,10 +78,13 @@ def test_a_go_to_runs_and_ends_and_another_pre_empts_it(pool: Scenario) -> None:
     assert cost > 5
 
 
-def test_a_go_to_by_degrees_is_the_same_place(pool: Scenario) -> None:
+@pytest.mark.parametrize(
+    "as_point", [lambda it: [it.lat, it.lon], lambda it: it], ids=["degrees", "location"]
+)
+def test_a_go_to_by_degrees_or_to_a_location_is_the_same_place(pool: Scenario, as_point: Any) -> None:
     def script(api: Api, found: list[Any]) -> None:
         there = api.get_location(7)
-        api.go_to([there.lat, there.lon])
+        api.go_to(as_point(there))
         api.wait_goto()
         here = api.get_location(api.id_self)
         found.append(((here.north_m - there.north_m) ** 2 + (here.east_m - there.east_m) ** 2) ** 0.5)
@@ -299,3 +304,15 @@ def test_a_script_may_import_what_lies_beside_it(pool: Scenario, tmp_path: Path)
     path = tmp_path / "route.py"
     path.write_text("from my_routes_x17 import ROUTE\napi.go_to_local(*ROUTE[0])\nprint(api.wait_goto())\n")
     assert fly_script(pool, path).said == (str(Status.DONE),)
+
+
+def test_the_page_states_the_type_that_each_call_returns() -> None:
+    page = (Path(__file__).parents[3] / "docs/scripting.md").read_text().replace("\\|", "|")
+    stated = {
+        name: kind
+        for kind, calls in re.findall(r"^\| `([^`]+)` \| ((?:`\w+`(?:, )?)+) \|$", page, re.MULTILINE)
+        for name in re.findall(r"\w+", calls)
+    }
+    calls = {name: it for name, it in inspect.getmembers(Api, inspect.isfunction) if not name.startswith("_")}
+    del calls["attach"]  # the flight's own
+    assert stated == {name: str(inspect.signature(it).return_annotation) for name, it in calls.items()}
