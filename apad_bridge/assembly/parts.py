@@ -171,6 +171,7 @@ def supervisor(
         scenario.mission.end_at_apad_fraction,
         stands_down or NeverStandsDown(),
         gate or Gate.without_guards(),
+        round(scenario.mission.end_by * 1000) if isinstance(scenario.mission.end_by, float | int) else None,
     )
 
 

@@ -126,10 +126,12 @@ class Supervisor:
         end_at_apad_fraction: float,
         stands_down: StandDownRule,
         gate: Gate,
+        end_by_ms: int | None = None,
     ) -> None:
         """`stands_down` says when this aPad leaves its aMussels to others, instead of trying again, or ending.
 
-        `gate` is the vehicle's, which judges permissions to surface too.
+        `gate` is the vehicle's, which judges permissions to surface too. `end_by_ms` is the time by which the aPad should
+        be home.
         """
         self.beliefs = learned.beliefs
         self.allocation = learned.allocation
@@ -147,6 +149,8 @@ class Supervisor:
         self.samples = samples
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
+        self._end_by_ms = end_by_ms
+        """None, too, once a person was told that it passes while the aPad is stopped."""
         self._ranging = learned.ranging
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0
@@ -181,7 +185,7 @@ class Supervisor:
         self._facts = [entry for entry in self._facts if entry[0] > now_ms]
         self.beliefs.advance(now_ms)
         self.mission.await_person(self._gate.awaits_person)
-        actions: list[SupervisorAction] = []
+        actions: list[SupervisorAction] = self._tell_if_late(now_ms)
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)
         actions += self._acknowledge()
@@ -195,6 +199,14 @@ class Supervisor:
             *self._ranging.schedule_sends(actions, now_ms),
             *self._ranging.advance(self.allocation.all(), now_ms),
         ]
+
+    def _tell_if_late(self, now_ms: int) -> list[SupervisorAction]:
+        """Tells once that the time to be home passes while the aPad may not move."""
+        held = self._gate.awaits_person
+        if self._end_by_ms is None or now_ms < self._end_by_ms or not held or self.has_ended:
+            return []
+        self._end_by_ms = None
+        return [Note("stuck", {"reason": f"mission.end_by passes while it is stopped: {held}"})]
 
     def forecast(self, forecaster: Forecaster, now_ms: int) -> Forecast:
         """The forecast of this flight at the tick `now_ms`."""

@@ -130,6 +130,17 @@ def test_a_mission_that_a_guard_stopped_gives_nothing_up_and_goes_on_when_a_pers
     assert flying.events("given_up") == [] and vehicle.gate.awaits_person == ""
 
 
+def test_a_person_is_told_when_end_by_passes_while_the_apad_is_stopped(fenced: Scenario) -> None:
+    flying = Flying(replace(fenced, mission=replace(fenced.mission, end_by=200.0)))
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    assert flying.answered(lambda: carry_out(Request(Act.STOP, "Anna"), flying.calls, flying.gate)).accepted
+    flying.until(lambda: flying.now_ms >= 199_000)
+    assert flying.events("stuck") == []
+    flying.seconds(10)
+    (told,) = flying.events("stuck")
+    assert "mission.end_by passes while it is stopped: stop 1 (hold, by Anna)" in told["reason"]
+
+
 HAND_WORDS = {it: WORDS[it] for it in ("take_over", "continue")}
 
 
