@@ -46,7 +46,7 @@ COMMANDS = {
     "check": "check that a run's records obey the laws that hold in every run",
     "replay": "show a run, or two side by side, as one HTML page",
     "export": "every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
-    "report": "one HTML page and one PDF about runs: table, figures, energy, beliefs, faults",
+    "report": "one page about runs, to read or to print: table, figures, energy, beliefs, faults",
     "logs": "bags of one mission that were recorded on two machines",
     "console": "show a run live in a browser, and give it orders from there",
     "imc": "show a run live on a console that speaks IMC (Neptus), and take its orders",

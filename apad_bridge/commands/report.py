@@ -1,4 +1,4 @@
-"""`musselbed report RUN...`: runs as one page and one PDF, with their data beside them."""
+"""`musselbed report RUN...`: runs as one page, which a browser prints, with their data beside them."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _DATA = ("csv", "parquet")
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "report",
-        description="Writes report.html and report.pdf. They show the runs' figures side by side, and the paper's figures "
-        "5, 6 and 9 drawn from their data. They add the energy by module and state, the quality of beliefs, and each fault "
-        "with what followed. Every series goes into a folder for each run beside them.",
+        description="Writes report.html, which a browser prints on A4. It shows the runs' figures side by side, and the "
+        "paper's figures 5, 6 and 9 drawn from their data. It adds the energy by module and state, the quality of beliefs, "
+        "and each fault with what followed. Every series goes into a folder for each run beside it.",
         epilog=ending(
             "musselbed report runs/pool-12-1",
             "musselbed report runs/pool-12-1 runs/pool-12-2 --out comparison --data parquet",
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
                     f"two runs are called {min(twice)}: the folders of their data would be one; rename one"
                 )
             progress.step(f"drawing {out}")
-            page, pdf = write_report(reports, out)
+            page = write_report(reports, out)
             for name, directory in zip(names, directories, strict=True):
                 if arguments.data != "none":
                     progress.step(f"writing {out / name}")
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"{error.filename or out}: {error.strerror}") from error
     if arguments.json:
         data = [str(out / name) for name in names] if arguments.data != "none" else []
-        print(json.dumps({"page": str(page), "pdf": str(pdf), "data": data}))
+        print(json.dumps({"page": str(page), "data": data}))
     else:
-        print(page, pdf, sep="\n")
+        print(page)
     return Exit.DONE

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import platform
 import shutil
+import subprocess
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -24,6 +25,7 @@ from apad_bridge.scenario.text_file import write_atomically
 RUNS = Path("runs")
 PRIVATE = 0o700
 """The mode of directories that we make for a run: other users of the machine can reach nothing in them."""
+_GIT_S = 3.0
 _PACKAGES = ("musselbed", "numpy", "rosbags", "rospy")
 
 
@@ -170,13 +172,31 @@ class RunDirectory:
 
 def versions() -> dict[str, str | None]:
     """The versions of the software that decides a run's figures; None for a package that is not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
+    found: dict[str, str | None] = {"python": platform.python_version(), "commit": _commit()}
     for name in _PACKAGES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = None
     return found
+
+
+def _commit() -> str | None:
+    """The commit of our own files, with "-dirty" where some have changed; None for an installation without git."""
+    here = Path(__file__).parents[2]
+    if not (here / ".git").exists():
+        return None
+    try:
+        described = subprocess.run(
+            ["git", "-C", str(here), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=12"],
+            capture_output=True,
+            text=True,
+            timeout=_GIT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return described.stdout.strip() or None
 
 
 def _claim(out: Path) -> Path:

@@ -18,12 +18,13 @@ def draw(scores: Scores, path: Path, title: str) -> None:
     figure_of(scores, title).savefig(path, dpi=110)
 
 
-def figure_of(scores: Scores, title: str) -> Any:
+def figure_of(scores: Scores, title: str, size_inches: tuple[float, float] = (11, 9)) -> Any:
     """Returns the matplotlib figure: a panel by age, by mode and by aMussel, and a second axis for coverage in each."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 9), layout="constrained")
-    figure.suptitle(title)
+    figure = Figure(figsize=size_inches, layout="constrained")
+    if title:
+        figure.suptitle(title)
     panels: Any = figure.subplots(3, 1)
     for panel, name, bins in zip(
         panels,

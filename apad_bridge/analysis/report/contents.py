@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from apad_bridge.analysis.belief_scores.comparisons import best_record, comparisons_in
@@ -64,6 +66,10 @@ class Trouble(NamedTuple):
 class RunReport:
     name: str
     """The name of the run's directory."""
+    flown_on: str
+    """The day of the run's begin."""
+    versions: dict[str, Any]
+    """The software that flew it, by versions.json; empty where that file is missing."""
     data: dict[str, Any]
     """The series of the replay page."""
     summary: dict[str, Any] | None
@@ -88,6 +94,8 @@ def contents_of(directory: RunDirectory) -> RunReport:
         interruptions.take(line["t"], line["kind"], line)
     return RunReport(
         directory.path.resolve().name,
+        datetime.fromtimestamp(directory.scenario.stat().st_mtime, UTC).date().isoformat(),
+        _versions(directory),
         data,
         summary,
         charge_models(scenario)(0),
@@ -97,6 +105,14 @@ def contents_of(directory: RunDirectory) -> RunReport:
         max(0, len(troubles) - _MOST_FAULTS),
         interruptions.spans_ms(journal.last_ms),
     )
+
+
+def _versions(directory: RunDirectory) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads(directory.versions.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found
 
 
 def troubles_in(lines: list[Line]) -> Iterator[Trouble]:

@@ -1,11 +1,13 @@
-"""Writes a report of one run or several: one HTML page, one PDF, with the same tables and figures."""
+"""Writes a report of one run or several: one HTML page, which a browser prints on A4. It needs no other file."""
 
 from __future__ import annotations
 
 import base64
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 from math import fsum
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,12 +19,17 @@ from apad_bridge.analysis.report import figures
 from apad_bridge.analysis.report.contents import RunReport, Told
 from apad_bridge.scenario.text_file import write_atomically
 
-PAGE, PDF = "report.html", "report.pdf"
-_ROWS_A_PAGE = 34
-"""Rows of a table on one page of the PDF."""
-_COLUMNS = (
-    *("run", "strategies", "theta", "seed", "aMussels"),
-    *("avg %", "max %", "min %", "cost m", "driven m", "active"),
+PAGE = "report.html"
+_RUNS_SIDE_BY_SIDE = 4
+"""Runs that one table has on a page's width; more have further tables."""
+_DRAWN = 0.0005
+"""The least error of a charge that a figure can show beside the tables."""
+_SHORT = 20
+"""A table of so many rows stays on one page."""
+_ROWS = (
+    *("strategies", "theta", "seed", "aMussels"),
+    *("uptime, average %", "uptime, greatest %", "uptime, least %", "active, average"),
+    *("way planned m", "way flown m"),
     *("served", "emptied", "lost", "given up", "ended by"),
 )
 
@@ -34,54 +41,100 @@ class Table(NamedTuple):
     note: str = ""
 
 
-Part = Table | Any
-"""A table, or a figure of matplotlib."""
+@dataclass(frozen=True, slots=True)
+class Picture:
+    figure: Any
+    """A figure of matplotlib."""
+    caption: str
 
 
-def write_report(reports: Sequence[RunReport], folder: Path) -> tuple[Path, Path]:
-    """Writes `report.html`, which needs no other file, and `report.pdf`; returns both paths. OSError."""
+Part = Table | Picture
+
+
+def write_report(reports: Sequence[RunReport], folder: Path) -> Path:
+    """Writes `report.html` and returns its path. OSError."""
     folder.mkdir(parents=True, exist_ok=True)
-    parts = list(_parts(reports))
     names = ", ".join(report.name for report in reports)
-    body = "\n".join(_html_table(it) if isinstance(it, Table) else _html_figure(it) for it in parts)
-    write_atomically(folder / PAGE, _PAGE.format(title=escape(f"Report: {names}"), body=body))
-    _write_pdf(parts, folder / PDF, f"Report: {names}")
-    return folder / PAGE, folder / PDF
+    sections = [("The runs", list(_compared(reports)))]
+    sections += [(report.name, list(_parts(report))) for report in reports]
+    number = 0
+    body: list[str] = []
+    for title, parts in sections:
+        body.append(f"<section><h2>{escape(title)}</h2>")
+        for part in parts:
+            if isinstance(part, Table):
+                body.append(_html_table(part))
+            else:
+                number += 1
+                body.append(_html_figure(part, number))
+        body.append("</section>")
+    style = (files("apad_bridge.analysis.report") / "report.css").read_text(encoding="utf-8")
+    about = "".join(f"<p>{escape(it)}</p>" for it in map(_about, reports))
+    page = _PAGE.format(title=escape(f"Report: {names}"), style=style, about=about, body="\n".join(body))
+    write_atomically(folder / PAGE, page)
+    return folder / PAGE
 
 
-def _parts(reports: Sequence[RunReport]) -> Iterator[Part]:
-    yield Table(
-        "Runs",
-        _COLUMNS,
-        [_row(it) for it in reports],
-        "avg, max and min: uptime as the paper counts it; cost: the straight legs that were ordered. The figures of a run "
-        "that was stopped are those of no whole flight; its stops are shaded.",
+def _about(report: RunReport) -> str:
+    """The run's scenario, its date and the software that flew it, in one line."""
+    commit = report.versions.get("commit")
+    software = f"musselbed {report.versions.get('musselbed') or 'of an unknown version'}"
+    return (
+        f"{report.name}: scenario {report.data['name']}, flown on {report.flown_on}, {software}"
+        f"{f', commit {commit}' if commit else ''}"
     )
-    yield figures.activity(reports)
-    for report in reports:
-        yield figures.places(report)
-        yield figures.batteries(report)
-        if report.energy:
-            yield figures.energy(report)
-            yield _energy_table(report, "module", lambda it: it.by_module)
-            yield _energy_table(report, "state", lambda it: it.by_state)
-        if report.scores is not None:
-            yield _belief_table(report)
-            yield belief_figure.figure_of(report.scores, f"{report.name}: beliefs")
-        yield _trouble_table(report)
 
 
-def _row(report: RunReport) -> list[str]:
+def _compared(reports: Sequence[RunReport]) -> Iterator[Part]:
+    columns = list(map(_figures_of, reports))
+    for first in range(0, len(reports), _RUNS_SIDE_BY_SIDE):
+        some = slice(first, first + _RUNS_SIDE_BY_SIDE)
+        yield Table(
+            "Figures",
+            ["", *(it.name for it in reports[some])],
+            [[name, *(it[n] for it in columns[some])] for n, name in enumerate(_ROWS)],
+            "Uptime as the paper counts it. Way planned: the straight legs that were ordered, as the paper counts its "
+            "cost. Way flown: by the aPad's reported positions. The figures of a run that was stopped are those "
+            "of no whole flight; its stops are shaded.",
+        )
+    if any(report.data["has_truth"] for report in reports):
+        yield Picture(figures.activity(reports), "Number of active aMussels, as the paper's Fig. 9.")
+
+
+def _parts(report: RunReport) -> Iterator[Part]:
+    yield Picture(
+        figures.places(report), "Where the aMussels began, as the paper's Fig. 6, and the way flown."
+    )
+    if (batteries := figures.batteries(report)) is not None:
+        yield Picture(
+            batteries,
+            "Primary batteries, as the paper's Fig. 5. Line: the model; points: the run, agent time.",
+        )
+    if any(fsum(it.by_module.values()) > 0 for it in report.energy):
+        yield Picture(figures.energy(report), "Energy that each aMussel drew, in percent of a battery.")
+        yield _energy_table(report, "module", lambda it: it.by_module)
+        yield _energy_table(report, "state", lambda it: it.by_state)
+    if report.scores is not None:
+        yield _belief_table(report)
+        if report.scores.overall.rmse > _DRAWN:  # perfect knowledge has nothing to draw
+            yield Picture(
+                belief_figure.figure_of(report.scores, "", figures.SIZE_INCHES),
+                "Beliefs: the error of the charge, and the share of true charges in the interval of 95 %.",
+            )
+    yield _trouble_table(report)
+
+
+def _figures_of(report: RunReport) -> list[str]:
+    """The run's column of the first table, in the order of `_ROWS`."""
     data, known = report.data, report.summary or {}
     uptime = known.get("uptime_paper") or {}
     ended = data["ended_by"] or "has not ended"
     return [
-        report.name,
         f"{data['collection']} / {data['redeployment']}",
         *(f"{data[key]}" for key in ("theta", "seed")),
         str(len(data["agents"])),
         *(_number(uptime.get(key), ".2f") for key in ("mean", "max", "min")),
-        *(_number(known.get(key), ".2f") for key in ("planned_m", "cost_m", "active_mean")),
+        *(_number(known.get(key), ".2f") for key in ("active_mean", "planned_m", "cost_m")),
         *(_number(known.get(key), "d") for key in ("services", "emptied", "amussels_lost", "steps_given_up")),
         f"stopped for {stopped_s:g} s; {ended}" if (stopped_s := known.get("stopped_s")) else ended,
     ]
@@ -100,7 +153,7 @@ def _energy_table(report: RunReport, by: str, of: Callable[[AgentEnergy], Mappin
     ]
     strange = [str(it.agent_id) for it in report.energy if not it.is_exact]
     note = f"aMussels {', '.join(strange)} went another way than the journal says" if strange else ""
-    return Table(f"{report.name}: energy by {by}", (by, "% of a battery, mean", "share %"), rows, note)
+    return Table(f"Energy by {by}", (by, "% of a battery, mean", "share %"), rows, note)
 
 
 def _belief_table(report: RunReport) -> Table:
@@ -113,7 +166,7 @@ def _belief_table(report: RunReport) -> Table:
     }
     rows = [_score_row(f"{head}{name}", it) for head, bins in groups.items() for name, it in bins.items()]
     columns = ("", "samples", "rmse", "bias", "in the interval of 95 %", "mode right", "place rmse m")
-    return Table(f"{report.name}: charges believed, less true ones", columns, rows)
+    return Table("Charges believed, less true ones", columns, rows)
 
 
 def _score_row(name: str, score: Score) -> list[str]:
@@ -133,9 +186,7 @@ def _trouble_table(report: RunReport) -> Table:
         for fault, followed in report.troubles
     ]
     note = "None." if not rows else f"and {report.more_troubles} more" if report.more_troubles else ""
-    return Table(
-        f"{report.name}: faults and what followed", ("mission time", "fault", "what followed"), rows, note
-    )
+    return Table("Faults and what followed", ("mission time", "fault", "what followed"), rows, note)
 
 
 def _later(event: Told, fault: Told) -> str:
@@ -151,62 +202,38 @@ def clock(at_ms: int) -> str:
 def _html_table(table: Table) -> str:
     head = "".join(f"<th>{escape(it)}</th>" for it in table.columns)
     rows = "".join("<tr>" + "".join(f"<td>{escape(it)}</td>" for it in row) + "</tr>" for row in table.rows)
-    note = f"<p>{escape(table.note)}</p>" if table.note else ""
-    body = f"<table><tr>{head}</tr>{rows}</table>" if table.rows else ""
-    return f"<h2>{escape(table.title)}</h2>{body}{note}"
+    note = f"<p class=note>{escape(table.note)}</p>" if table.note else ""
+    kind = "wide short" if len(table.rows) <= _SHORT else "wide"
+    body = (
+        f"<div class='{kind}'><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        if rows
+        else ""
+    )
+    return f"<h3>{escape(table.title)}</h3>{body}{note}"
 
 
-def _html_figure(figure: Any) -> str:
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=110)
-    return f'<img src="data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}" alt="">'
+def _html_figure(picture: Picture, number: int) -> str:
+    """An <img> of its own document, because several drawings in one page would share the names of their parts."""
+    import matplotlib as mpl
 
-
-def _write_pdf(parts: Sequence[Part], path: Path, title: str) -> None:
-    from matplotlib.backends.backend_pdf import PdfPages
-
-    temporary = path.with_name(f".{path.name}.new")
-    try:
-        with PdfPages(temporary, metadata={"Title": title, "CreationDate": None}) as pages:
-            for part in parts:
-                if isinstance(part, Table):
-                    for first in range(0, max(1, len(part.rows)), _ROWS_A_PAGE):
-                        pages.savefig(_table_page(part, part.rows[first : first + _ROWS_A_PAGE]))
-                else:
-                    pages.savefig(part)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _table_page(table: Table, rows: Sequence[Sequence[str]]) -> Any:
-    from matplotlib.figure import Figure
-
-    wide = len(table.columns) > 8 or any(len(it) > 60 for row in rows for it in row)
-    figure = Figure(figsize=(14 if wide else 9, 0.9 + 0.24 * (len(rows) + 1)))
-    axes = figure.add_axes((0.02, 0.02, 0.96, 0.9))
-    axes.axis("off")
-    axes.set_title(table.title, loc="left", fontsize=11)
-    if rows:
-        cut = [[it if len(it) <= 90 else f"{it[:89]}…" for it in row] for row in rows]
-        drawn = axes.table(
-            cut, colLabels=list(table.columns), loc="upper left", cellLoc="left", edges="horizontal"
-        )
-        drawn.auto_set_font_size(False)
-        drawn.set_fontsize(7)
-        drawn.auto_set_column_width(list(range(len(table.columns))))
-    if table.note:
-        figure.text(0.02, 0.01, table.note, fontsize=7)
-    return figure
+    drawn = io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "musselbed", "savefig.dpi": 150}):
+        picture.figure.savefig(drawn, format="svg", metadata={"Date": None})
+    caption = escape(picture.caption)
+    source = base64.b64encode(drawn.getvalue()).decode()
+    return (
+        f'<figure><img src="data:image/svg+xml;base64,{source}" alt="{caption}">'
+        f"<figcaption>Figure {number}. {caption}</figcaption></figure>"
+    )
 
 
 _PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
-<style>body {{font: 15px/1.4 sans-serif; margin: 2em; max-width: 80em}} table {{border-collapse: collapse; font-size: 13px}}
-td, th {{padding: .2em .6em; text-align: left; border-bottom: 1px solid #ccc}} img {{max-width: 100%; display: block}}
-</style></head>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>{style}</style></head>
 <body>
-<h1>{title}</h1>
+<header><h1>{title}</h1>
+{about}</header>
 {body}
 </body></html>
 """

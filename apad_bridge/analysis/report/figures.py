@@ -15,15 +15,19 @@ _LONGEST_MS = 48 * 3_600_000
 """Agent time: no course of a battery is drawn longer."""
 
 
-def _figure(width: float = 9.0, height: float = 4.2) -> Any:
+SIZE_INCHES = (7.1, 8.0)
+"""The largest figure: the width of an A4 page within its margins."""
+
+
+def _figure(height: float) -> Any:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(SIZE_INCHES[0], height), layout="constrained")
 
 
 def activity(reports: Sequence[RunReport]) -> Any:
     """The paper's Fig. 9: the number of active aMussels, a line for each run."""
-    figure = _figure()
+    figure = _figure(3.2)
     axes = figure.subplots()
     for report in reports:
         if report.data["has_truth"]:
@@ -34,9 +38,7 @@ def activity(reports: Sequence[RunReport]) -> Any:
             for begin_ms, end_ms in report.stopped_ms:
                 span = begin_ms / _MS_PER_MINUTE, end_ms / _MS_PER_MINUTE
                 axes.axvspan(*span, color=line.get_color(), alpha=0.15, linewidth=0)
-    axes.set(
-        xlabel="mission time (min)", ylabel="active aMussels", title="Number of active aMussels (as Fig. 9)"
-    )
+    axes.set(xlabel="mission time (min)", ylabel="active aMussels")
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)
     if axes.lines:
@@ -47,7 +49,7 @@ def activity(reports: Sequence[RunReport]) -> Any:
 def places(report: RunReport) -> Any:
     """The paper's Fig. 6: where the aMussels began, in their area, and the aPad's way."""
     data = report.data
-    figure = _figure(7, 6)
+    figure = _figure(6.0)
     axes = figure.subplots()
     norths, easts = zip(*[*data["polygon"], data["polygon"][0]], strict=True)
     axes.fill(easts, norths, facecolor="#d9ecf7", edgecolor="#7fb2d3", linewidth=1.2)
@@ -64,32 +66,44 @@ def places(report: RunReport) -> Any:
         axes.plot(east, north, "o", color="#2b9a57", markersize=6)
         axes.annotate(str(agent_id), (east, north), xytext=(5, 4), textcoords="offset points", fontsize=7)
     axes.set_aspect("equal")
-    axes.set(xlabel="east (m)", ylabel="north (m)", title=f"{report.name}: starting positions (as Fig. 6)")
+    axes.set(xlabel="east (m)", ylabel="north (m)")
     return figure
 
 
-def batteries(report: RunReport) -> Any:
+def batteries(report: RunReport) -> Any | None:
     """The paper's Fig. 5: the primary batteries' courses against the model, each begun at its own charge on the curve.
 
-    Whole boards discharge by what they do, so their model is drawn where it charges alone.
+    Whole boards discharge by what they do, so their model is drawn where it charges alone. A flow of which the run has no
+    course is left out; None for a run without any.
     """
-    figure = _figure(10, 4)
+    courses = {flow: list(_courses(report, flow)) for flow in (Flow.DISCHARGING, Flow.CHARGING)}
+    there = [flow for flow, some in courses.items() if some]
+    if not there:
+        return None
+    figure = _figure(3.2)
     model = report.charge_model
-    for axes, flow in zip(figure.subplots(1, 2), (Flow.DISCHARGING, Flow.CHARGING), strict=True):
+    for axes, flow in zip(figure.subplots(1, len(there), squeeze=False)[0], there, strict=True):
         whole = Battery(0, FULL if flow is Flow.DISCHARGING else 0, flow)
         has_model = flow is Flow.CHARGING or model.discharge > 0
         if has_model:
             times_ms = range(0, _end_ms(model, whole) + 1, _MS_PER_MINUTE)
             curve = [fraction(model.charge_at(whole, ms)) for ms in times_ms]
             axes.plot([ms / _MS_PER_MINUTE for ms in times_ms], curve, color=_MODEL, linewidth=1.2)
-        for course in _courses(report, flow):
+        for course in courses[flow]:
             first_ms = _meets(model, whole, course[0][1]) if has_model else 0
             minutes = [(first_ms + ms - course[0][0]) / _MS_PER_MINUTE for ms, _ in course]
-            axes.plot(minutes, [charge for _, charge in course], ".", color=_DATA, alpha=0.5, markersize=4)
+            axes.plot(
+                minutes,
+                [charge for _, charge in course],
+                ".",
+                color=_DATA,
+                alpha=0.5,
+                markersize=4,
+                rasterized=True,
+            )
         name = "discharging" if flow is Flow.DISCHARGING else "charging"
-        axes.set(xlabel="agent time (min)", ylabel="charge", ylim=(0, 1.02), title=f"{name} (as Fig. 5)")
+        axes.set(xlabel="agent time (min)", ylabel="charge", ylim=(0, 1.02), title=name)
         axes.grid(alpha=0.3)
-    figure.suptitle(f"{report.name}: primary batteries; line: the model, points: the run", fontsize=10)
     return figure
 
 
@@ -122,7 +136,7 @@ def _courses(report: RunReport, flow: Flow) -> Iterator[list[tuple[int, float]]]
 
 def energy(report: RunReport) -> Any:
     """Energy that each aMussel drew, in percent of a battery: by module, and by state."""
-    figure = _figure(10, 4)
+    figure = _figure(3.6)
     columns: dict[str, Callable[[AgentEnergy], Mapping[str, float]]] = {
         "by module": lambda it: it.by_module,
         "by state": lambda it: it.by_state,
@@ -134,8 +148,13 @@ def energy(report: RunReport) -> Any:
             axes.bar(places_, drawn, bottom=bottom, width=0.8, label=name.replace("_", " "))
             bottom = [below + it for below, it in zip(bottom, drawn, strict=True)]
         few = len(report.energy) <= 40
-        axes.set_xticks(places_ if few else [], [it.agent_id for it in report.energy] if few else [])
+        axes.set_xticks(
+            places_ if few else [],
+            [it.agent_id for it in report.energy] if few else [],
+            fontsize=7,
+            rotation=90,
+        )
         axes.set(xlabel="aMussel", ylabel="% of a battery", title=title)
-        axes.legend(fontsize=6)
-    figure.suptitle(f"{report.name}: energy drawn", fontsize=10)
+        if len(axes.containers) > 1:
+            axes.legend(fontsize=6, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.25))
     return figure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -60,7 +61,7 @@ def test_a_fault_is_told_with_what_followed_for_its_amussel():
     assert [it.text for it in silent.followed] == ["the mission ended: mission time"]
 
 
-def test_the_page_and_the_pdf_have_all_parts(pool_run, whole_run, tmp_path, capsys):
+def test_the_page_has_all_parts_the_table_first(pool_run, whole_run, tmp_path, capsys):
     # Two runs of one name would share a folder.
     assert main(["report", str(pool_run.path), str(whole_run.path), "--out", str(tmp_path / "no")]) == 2
     assert "two runs are called run" in capsys.readouterr().err
@@ -68,18 +69,37 @@ def test_the_page_and_the_pdf_have_all_parts(pool_run, whole_run, tmp_path, caps
     assert main(words) == 0
     paths = json.loads(capsys.readouterr().out)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert re.findall(r"<h2>([^<]*)</h2>", page) == [
-        "Runs",
-        "run: energy by module",
-        "run: energy by state",
-        "run: charges believed, less true ones",
-        "run: faults and what followed",
+    assert re.findall(r"<h[23]>([^<]*)</h[23]>", page) == [
+        "The runs",
+        "Figures",
+        "run",
+        "Energy by module",
+        "Energy by state",
+        "Charges believed, less true ones",
+        "Faults and what followed",
     ]
-    assert page.count("data:image/png") == 5 and "http" not in page
+    assert page.index("<table") < page.index("<img") and "http" not in page
+    captions = re.findall(r"<figcaption>Figure (\d+)\. ", page)
+    # Of beliefs that are perfect there is no figure.
+    assert captions == [str(n + 1) for n in range(page.count("data:image/svg+xml"))] and len(captions) == 4
+    # The scenario, the day, and the software that flew.
+    versions = json.loads(whole_run.versions.read_text())
+    assert f"musselbed {versions['musselbed']}" in page and "flown on 20" in page
+    assert versions["commit"] is None or f"commit {versions['commit']}" in page
     uptime = json.loads(whole_run.summary.read_text())["uptime_paper"]
-    assert f"<td>{uptime['mean']:.2f}</td><td>{uptime['max']:.2f}</td><td>{uptime['min']:.2f}</td>" in page
-    pdf = (tmp_path / "out" / "report.pdf").read_bytes()
-    assert pdf.startswith(b"%PDF") and pdf.count(b"/Type /Page ") == 10
+    for name, key in (("average", "mean"), ("greatest", "max"), ("least", "min")):
+        assert f"<td>uptime, {name} %</td><td>{uptime[key]:.2f}</td>" in page
     assert (tmp_path / "out" / "run" / "truth.parquet").is_file() and paths["data"]
     assert main(["report", str(tmp_path), "--data", "none"]) == 2
     assert "no run: it has no journal.jsonl" in capsys.readouterr().err
+
+
+def test_no_figure_is_empty(report):
+    """A run that ended at once has no course of a battery; one of a worst case has no error of its beliefs to draw."""
+    data = report.data | {
+        "agents": [it | {"charge": [None] * len(it["charge"])} for it in report.data["agents"]]
+    }
+    assert figures.batteries(replace(report, data=data)) is None
+    falling = [it | {"charge": [1 - 0.001 * n for n in range(len(it["charge"]))]} for it in data["agents"]]
+    (axes,) = figures.batteries(replace(report, data=data | {"agents": falling})).axes
+    assert axes.get_title() == "discharging"

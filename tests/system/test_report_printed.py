@@ -1,0 +1,78 @@
+"""A report as a browser prints it: A4 portrait, nothing beyond the page's edges, every figure drawn."""
+
+from __future__ import annotations
+
+import base64
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browsers import chromium, load_page
+from scenario_files import POOL_FILE
+from selenium import webdriver
+
+from apad_bridge.commands.main import main
+
+pytestmark = pytest.mark.system
+FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND")
+MM = 96 / 25.4
+"""CSS pixels in a millimetre."""
+PAGE_MM, MARGIN_MM = (210, 297), 14
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three runs of ten minutes side by side, one with a name that is too long for a column."""
+    folder = tmp_path_factory.mktemp("report")
+    runs = [
+        folder / name for name in ("first", "second", "a-run-with-a-name-that-is-much-longer-than-its-column")
+    ]
+    scenario = folder / "short.yaml"
+    shutil.copy(POOL_FILE.with_name("pool.csv"), folder)
+    text = POOL_FILE.read_text()
+    scenario.write_text(re.sub(r"(?m)^duration_s: .*$", "duration_s: 600", text))
+    assert "duration_s: 600" in scenario.read_text()
+    for run in runs:
+        assert main(["run", str(scenario), "--time", "asap", "--out", str(run), "--json"]) == 0
+    assert main(["report", *map(str, runs), "--out", str(folder / "out"), "--data", "none"]) == 0
+    return folder / "out" / "report.html"
+
+
+@pytest.fixture
+def browser() -> Iterator[webdriver.Chrome]:
+    with chromium(FLAGS) as driver:
+        yield driver
+
+
+BEYOND = """
+  const width = document.documentElement.clientWidth + 0.5;
+  const isCut = (it) => it.scrollWidth > it.clientWidth + 1 && getComputedStyle(it).display !== "inline";
+  return [...document.querySelectorAll("body *")].filter((it) => it.getBoundingClientRect().right > width || isCut(it))
+    .map((it) => it.outerHTML.slice(0, 80));
+"""
+
+
+def test_every_printed_page_is_a4_and_nothing_is_cut(page: Path, browser: webdriver.Chrome) -> None:
+    load_page(browser, page.as_uri())
+    printed = browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})
+    pdf = base64.b64decode(printed["data"])
+    boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", pdf)
+    sizes_mm = {tuple(round(float(it) * 25.4 / 72) for it in box) for box in boxes}
+    assert sizes_mm == {PAGE_MM} and 4 <= len(boxes) <= 20
+    # The same layout on a screen of the printed width: nothing is beyond it, and no table is wider than its column.
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    width = round((PAGE_MM[0] - 2 * MARGIN_MM) * MM)
+    size = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    assert browser.execute_script(BEYOND) == []
+    drawn = "return [...document.images].map((it) => it.complete && it.naturalWidth > 300)"
+    assert (found := browser.execute_script(drawn)) and all(found)
+
+
+def test_on_a_phone_a_wide_table_scrolls_by_itself(page: Path, browser: webdriver.Chrome) -> None:
+    load_page(browser, page.as_uri())
+    size = {"width": 390, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    assert browser.execute_script("return document.documentElement.scrollWidth") == 390
