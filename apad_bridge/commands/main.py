@@ -29,42 +29,59 @@ except ImportError:
 if TYPE_CHECKING:
     import argparse
 
-COMMANDS = {
-    "run": "fly a scenario: a fleet, the supervisor's mission, and an aPad",
-    "resume": "continue a run whose supervisor died",
-    "stop": "hold the aPad where it is, or switch it off, until `continue`",
-    "hands": "controllers off and arms still, for hands at the docks",
-    "continue": "continue a run that was stopped or taken over",
-    "back-in": "send an aPad just outside the fence back inside, with a lookout",
-    "abort": "end the mission of a run; the aPad holds its position",
-    "remark": "write a remark into the records of a run",
-    "fleet": "fly simulated aMussels on the master at ROS_MASTER_URI, without a mission",
-    "mission": "fly the mission alone, for real aMussels or another fleet",
-    "apad": "fly the simulated aPad alone, for any ROS 1 client",
-    "script": "fly a Python script with the aPad's API as the mission",
-    "runs": "list the runs here with their key figures, newest first",
-    "check": "check that a run's records obey the laws that hold in every run",
-    "replay": "show a run, or two side by side, as one HTML page",
-    "export": "every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
-    "report": "one page about runs, to read or to print: table, figures, energy, beliefs, faults",
-    "logs": "bags of one mission that were recorded on two machines",
-    "console": "show a run live in a browser, and give it orders from there",
-    "imc": "show a run live on a console that speaks IMC (Neptus), and take its orders",
-    "beliefs": "evaluate a run's beliefs: error, coverage and consistency",
-    "explain": "the reasons of the mission's plan at a time",
-    "mu": "run one MU board by itself: Table I, an energy budget, its states",
-    "fit": "fit a battery's charge or discharge curve to your own log",
-    "calibrate": "a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
-    "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
-    "study": "compare strategies on many random configurations, with confidence intervals",
-    "branch": "fly a run again from a moment on with another strategy, another threshold, or without an aPad",
-    "pack": "pack a study or a run as an archive that repeats its own figures",
-    "capacity": "print upper bounds of a scenario's uptime, activity and samples, and of the fleet that its docks sustain",
-    "layout": "write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
-    "preflight": "check a real aPad and everything around it before a mission",
-    "doctor": "check this machine, its ROS, the network both ways, and a scenario",
+GROUPS = {
+    "fly": {
+        "run": "fly a scenario: a fleet, the supervisor's mission, and an aPad",
+        "resume": "continue a run whose supervisor died",
+        "script": "fly a Python script with the aPad's API as the mission",
+        "fleet": "fly simulated aMussels on the master at ROS_MASTER_URI, without a mission",
+        "mission": "fly the mission alone, for real aMussels or another fleet",
+        "apad": "fly the simulated aPad alone, for any ROS 1 client",
+    },
+    "order": {
+        "stop": "hold the aPad where it is, or switch it off, until `continue`",
+        "hands": "controllers off and arms still, for hands at the docks",
+        "continue": "continue a run that was stopped or taken over",
+        "back-in": "send an aPad just outside the fence back inside, with a lookout",
+        "abort": "end the mission of a run; the aPad holds its position",
+        "remark": "write a remark into the records of a run",
+    },
+    "look": {
+        "console": "show a run live in a browser, and give it orders from there",
+        "imc": "show a run live on a console that speaks IMC (Neptus), and take its orders",
+        "runs": "list the runs here with their key figures, newest first",
+        "replay": "show a run, or two side by side, as one HTML page",
+        "report": "one page about runs, to read or to print: table, figures, energy, beliefs, faults",
+        "explain": "the reasons of the mission's plan at a time",
+        "beliefs": "evaluate a run's beliefs: error, coverage and consistency",
+        "check": "check that a run's records obey the laws that hold in every run",
+        "export": "every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
+    },
+    "compare": {
+        "study": "compare strategies on many random configurations, with confidence intervals",
+        "branch": "fly a run again from a moment on with another strategy, another threshold, or without an aPad",
+        "pack": "pack a study or a run as an archive that repeats its own figures",
+        "capacity": "upper bounds of a scenario's uptime, activity and samples, and of the fleet its docks sustain",
+    },
+    "prepare": {
+        "new": "write a commented scenario to begin with",
+        "doctor": "check this machine, its ROS, the network both ways, and a scenario",
+        "layout": "write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
+    },
+    "real hardware": {
+        "preflight": "check a real aPad and everything around it before a mission",
+        "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
+        "calibrate": "a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
+        "fit": "fit a battery's charge or discharge curve to your own log",
+        "logs": "bags of one mission that were recorded on two machines",
+    },
+    "firmware": {
+        "mu": "run one MU board by itself: Table I, an energy budget, its states",
+    },
 }
-"""The commands, and their lines in the list of all. A module is loaded for its own command alone."""
+"""The commands by what a person wants, each with its line in the list of all."""
+COMMANDS = {name: line for group in GROUPS.values() for name, line in group.items()}
+"""A module is loaded for its own command alone."""
 
 _OF_CONTROL = ("stop", "hands", "continue", "back-in", "abort", "remark")
 """The commands of the module `control`; each other module has the command of its own name."""
@@ -82,9 +99,15 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 
     top = CommandParser(
         prog="musselbed",
+        usage="musselbed [-h] [--version] COMMAND ...",
         description="A vehicle-in-the-loop test bench: a real or simulated ROS 1 aPad serves a fleet of simulated "
         "aMussels, each in its own process.",
-        epilog=ending("musselbed doctor", "musselbed run launch_scripts/scenarios/pool-12.yaml --time asap"),
+        epilog=_list_of_all()
+        + ending(
+            "musselbed run pool-12 --time asap",
+            "musselbed new mine.yaml",
+            "musselbed doctor",
+        ),
     )
 
     class ShowVersion(argparse.Action):
@@ -95,11 +118,11 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
             top.exit()
 
     top.add_argument("--version", action=ShowVersion, nargs=0, help="show program's version number and exit")
-    commands = top.add_subparsers(dest="command", metavar="COMMAND")
-    named = next((it for it in arguments if not it.startswith("-")), None)
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", prog="musselbed", help=argparse.SUPPRESS)
+    named = _named(arguments)
     if named not in COMMANDS:
-        for name, line in COMMANDS.items():
-            commands.add_parser(name, help=line)
+        for name in COMMANDS:
+            commands.add_parser(name)
         return top
     module = "control" if named in _OF_CONTROL else named
     try:
@@ -108,6 +131,32 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
         # A package that shadows ours must not keep the doctor from reporting it.
         _add_unloadable(commands, named, error)
     return top
+
+
+def _list_of_all() -> str:
+    """The commands in their groups. An indented line stays as it is."""
+    import shutil
+    import textwrap
+
+    width = shutil.get_terminal_size().columns - 2
+    texts = []
+    for group, commands in GROUPS.items():
+        texts.append(f"{group}:")
+        for name, line in commands.items():
+            texts += textwrap.wrap(line, width, initial_indent=f"  {name:<10} ", subsequent_indent=" " * 13)
+    return "\n".join([*texts, ""])
+
+
+def _named(arguments: Sequence[str]) -> str | None:
+    return next((it for it in arguments if not it.startswith("-")), None)
+
+
+def _unknown(name: str) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, COMMANDS, n=1)
+    meant = f"did you mean `musselbed {near[0]}`?" if near else "`musselbed --help` lists all"
+    return f"there is no command {name}: {meant}"
 
 
 def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
@@ -145,6 +194,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> int:
     arguments = _in_namespace(arguments)
+    if (named := _named(arguments)) is not None and named not in COMMANDS:
+        print(f"musselbed: {_unknown(named)}", file=sys.stderr)
+        return Exit.USER_MISTAKE
     top = parser(arguments)
     chosen = top.parse_args(arguments)
     if chosen.command is None:

@@ -26,9 +26,9 @@ def add_parser(commands: Any) -> None:
         "the records: journal.jsonl, run.bag, summary.json, the resolved scenario, and starts and ends from which another "
         "run can begin.",
         epilog=ending(
-            "musselbed run launch_scripts/scenarios/pool-12.yaml --time asap",
-            "musselbed run launch_scripts/scenarios/pool-12.yaml --speed 10 --console",
-            "musselbed run launch_scripts/scenarios/real-apad.yaml --apad ros --dry-run",
+            "musselbed run pool-12 --time asap",
+            "musselbed run pool-12 --speed 10 --console",
+            "musselbed run real-apad --apad ros --dry-run",
         ),
     )
     add_scenario_arguments(parser)
@@ -80,12 +80,15 @@ def add_apad_argument(parser: argparse.ArgumentParser) -> None:
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments that `run`, `fleet` and `mission` share."""
-    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    parser.add_argument(
+        "scenario", type=Path, metavar="SCENARIO.yaml", help="its file, or the name of a shipped one: pool-12"
+    )
     add_flight_arguments(parser)
 
 
-def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments for the manner of flying a scenario, and for changes to it."""
+def add_flight_arguments(command: argparse.ArgumentParser) -> None:
+    """The arguments for the manner of flying a scenario, and for changes to it, after the command's own."""
+    parser = command.add_argument_group("the flight", "how it flies, and values in place of the scenario's")
     parser.add_argument(
         "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
     )
@@ -154,7 +157,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_accept(parser: argparse.ArgumentParser) -> None:
+def add_accept(parser: argparse._ActionsContainer) -> None:
     """The option by which an operator accepts a preflight's check that cannot tell."""
     parser.add_argument(
         "--accept",

@@ -57,7 +57,8 @@ def print_table(
     )
     _print(
         console,
-        f"Way: {summary['planned_m']:.2f} m in straight legs, as the paper counts; {summary['cost_m']:.2f} m driven.",
+        f"Way planned: {summary['planned_m']:.2f} m in straight legs, as the paper counts. "
+        f"Way flown: {summary['cost_m']:.2f} m.",
     )
     _print(console, f"{_energy(summary)}.")
     if summary["samples_uploaded"] is not None:

@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 _SCENARIO = TypeAdapter(Scenario)
+SHIPPED = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
+"""The folder of the scenarios that come with musselbed."""
 
 # Keys that hold the name of a file or directory, relative to the scenario's own.
 _FILE_KEYS = (
@@ -50,8 +53,11 @@ _VALUES_OR_FILES = (("fleet", "start"), ("area", "fence"), ("area", "keep_out"))
 def load(path: Path) -> Scenario:
     """Loads the scenario of a YAML file and makes the file names in it absolute.
 
-    Raises ScenarioError with a line for each mistake, also if there is no such file.
+    A name without a folder and an ending is that of a shipped scenario, unless there is such a file. Raises ScenarioError
+    with a line for each mistake, also if there is no such file.
     """
+    if path.name == str(path) and not path.suffix and not path.exists():
+        path = _shipped(path.name)
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
@@ -63,6 +69,16 @@ def load(path: Path) -> Scenario:
         raise ScenarioError([f"{path}: {error}"]) from error
     _make_absolute(data, path.parent.absolute())
     return from_data(data, str(path))
+
+
+def _shipped(name: str) -> Path:
+    """The file of a shipped scenario; ScenarioError with the names of those that there are."""
+    names = sorted(it.stem for it in SHIPPED.glob("*.yaml"))
+    if name not in names:
+        near = get_close_matches(name, names, n=1)
+        meant = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
+        raise ScenarioError([f"{name}: neither a file nor a shipped scenario: {meant}"])
+    return SHIPPED / f"{name}.yaml"
 
 
 def from_data(data: Any, source: str) -> Scenario:

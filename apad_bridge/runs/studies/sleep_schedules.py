@@ -15,7 +15,7 @@ from apad_bridge.runs.studies.capacity import bounds_of
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import Plan, plan_of
-from apad_bridge.runs.studies.table_two import SCENARIOS
+from apad_bridge.scenario.loader import SHIPPED
 
 AMUSSELS = 24
 """More than the law allows for the longest wakes of the most frequent schedules, and fewer than for all others."""
@@ -69,7 +69,7 @@ def sleep_study(seeds: int) -> Plan:
         },
         "model": Model.MISSION.value,
     }
-    return plan_of(data, "sleep", SCENARIOS)
+    return plan_of(data, "sleep", SHIPPED)
 
 
 def schedules_of(plan: Plan, rows: Sequence[Row]) -> list[Schedule]:

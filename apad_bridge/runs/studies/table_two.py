@@ -11,13 +11,12 @@ import statistics
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.scenario.loader import SHIPPED
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts/scenarios"
 THETA = 30
 """The paper's time scale, at which alone its figures compare with ours."""
 _APAD_WH = 230.0
@@ -84,7 +83,7 @@ def table_two_study(seeds: int, theta: int = THETA) -> Plan:
         "seeds": seeds,
         "parameters": parameters,
     }
-    return plan_of(data, "table2", SCENARIOS)
+    return plan_of(data, "table2", SHIPPED)
 
 
 def table_two(plan: Plan, rows: Sequence[Row]) -> list[dict[str, Any]]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
+import shutil
 import subprocess
 import sys
 import threading
@@ -16,7 +18,7 @@ from typing import ClassVar
 import pytest
 from rich.console import Console
 
-from apad_bridge.commands.main import main
+from apad_bridge.commands.main import COMMANDS, main
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.table import print_table
 from apad_bridge.mission.ending import EndReason, MissionEnd
@@ -25,6 +27,7 @@ from apad_bridge.records.summary import Ending, apad_energy
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.runs.studies.capacity import bounds_of
 from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.starts import starts_of
 
@@ -36,6 +39,67 @@ POOL = "launch_scripts/scenarios/pool-12.yaml"
 def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2
     assert "usage: musselbed" in capsys.readouterr().out
+
+
+def test_the_help_has_every_command_once_in_its_group(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    said = capsys.readouterr().out
+    for name in COMMANDS:
+        assert len(re.findall(rf"(?m)^  {name} +\S", said)) == 1, name
+    groups = re.findall(r"(?m)^([a-z ]+):$", said)
+    assert groups[1:-1] == ["fly", "order", "look", "compare", "prepare", "real hardware", "firmware"]
+    assert max(map(len, said.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("typed", "words"),
+    [("reprot", "did you mean `musselbed report`?"), ("zzz", "`musselbed --help` lists all")],
+)
+def test_a_mistyped_command_gets_the_nearest(
+    typed: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([typed, "runs/x"]) == 2
+    assert capsys.readouterr().err == f"musselbed: there is no command {typed}: {words}\n"
+
+
+def test_a_command_has_its_own_options_before_those_of_every_flight(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for command, own in (("mission", "--strategy NAME"), ("run", "--console")):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        _, options = capsys.readouterr().out.split("positional arguments:")
+        assert options.index(own) < options.index("--theta N")
+
+
+def test_a_shipped_scenario_is_found_by_its_name_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load(Path("pool-12")) == load(ROOT / POOL)
+    with pytest.raises(ScenarioError, match="neither a file nor a shipped scenario: did you mean pool-12"):
+        load(Path("pool-13"))
+    with pytest.raises(ScenarioError, match="No such file"):
+        load(Path("pool-12.yaml"))
+    Path("pool-12").write_text((ROOT / POOL).read_text().replace("name: pool-12", "name: mine"))
+    shutil.copy(ROOT / POOL.replace("yaml", "csv"), tmp_path)
+    assert load(Path("pool-12")).name == "mine"  # a file of one's own comes first
+
+
+def test_a_new_scenario_flies_as_it_is_and_overwrites_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.yaml"
+    assert main(["new", str(file)]) == 0
+    text = file.read_text()
+    assert len(text.splitlines()) == 20 and text.count("#") >= 8
+    assert main(["run", str(file), "--time", "asap", "--dry-run", "--json"]) == 0
+    assert load(file).name == "mine"
+    capsys.readouterr()
+    assert main(["new", str(file)]) == 2 and file.read_text() == text
+    assert "is there already" in capsys.readouterr().err
+    assert main(["new", str(tmp_path / "a b.yaml")]) == 2
 
 
 @pytest.mark.parametrize("command", [["doctor"], ["mu", "states"], ["layout", "foxglove", POOL]])
