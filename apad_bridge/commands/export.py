@@ -19,8 +19,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
         description="Writes the samples of a run's bags, the events of its journal, uploaded samples and the summary. MCAP "
-        "opens in Foxglove with the layout of `musselbed layout foxglove`; .mat opens in MATLAB and Octave. Also of a run "
-        "that still flies or that was killed.",
+        "opens in Foxglove and Lichtblick with the layout of `musselbed layout foxglove`; in the form of ROS 2 it opens in "
+        "Rerun and ROS 2; .mat opens in MATLAB and Octave. Also of a run that still flies or that was killed.",
         epilog=ending(
             "musselbed export runs/pool-12-1 --to mcap",
             "musselbed export runs/pool-12-1 --to csv --out tables",
@@ -31,7 +31,7 @@ def add_parser(commands: Any) -> None:
         "--to",
         choices=[it.value for it in Format],
         required=True,
-        help="csv and parquet: a file for each series",
+        help="mcap: as the bag; ros2: an MCAP in ROS 2's form; csv and parquet: a file for each series",
     )
     parser.add_argument(
         "--out",

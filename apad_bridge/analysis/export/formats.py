@@ -1,28 +1,28 @@
-"""Writes a run's tables as CSV or Parquet files, a MATLAB file, or its bags as MCAP. Each appears whole or not at all."""
+"""Writes a run's tables as CSV or Parquet files or a MATLAB file, or has its bags written as MCAP.
+
+Each file appears whole or not at all.
+"""
 
 from __future__ import annotations
 
 import csv
-import json
-import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.export.tables import Table, closed_bags, tables_of
-from apad_bridge.records.bag_samples import open_bag
-from apad_bridge.records.line_file import read_lines
+from apad_bridge.analysis.export.mcap import replacing, write_mcap, write_ros2_mcap
+from apad_bridge.analysis.export.tables import Table, tables_of
 from apad_bridge.records.run_directory import RunDirectory
 
-SAMPLES_TOPIC = "/musselbed/samples"
 _LONGEST_NAME = 63
 """Characters of a name in MATLAB."""
 
 
 class Format(StrEnum):
     MCAP = "mcap"
+    ROS2 = "ros2"
+    """An MCAP in ROS 2's form."""
     MAT = "mat"
     CSV = "csv"
     PARQUET = "parquet"
@@ -30,8 +30,8 @@ class Format(StrEnum):
 
 def default_path(directory: RunDirectory, to: Format) -> Path:
     """A folder of files for CSV and Parquet, and one file for the others."""
-    is_file = to in (Format.MCAP, Format.MAT)
-    return directory.path / (f"export.{to}" if is_file else f"export-{to}")
+    names = {Format.MCAP: "export.mcap", Format.ROS2: "export-ros2.mcap", Format.MAT: "export.mat"}
+    return directory.path / names.get(to, f"export-{to}")
 
 
 def export(directory: RunDirectory, to: Format, path: Path) -> dict[str, int]:
@@ -42,7 +42,9 @@ def export(directory: RunDirectory, to: Format, path: Path) -> dict[str, int]:
     """
     match to:
         case Format.MCAP:
-            return _write_mcap(directory, path)
+            return write_mcap(directory, path)
+        case Format.ROS2:
+            return write_ros2_mcap(directory, path)
         case Format.MAT:
             return _write_mat(tables_of(directory), path)
         case Format.CSV:
@@ -51,24 +53,12 @@ def export(directory: RunDirectory, to: Format, path: Path) -> dict[str, int]:
             return _write_each(tables_of(directory), path, ".parquet", _write_parquet)
 
 
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A new file beside `path`, in a folder made for it, which takes its place when this is left without an error."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.new")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def _write_each(
     tables: Iterable[Table], folder: Path, ending: str, write: Callable[[Table, Path], None]
 ) -> dict[str, int]:
     rows = {}
     for table in tables:
-        with _replacing(folder / f"{table.name}{ending}") as path:
+        with replacing(folder / f"{table.name}{ending}") as path:
             write(table, path)
         rows[table.name] = table.rows
     return rows
@@ -110,64 +100,6 @@ def _write_mat(tables: Iterable[Table], path: Path) -> dict[str, int]:
     for table in tables:
         structs[table.name] = {name[:_LONGEST_NAME]: column(it) for name, it in table.columns.items()}
         rows[table.name] = table.rows
-    with _replacing(path) as temporary, temporary.open("wb") as file:
+    with replacing(path) as temporary, temporary.open("wb") as file:
         savemat(file, structs, long_field_names=True, do_compression=True, oned_as="column")
     return rows
-
-
-def _write_mcap(directory: RunDirectory, path: Path) -> dict[str, int]:
-    """The bags' messages as they are, with their definitions, and the uploaded samples; times are mission time.
-
-    The profile is `ros1`: Foxglove shows it as it shows the bag, with the same layout.
-    """
-    from mcap.writer import CompressionType, Writer
-
-    counts: dict[str, int] = {}
-    with _replacing(path) as temporary, temporary.open("wb") as file, closed_bags(directory) as bags:
-        writer = Writer(file, compression=CompressionType.LZ4)
-        writer.start(profile="ros1", library="musselbed")
-        schemas: dict[tuple[str, str], int] = {}
-        channels: dict[tuple[str, int], int] = {}
-
-        def channel(topic: str, name: str, encoding: str, text: str, messages: str) -> int:
-            if (name, text) not in schemas:
-                schemas[name, text] = writer.register_schema(name, encoding, text.encode())
-            schema = schemas[name, text]
-            if (topic, schema) not in channels:
-                channels[topic, schema] = writer.register_channel(topic, messages, schema)
-            return channels[topic, schema]
-
-        def add(topic: str, channel_id: int, at_ns: int, data: bytes) -> None:
-            counts[topic] = counts.get(topic, 0) + 1
-            writer.add_message(channel_id, at_ns, data, at_ns)
-
-        for bag in bags:
-            with open_bag(bag) as reader:
-                for connection, at_ns, data in reader.messages():
-                    name = connection.msgtype.replace("/msg/", "/")
-                    there = channel(connection.topic, name, "ros1msg", connection.msgdef.data, "ros1")
-                    add(connection.topic, there, at_ns, data)
-        if directory.samples.is_file():
-            samples = [it for it in read_lines(directory.samples) if it is not None]
-            text = json.dumps(_schema_of(samples))
-            there = channel(SAMPLES_TOPIC, "musselbed.Sample", "jsonschema", text, "json")
-            for line in samples:
-                add(SAMPLES_TOPIC, there, line["mission_ms"] * 1_000_000, json.dumps(line).encode())
-        for file_ in (directory.scenario, directory.summary):
-            if file_.is_file():
-                kind = "application/json" if file_.suffix == ".json" else "application/yaml"
-                writer.add_attachment(0, 0, file_.name, kind, file_.read_bytes())
-        writer.finish()  # type: ignore[no-untyped-call]
-    return counts
-
-
-def _schema_of(samples: list[dict[str, Any]]) -> dict[str, Any]:
-    """A JSON schema with the fields of these objects, as Foxglove plots them."""
-    kinds = {int: "number", float: "number", str: "string", list: "array", bool: "boolean"}
-    fields = {
-        name: {"type": kinds[type(value)]}
-        for line in samples
-        for name, value in line.items()
-        if type(value) in kinds
-    }
-    return {"type": "object", "properties": fields}

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import shutil
+import struct
 import subprocess
 
 import pytest
@@ -58,6 +59,48 @@ def test_mcap_has_the_bag_s_messages_with_their_definitions(pool_run, tmp_path):
             {int(n): it["final_charge"] for n, it in summary.items()}, abs=1e-5
         )
         assert {it.name for it in reader.iter_attachments()} == {"scenario.yaml", "summary.json"}
+
+
+def test_an_mcap_in_ros_2_s_form_is_read_byte_by_byte_as_cdr(pool_run, tmp_path):
+    """APadStatus by the rules of CDR (OMG DDS-XTypes, 7.4): little-endian, each number at a multiple of its size."""
+    rows = export(pool_run, Format.ROS2, tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros2"
+        schema, channel, message = list(reader.iter_messages(topics="/musselbed/apad"))[-1]
+        assert (schema.name, schema.encoding) == ("musselbed_msgs/msg/APadStatus", "ros2msg")
+        assert channel.message_encoding == "cdr" and rows["/musselbed/apad"] == 601
+        names = [it.name for it in reader.iter_attachments()]
+        assert names == ["scenario.yaml", "summary.json"]
+        text = schema.data.decode()
+        assert "builtin_interfaces/Time" in text and "uint32 seq" not in text
+    data, at = message.data[4:], 0
+    assert message.data[:4] == b"\x00\x01\x00\x00"  # little-endian, plain
+
+    def number(form: str) -> float:
+        nonlocal at
+        size = struct.calcsize(form)
+        at += -at % size
+        (value,) = struct.unpack_from("<" + form, data, at)
+        at += size
+        return value
+
+    def string() -> str:
+        nonlocal at
+        length = int(number("I"))  # with the closing 0
+        value = data[at : at + length - 1].decode()
+        at += length
+        return value
+
+    assert (number("i"), number("I"), string()) == (600, 0, "ned")
+    assert number("q") == 600_000
+    status = [number("d") for _ in range(5)]
+    primitive, docks = string(), [number("i") for _ in range(int(number("I")))]
+    assert at == len(data)
+    newest = next(it for it in reversed(read_journal(pool_run.journal).lines) if it["kind"] == "apad")
+    keys = ("north_m", "east_m", "heading_rad", "voltage_v", "battery")
+    assert status == pytest.approx([newest[key] for key in keys], abs=0.02)
+    assert (primitive, docks) == (newest["primitive"], newest["docks"])
 
 
 def test_csv_and_parquet_say_the_same(pool_run, tmp_path):
