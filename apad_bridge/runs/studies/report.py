@@ -9,7 +9,7 @@ import io
 import math
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
@@ -25,12 +25,12 @@ from apad_bridge.scenario.text_file import write_atomically
 RESULTS, REPORT = "results.parquet", "report.html"
 HEADINGS = {
     "amussels_lost": "lost",
-    "samples_taken": "samples",
+    "samples_taken": "samples taken",
     "longest_gap_h": "longest gap h",
     "uptime_submerged_mean": "submerged %",
-    "uptime_submerged_min": "least",
+    "uptime_submerged_min": "submerged %, least",
     "uptime_paper_mean": "uptime %",
-    "uptime_paper_min": "least",
+    "uptime_paper_min": "uptime %, least",
     "metres": "metres",
     "metres_per_service": "m/service",
     "apad_wh": "aPad Wh",
@@ -38,7 +38,7 @@ HEADINGS = {
     "dead_time_h": "dead h",
     "final_charge_mean": "final charge",
 }
-"""The columns of a table of strategies, in their order, as people read them."""
+"""The rows of a table of strategies, in their order, as people read them: one name for one figure."""
 NO_ENERGY = "aPad Wh and aPad cycles stand at theta 1 alone: at any other an aMussel charges faster than the aPad spends"
 
 
@@ -132,18 +132,18 @@ def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Co
         f"<p>{plan.missions} missions on {len(plan.seeds)} configurations, flown by the model "
         f"<em>{escape(study.model)}</em>. Means with intervals of {100 * study.confidence:g} %. The order is by aMussels "
         f"lost, then samples, then metres. Differences are to <em>{escape(plan.baseline)}</em>, paired by configuration; "
-        f"the primary column is {escape(study.primary)}, all other p-values are adjusted by Holm.</p>",
+        f"the primary figure is {escape(HEADINGS[study.primary])}, all other p-values are adjusted by Holm.</p>",
     ]
     for index, each in enumerate(found):
         parts += [
             f"<h2>{escape(each.setting.label)}</h2>",
             f"<p>{escape(each.bounds.text)}</p>",
-            _table(["strategy", *HEADINGS.values()], _mean_rows(each.standings)),
+            _table(each.standings, lambda it, column: estimate_text(it.columns[column])),
         ]
-        if any(standing.differences for standing in each.standings):
+        if others := [it for it in each.standings if it.differences]:
             parts += [
                 f"<h3>Minus {escape(plan.baseline)}</h3>",
-                _table(["strategy", *HEADINGS.values()], _difference_rows(each.standings)),
+                _table(others, lambda it, column: difference_text(it.differences[column])),
             ]
         if each.setting.theta != 1:
             parts.append(f"<p>{NO_ENERGY}.</p>")
@@ -152,32 +152,28 @@ def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Co
 
 
 _PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
-<style>body {{font: 15px/1.4 sans-serif; margin: 2em}} table {{border-collapse: collapse}}
-td, th {{padding: .2em .6em; text-align: right; border-bottom: 1px solid #ccc; white-space: nowrap}}
-td:first-child, th:first-child {{text-align: left}} svg {{max-width: 100%; height: auto}}</style></head>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>body {{font: 15px/1.4 sans-serif; margin: 0 auto; padding: 1.5em; max-width: 1200px; box-sizing: border-box}}
+@page {{size: A4 landscape; margin: 12mm}} @media print {{body {{padding: 0; font-size: 9pt}}}}
+.wide {{overflow-x: auto}} table {{border-collapse: collapse; break-inside: avoid}}
+td, th {{padding: .2em .8em .2em 0; text-align: right; border-bottom: 1px solid #ccc}}
+td:first-child, th:first-child {{text-align: left; white-space: nowrap}} svg {{max-width: 100%; height: auto}}
+</style></head>
 <body>
 {body}
 </body></html>
 """
 
 
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{escape(it)}</th>" for it in headings)
-    lines = ["<tr>" + "".join(f"<td>{escape(it)}</td>" for it in row) + "</tr>" for row in rows]
-    return f"<table><tr>{head}</tr>{''.join(lines)}</table>"
-
-
-def _mean_rows(found: Sequence[Standing]) -> list[list[str]]:
-    return [[it.strategy, *(estimate_text(it.columns[column]) for column in COLUMNS)] for it in found]
-
-
-def _difference_rows(found: Sequence[Standing]) -> list[list[str]]:
-    return [
-        [it.strategy, *(difference_text(it.differences[column]) for column in COLUMNS)]
-        for it in found
-        if it.differences
-    ]
+def _table(found: Sequence[Standing], text: Callable[[Standing, str], str]) -> str:
+    """A row for each figure and a column for each strategy, the best first: few strategies, so a page's width is enough."""
+    head = "".join(f"<th>{escape(it)}</th>" for it in ("", *(it.strategy for it in found)))
+    lines = []
+    for column in COLUMNS:
+        cells = (HEADINGS[column], *(text(it, column) for it in found))
+        lines.append("<tr>" + "".join(f"<td>{escape(it)}</td>" for it in cells) + "</tr>")
+    return f"<div class=wide><table><tr>{head}</tr>{''.join(lines)}</table></div>"
 
 
 def estimate_text(estimate: Estimate | None) -> str:

@@ -264,6 +264,14 @@ def test_the_command_writes_a_row_for_each_mission_and_a_report(
         assert standing["columns"]["metres"]["mean"] == pytest.approx(sum(own) / 3)
     page = (out / "report.html").read_text()
     assert "<svg" in page and "No strategy exceeds" in page
+    # A row for each figure, by a name of its own; a column for each strategy.
+    means, differences = re.findall("<table>(.*?)</table>", page, re.DOTALL)
+    names = re.findall("<tr><td>([^<]*)</td>", means)
+    assert len(set(names)) == len(names) == len(COLUMNS) and names == re.findall(
+        "<tr><td>([^<]*)</td>", differences
+    )
+    assert re.findall("<th>([^<]*)</th>", means) == ["", *setting["ranking"]]
+    assert re.findall("<th>([^<]*)</th>", differences) == ["", "greedy"]
     assert main(["study", str(file), "--seeds", "3", "--workers", "1", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     places = [
