@@ -155,7 +155,8 @@ class Wire:
                     order = self._order(service)
                     if order is None:
                         return None
-                    refused = ok and len(data) > 0 and data[0] == 0
+                    # The published commander leaves `success` of stop_mission false, and has stopped all the same.
+                    refused = order != "commander/stop_mission" and ok and len(data) > 0 and data[0] == 0
                     text = data.decode(errors="replace") if not ok else ""
                     return {
                         "fact": "answer",
