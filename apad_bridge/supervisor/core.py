@@ -386,7 +386,9 @@ class Supervisor:
         primitive = self._named.pop(outcome.primitive_id, None)
         if primitive is None:
             return []
-        if isinstance(primitive, GoToPoint) and not self._gate.awaits_person:
+        # Neither an aPad that waits for a person nor one that may be empty is broken down.
+        is_free = not self._gate.awaits_person and self._empty_since_ms is None
+        if isinstance(primitive, GoToPoint) and is_free:
             self._stands_down.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):
             return [_primitive_note(primitive, "failed", outcome.reason)]
