@@ -70,7 +70,9 @@ from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, Shor
 from firmware_model.packets.codec import Codec
 
 EMPTY_MS = 3000
-"""An empty battery ends the mission when its readings say so for this long: a single one may be a fault of the sensor."""
+"""A battery that is empty all of a sudden ends the mission when its readings say so for this long."""
+SUDDEN = 0.05
+"""A charge that falls by more of a full battery from one reading to the next may be a fault of the sensor."""
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
 
@@ -143,7 +145,7 @@ class Supervisor:
         self.battery: BatteryReported | None = None
         self.battery_at_start: BatteryReported | None = None
         self._empty_since_ms: int | None = None
-        """The first of the readings in a row that are at or below the charge that ends the mission."""
+        """The time from which on the battery is known to be at or below the charge that ends the mission."""
         self.dropped: Counter[str] = Counter()
         self._codec = codec
         self.samples = samples
@@ -249,12 +251,13 @@ class Supervisor:
                 self.pose = fact
                 self.mission.moved(fact.north_m, fact.east_m)
             case BatteryReported():
-                self.battery = fact
+                before, self.battery = self.battery, fact
                 self.mission.battery_heard(fact.fraction)
                 if fact.fraction > self._end_at_apad_fraction:
                     self._empty_since_ms = None
                 elif self._empty_since_ms is None:
-                    self._empty_since_ms = fact.at_ms
+                    is_sudden = before is None or before.fraction - fact.fraction > SUDDEN
+                    self._empty_since_ms = fact.at_ms if is_sudden else fact.at_ms - EMPTY_MS
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
