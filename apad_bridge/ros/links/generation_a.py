@@ -175,9 +175,9 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._core.docks.serve(agent_ids)
 
     def _missing(self) -> list[str]:
-        unread = (
-            [] if self._goals.get_num_connections() else [f"no subscriber on {self._goals.resolved_name}"]
-        )
+        # This node reads the goals too, for those of others.
+        is_read = any(it.endpoint_id != rospy.get_name() for it in self._goals.impl.connections)
+        unread = [] if is_read else [f"no subscriber on {self._goals.resolved_name}"]
         return self._subscribers.missing + unread
 
     def _differences(self) -> list[str]:
