@@ -114,9 +114,9 @@ class Bench:
         self.link.wait_until_ready(PATIENCE_S)
         self._clock = OwnMasterClock(None, self.link)
         self._messages: list[str] = []
-        listener = AnyListener(lambda reason: self._messages.append(reason))
+        listener = AnyListener(lambda topic, node, why: self._messages.append(f"{topic}, {node}: {why}"))
         for topic, kind in (("goto_status", Int32), ("docking_status", Int32), ("eventString", String)):
-            listener.listen(f"/apad1/{topic}", kind, self._take, topic)
+            listener.listen(f"/apad1/{topic}", kind, ("data",), self._take, topic)
         self._feedback: list[Any] = []
         # Not the client's: it receives no feedback after the result, and topics keep no order.
         rospy.Subscriber("/apad1/go2point/feedback", GoToPointActionFeedback, self._feedback.append)

@@ -22,6 +22,8 @@ LOOKED_S = 6.0
 """Seconds after the time at which it would have come to its place of rest at the speed of its cruise."""
 _RETURN_S = 1.5
 """So much of a motion after the rest is looked at: later it has another shape."""
+_LEAST_SHARE = 0.1
+"""A shared distance below this share of the stops' own first guesses is not believed."""
 _WIDE: Floats = np.asarray(np.geomspace(0.05, 4.0, 25), np.float64)
 """First pass, in parts of the first guess."""
 _NARROW = 17
@@ -78,6 +80,8 @@ def stopping_distance(tracks: Sequence[StopTrack]) -> Figure | None:
         return None
     distances_m = np.asarray(np.geomspace(low_m / 1.1, 1.1 * high_m, _NARROW), np.float64)
     low_m, middle_m, high_m = _interval(distances_m, _errors(tracks, distances_m, speed_m_s, returns=returns))
+    if middle_m <= _LEAST_SHARE * rest_m:
+        return None
     # A braking that begins between two positions is not known better than this.
     period_s = float(np.median([np.median(np.diff(it.times_s)) for it in tracks]))
     half_m = speed_m_s * period_s / 4

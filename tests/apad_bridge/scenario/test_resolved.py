@@ -25,7 +25,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     data["theta"] = draw(st.integers(1, 10**6))
     data["description"] = draw(st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"])))
     data["fleet"]["start"] = {"charge": [low, draw(st.floats(low, 1))]}
-    data["fleet"]["drift"]["amplitude_m"] = draw(st.floats(0, 1e3))
+    data["fleet"]["drift"]["amplitude_m"] = draw(st.floats(0, 100))
     data["mission"]["docking"]["profile"] = draw(
         st.sampled_from([profile.value for profile in DockingProfile])
     )

@@ -100,5 +100,5 @@ def test_the_command(pool_run, whole_run, capsys):
     assert "12 aMussels, by module" in capsys.readouterr().out
     assert main(["mu", "energy", str(pool_run.path), "--agent", "13"]) == 2
     assert "there is no aMussel 13; its fleet has 1 to 12" in capsys.readouterr().err
-    with pytest.raises(RunDirectoryError, match="no run"):
+    with pytest.raises(RunDirectoryError, match="no such folder"):
         RunDirectory.open(pool_run.path / "fleet")
