@@ -30,7 +30,7 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
 from apad_bridge.vehicle.guards.monitor import Cause, Finding, Reaction, UnderWay
 from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
-from apad_bridge.vehicle.guards.stops import StopKind
+from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopKind
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 
 _Answer = CommandAccepted | Arrived | CommandFailed
@@ -302,7 +302,8 @@ class GuardedVehicle:
         stop = self._stops.in_force
         if stop is None:
             return
-        if self._stops.is_overdue(now_ms):
+        patience_ms = TAKEN_MS if self._safety.needs_person else SIMULATED_TAKEN_MS
+        if self._stops.is_overdue(now_ms, patience_ms):
             self._stop_overdue(stop.kind, now_ms)
         situation = self.gate.situation(now_ms)
         place_m = None if situation.position_fault else situation.place_m
