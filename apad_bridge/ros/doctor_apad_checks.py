@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 from genpy import DeserializationError
 
@@ -66,7 +67,7 @@ def check_apads(graph: Graph, scenario: Scenario | None = None) -> Iterator[Find
     for name, stack in sorted(found, key=lambda it: (it[0], it[1].generation)):
         yield _check_md5s(graph, name, stack, ours)
         yield from _check_beside(graph, name, stack, ours)
-        yield _tell_capabilities(name, stack)
+        yield _tell_capabilities(name, stack, _dock_count(graph, name))
         yield _check_offset(graph, f"{name}/position", name)
         yield _check_battery(graph, name)
         if stack.generation is Generation.A:
@@ -76,15 +77,8 @@ def check_apads(graph: Graph, scenario: Scenario | None = None) -> Iterator[Find
 
 def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[Finding]:
     """Asks an aPad of generation A what its docks hold already, before a run that would begin with them empty."""
-    service = f"{name}/check_docking_availability"
-    if service not in graph.services:
-        return
-    use_generated_messages()
-    from misc_msgs.srv import GetDockingInfo, GetDockingInfoResponse
-
     try:
-        answer = call_without_words(graph, service, GetDockingInfo._md5sum)
-        told = GetDockingInfoResponse().deserialize(answer)
+        told = _docking_info(graph, name)
     except (NotAnnounced, DeserializationError) as error:
         yield cannot_tell(
             f"{name} docks",
@@ -92,7 +86,9 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
             "start the node that offers its services",
         )
         return
-    held = [it.strip("/") for it in told.slots if it.strip("/")]
+    if told is None:
+        return
+    held = _names_held(told)
     if not held:
         yield ok(f"{name} docks", f"empty; free: {', '.join(map(str, told.available_slots)) or 'none said'}")
         return
@@ -114,6 +110,30 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
     if free > 0:
         mend += f"; or leave these docks out: apad.docks: {free} in the scenario"
     yield warn(f"{name} docks", f"hold {'; '.join(found)}", mend)
+
+
+def _docking_info(graph: Graph, name: str) -> Any:
+    """The answer of `check_docking_availability`, None where nobody offers it. NotAnnounced or DeserializationError."""
+    service = f"{name}/check_docking_availability"
+    if service not in graph.services:
+        return None
+    use_generated_messages()
+    from misc_msgs.srv import GetDockingInfo, GetDockingInfoResponse
+
+    return GetDockingInfoResponse().deserialize(call_without_words(graph, service, GetDockingInfo._md5sum))
+
+
+def _names_held(told: Any) -> list[str]:
+    return [it.strip("/") for it in told.slots if it.strip("/")]
+
+
+def _dock_count(graph: Graph, name: str) -> int | None:
+    """The vehicle's docks, free and taken, by its own answer; None where it gives none."""
+    try:
+        told = _docking_info(graph, name)
+    except (NotAnnounced, DeserializationError):
+        return None  # the line of the docks says so
+    return None if told is None else len(told.available_slots) + len(_names_held(told)) or None
 
 
 def check_held(graph: Graph, name: str, namespace: str = "") -> Finding:
@@ -229,15 +249,21 @@ def named_like(graph: Graph, stack: Stack) -> set[str]:
     return set.intersection(*marks)
 
 
-def _tell_capabilities(name: str, stack: Stack) -> Finding:
-    """Lists the orders that a mission may give this aPad, and those that it may not."""
+def _tell_capabilities(name: str, stack: Stack, docks: int | None) -> Finding:
+    """Lists the orders that a mission may give this aPad, and those that it may not.
+
+    `docks` are those that the vehicle itself counts, None where it does not tell.
+    """
+    nameable = LIMITS[stack.generation].docks
     able = stack.capabilities(1)
     told = (
         "docks by its own eyes" if able.sees_amussels else "has no eyes to dock by",
         "holds a position" if able.can_hold else "holds a position by going there",
         "reports what its docks hold" if able.reports_contact else "does not report what its docks hold",
         "obeys the speed of a go-to" if able.obeys_speed else "goes at a speed of its own",
-        f"has {LIMITS[stack.generation].docks} docks at most",
+        f"does not tell how many docks it has: its messages can name {nameable}"
+        if docks is None
+        else f"has {docks} docks",
     )
     return ok(f"{name} capabilities", "; ".join(told))
 

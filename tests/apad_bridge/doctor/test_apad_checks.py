@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import pytest
 
 from apad_bridge.doctor.finding import Status
@@ -43,8 +45,41 @@ def test_it_tells_what_can_be_asked_of_the_apad(monkeypatch: pytest.MonkeyPatch)
     assert found_of(monkeypatch, SERVICES)["/boat capabilities"] == (
         Status.OK,
         "docks by its own eyes; holds a position; does not report what its docks hold; "
-        "obeys the speed of a go-to; has 4 docks at most",
+        "obeys the speed of a go-to; does not tell how many docks it has: its messages can name 4",
     )
+
+
+@pytest.mark.parametrize(
+    ("free", "held", "told"),
+    [
+        ([0, 1, 2, 3], [], "has 4 docks"),
+        ([3], ["amussel7", "", "/amussel9"], "has 3 docks"),
+        (None, [], "does not tell how many docks it has: its messages can name 16"),
+    ],
+)
+def test_an_apad_of_generation_a_has_as_many_docks_as_it_counts_itself(
+    monkeypatch: pytest.MonkeyPatch, free: list[int] | None, held: list[str], told: str
+) -> None:
+    """The answer as on the wire: int32[] available_slots, string[] slots."""
+
+    def answer(*_: object) -> bytes:
+        if free is None:
+            raise NotAnnounced("it refuses")
+        numbers = struct.pack(f"<I{len(free)}i", len(free), *free)
+        names = b"".join(struct.pack("<I", len(it)) + it.encode() for it in held)
+        return numbers + struct.pack("<I", len(held)) + names
+
+    def not_told(*_: object) -> str:
+        raise NotAnnounced("nobody publishes it")
+
+    for probe in ("service_md5", "topic_md5", "stamp_offset_s"):
+        monkeypatch.setattr(doctor_apad_checks, probe, not_told)
+    monkeypatch.setattr(doctor_apad_checks, "call_without_words", answer)
+    goals = {"/boat/action_server/goal": ["/boat_node"]}
+    services = {"/boat/check_docking_availability": ["/boat_node"]}
+    graph = Graph("http://127.0.0.1:1/", {}, goals, services, {})
+    (found,) = [it.found for it in check_apads(graph) if it.check == "/boat capabilities"]
+    assert found.endswith(f"; {told}")
 
 
 def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
