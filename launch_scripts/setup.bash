@@ -19,6 +19,8 @@ if [ -d "$_musselbed_messages" ]; then
   _musselbed_append PYTHONPATH "$_musselbed_messages"
   _musselbed_append ROS_PACKAGE_PATH "$_musselbed_messages"
   _musselbed_append ROS_PACKAGE_PATH "$_musselbed_root/launch_scripts"
+  # rosnodejs ends with an error where this list is empty. It reads definitions on ROS_PACKAGE_PATH; nothing here is built.
+  _musselbed_append CMAKE_PREFIX_PATH "$_musselbed_root/.venv"
   _musselbed_append PATH "$_musselbed_root/.venv/bin"
   unset -f _musselbed_append
   unset _musselbed_root _musselbed_messages

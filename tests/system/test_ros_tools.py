@@ -174,25 +174,37 @@ def test_a_workspace_that_was_sourced_before_wins(installed: Path, tmp_path: Pat
     environment = loopback_environment(tmp_path) | {
         "PYTHONPATH": str(workspace),
         "ROS_PACKAGE_PATH": str(workspace),
+        "CMAKE_PREFIX_PATH": str(workspace),
     }
     script = """
     /usr/bin/python3 -c 'import auv_msgs, misc_msgs; print(auv_msgs.__file__); print(misc_msgs.__file__)'
-    echo "$ROS_PACKAGE_PATH"; echo "${PATH##*:}"
+    echo "$ROS_PACKAGE_PATH"; echo "${PATH##*:}"; echo "$CMAKE_PREFIX_PATH"
     """
     told = in_a_shell(installed, script, environment)
     assert told.returncode == 0, told.stderr
     messages = generated_folder(installed / ".venv")
-    theirs, ours, package_path, last_of_path = told.stdout.splitlines()
+    theirs, ours, package_path, last_of_path, prefix_path = told.stdout.splitlines()
     assert Path(theirs).is_relative_to(workspace) and Path(ours).is_relative_to(messages)
     assert package_path == f"{workspace}:{messages}:{installed / 'launch_scripts'}"
     assert last_of_path == str(installed / ".venv" / "bin")
+    assert prefix_path == f"{workspace}:{installed / '.venv'}"
+
+
+def test_a_shell_without_a_workspace_has_the_prefix_without_which_rosnodejs_does_not_start(
+    installed: Path, tmp_path: Path
+) -> None:
+    environment = {
+        it: value for it, value in loopback_environment(tmp_path).items() if it != "CMAKE_PREFIX_PATH"
+    }
+    told = in_a_shell(installed, 'echo "$CMAKE_PREFIX_PATH"', environment)
+    assert told.stdout == f"{installed / '.venv'}\n", told.stderr
 
 
 def test_sourcing_again_changes_nothing(installed: Path, tmp_path: Path) -> None:
-    again = f"before=$PYTHONPATH:$ROS_PACKAGE_PATH:$PATH; source '{installed}/launch_scripts/setup.bash'"
+    again = f"before=$PYTHONPATH:$ROS_PACKAGE_PATH:$CMAKE_PREFIX_PATH:$PATH; source '{installed}/launch_scripts/setup.bash'"
     told = in_a_shell(
         installed,
-        f'{again}; [ "$before" = "$PYTHONPATH:$ROS_PACKAGE_PATH:$PATH" ]',
+        f'{again}; [ "$before" = "$PYTHONPATH:$ROS_PACKAGE_PATH:$CMAKE_PREFIX_PATH:$PATH" ]',
         loopback_environment(tmp_path),
     )
     assert told.returncode == 0, told.stderr
