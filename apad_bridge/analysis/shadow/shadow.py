@@ -52,6 +52,8 @@ _SETTLED_MS = 500
 """Half a tick after their order all is heard that they knew: ROS keeps no order between topics."""
 _SAME_MS = 2000
 """The vehicle and a supervisor tell of one go-to within this time."""
+_JOINED_MS = 10_000
+"""So long after the first fact, the vehicle may report a dock that was filled before: subscribing takes time."""
 _ESTIMATED_S = 10.0
 """A belief that is older than this is an estimate, and not the last report."""
 WAIT = "wait"
@@ -144,8 +146,13 @@ class Shadow:
         self._state = MissionState(dock_count=scenario.apad.docks)
         self._place_m: Place | None = None
         self._pose_teller = Teller.SUPERVISOR
-        self._has_supervisor = False
-        """A supervisor tells what the docks hold. The vehicle's own silence about one may be a busy network's."""
+        self._supervised_ms: int | None = None
+        """The time of a supervisor's first sample, which tells what the docks hold already; None without a supervisor.
+
+        With one, the vehicle's own silence about a dock may be a busy network's.
+        """
+        self._ordered: set[int] = set()
+        """aMussels of which the shadow heard an order to dock, or knew the dock before: their dockings are new ones."""
         self._begin_s: float | None = None
         self._now_ms = 0
         self._pending: _Pending | None = None
@@ -197,7 +204,8 @@ class Shadow:
     def _learn(self, fact: Fact) -> None:
         match fact:
             case Posed(_, teller, _, place_m):
-                self._has_supervisor |= teller is Teller.SUPERVISOR
+                if teller is Teller.SUPERVISOR and self._supervised_ms is None:
+                    self._supervised_ms = self._now_ms
                 if teller is Teller.VEHICLE or self._pose_teller is Teller.SUPERVISOR:
                     self._pose_teller, self._place_m = teller, place_m
             case PacketHeard(_, agent_id, _, data):
@@ -214,8 +222,10 @@ class Shadow:
             case BeliefsTold():
                 self._of_others(fact)
             case Held(_, teller, agent_id, is_held):
-                if teller is Teller.SUPERVISOR or not self._has_supervisor:
-                    self._held(agent_id, is_held=is_held)
+                if teller is Teller.SUPERVISOR or self._supervised_ms is None:
+                    self._held(
+                        agent_id, is_held=is_held, was_held=is_held and self._was_held(agent_id, teller)
+                    )
             case WorkBegan():
                 self._began(fact)
             case WorkEnded(_, _, key, is_done):
@@ -275,19 +285,9 @@ class Shadow:
             if row.id in self._sends or row.age_s > _FRESH_S:
                 continue
             stamp_ms = round(self._theta * (told.mission_ms - 1000 * float(row.age_s)))
-            self._hear(
-                StatusPacket(
-                    row.id,
-                    0,
-                    State(row.state),
-                    min(1.0, max(0.0, float(row.charge))),
-                    min(1.0, max(0.0, float(row.secondary))),
-                    row.north,
-                    row.east,
-                    0.0,
-                    stamp_ms,
-                )
-            )
+            charge, secondary = (min(1.0, max(0.0, float(it))) for it in (row.charge, row.secondary))
+            place_m = row.north, row.east
+            self._hear(StatusPacket(row.id, 0, State(row.state), charge, secondary, *place_m, 0.0, stamp_ms))
 
     # What they do.
 
@@ -295,15 +295,30 @@ class Shadow:
     def _docked(self) -> dict[int, int]:
         return {agent_id: dock_index for dock_index, agent_id in self._state.docked}
 
-    def _held(self, agent_id: int, *, is_held: bool) -> None:
+    def _was_held(self, agent_id: int, teller: Teller) -> bool:
+        """The dock that now tells of this aMussel was filled before the shadow listened: no decision that it heard."""
+        if agent_id in self._ordered:
+            return False
+        if teller is Teller.SUPERVISOR:
+            return self._now_ms == self._supervised_ms
+        return self._now_ms <= _JOINED_MS
+
+    def _held(self, agent_id: int, *, is_held: bool, was_held: bool) -> None:
+        """`was_held`: the dock is full, and was so before; what we would have done with an empty one does not count."""
         docked = self._docked
         if is_held == (agent_id in docked) or agent_id not in self._ids:
             return
         move = Move(StepKind.COLLECT if is_held else StepKind.DEPLOY, agent_id)
-        if move != self._last:
-            self._resolve(move)
-        if self._pending is not None and self._pending.theirs is not None:
-            self._choose()  # as the docks were before
+        if was_held:
+            self._plan = ()
+            if self._pending is not None:
+                self._pending.ours = None
+        else:
+            if move != self._last:
+                self._resolve(move)
+            if self._pending is not None and self._pending.theirs is not None:
+                self._choose()  # as the docks were before
+        self._ordered.add(agent_id)
         self._charging.restart(agent_id)
         if is_held:
             free = set(range(self._state.dock_count)) - set(docked.values())
@@ -333,8 +348,10 @@ class Shadow:
     def _began(self, began: WorkBegan) -> None:
         self._works[began.key] = began
         agent_id = began.agent_id
-        if began.work is Work.DOCK and agent_id is not None and agent_id not in self._docked:
-            self._resolve(Move(StepKind.COLLECT, agent_id))
+        if began.work is Work.DOCK and agent_id is not None:
+            self._ordered.add(agent_id)
+            if agent_id not in self._docked:
+                self._resolve(Move(StepKind.COLLECT, agent_id))
         elif began.work is Work.UNDOCK and agent_id is not None and agent_id in self._docked:
             self._resolve(Move(StepKind.DEPLOY, agent_id))
         elif began.work is Work.GO_TO and not self._is_same(began.goal_m):

@@ -216,6 +216,55 @@ def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervi
     assert found == [COLLECT_7, Move(StepKind.DEPLOY, 7), COLLECT_7]
 
 
+def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_until_it_leaves() -> None:
+    facts: list[Fact] = [
+        *HEARD,
+        Posed(200.0, Teller.SUPERVISOR, None, (0.0, 0.0)),
+        Held(200.0, Teller.SUPERVISOR, 7, True),
+        at(230.0),
+        Posed(300.0, Teller.SUPERVISOR, None, (0.0, 0.0)),
+        Held(300.0, Teller.SUPERVISOR, 3, True),
+        at(330.0),
+        Held(400.0, Teller.SUPERVISOR, 7, False),
+        at(430.0),
+        Held(500.0, Teller.SUPERVISOR, 7, True),
+        at(530.0),
+    ]
+    found = [it.theirs for it in decided(facts).decisions]
+    assert found == [COLLECT_3, Move(StepKind.DEPLOY, 7), COLLECT_7]
+
+
+def test_an_amussel_that_is_in_a_dock_as_the_shadow_begins_is_no_decision() -> None:
+    """The vehicle's topics of docks come in one after the other; a docking comes after its order."""
+    before: list[Fact] = [
+        Held(0.0, Teller.VEHICLE, 3, True),
+        *HEARD,
+        Held(2.5, Teller.VEHICLE, 7, True),
+        at(9.0),
+    ]
+    assert decided(before).decisions == []
+    ordered: list[Fact] = [*HEARD, perch(1.0, 7), Held(2.5, Teller.VEHICLE, 7, True), at(9.0)]
+    late: list[Fact] = [*HEARD, Held(60.0, Teller.VEHICLE, 7, True), at(70.0)]
+    for facts in (ordered, late):
+        assert [it.theirs for it in decided(facts).decisions] == [COLLECT_7]
+
+
+def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None:
+    """One dock, full of an aMussel that charges: ours waits, and does not collect into it."""
+    one_dock = replace(POOL, apad=replace(POOL.apad, docks=1), mission=replace(POOL.mission, batch=1))
+    facts: list[Fact] = [
+        at(0.0),
+        packet(0.0, 3, 0.2, 9.0),
+        packet(0.0, 7, 0.6, 5.0),
+        go_to(1.0, 9.0),
+        at(2.0, 1.0),
+        Held(2.5, Teller.VEHICLE, 7, True),
+        at(4.0, 3.0),
+    ]
+    (decision,) = decided(facts, scenario=one_dock).decisions
+    assert (decision.theirs, decision.ours) == (COLLECT_3, Move(WAIT))
+
+
 def test_where_ours_would_wait_it_says_so() -> None:
     high: list[Fact] = [at(0.0), packet(0.0, 7, 0.95, 5.0), go_to(1.0, 5.0), at(3.0, 4.0), perch(4.0, 7)]
     (decision,) = decided(high).decisions
