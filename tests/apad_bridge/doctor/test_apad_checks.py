@@ -8,7 +8,7 @@ import pytest
 
 from apad_bridge.doctor.finding import Status
 from apad_bridge.doctor.graph import Graph
-from apad_bridge.ros import doctor_apad_checks
+from apad_bridge.ros import doctor_apad_checks, vehicle_probe
 from apad_bridge.ros.doctor_apad_checks import check_apads
 from apad_bridge.ros.types.wire_probe import NotAnnounced
 
@@ -94,3 +94,18 @@ def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) 
 def test_a_silent_battery_cannot_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     status, line = found_of(monkeypatch, SERVICES)["/boat battery"]
     assert status is Status.CANNOT_TELL and "/boat/battery_level: nobody publishes it" in line
+
+
+def test_a_silent_battery_topic_leaves_the_charge_to_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The answer as on the wire: percent, x, y, z, type and an empty list of consumers."""
+
+    def not_told(*_: object) -> list[bytes]:
+        raise NotAnnounced("silent")
+
+    answer = struct.pack("<4d", 62.5, 0.0, 0.0, 0.0) + struct.pack("<I7sI", 7, b"charger", 0)
+    monkeypatch.setattr(vehicle_probe, "next_messages", not_told)
+    monkeypatch.setattr(vehicle_probe, "call_without_words", lambda *_: answer)
+    silent = Graph("http://127.0.0.1:1/", {}, {}, {}, {})
+    assert vehicle_probe.charge(silent, "/boat") is None
+    answers = Graph("http://127.0.0.1:1/", {}, {}, {"/boat/get_battery_level": ["/boat_node"]}, {})
+    assert vehicle_probe.charge(answers, "/boat") == 0.625
