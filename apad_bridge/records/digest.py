@@ -164,6 +164,7 @@ COUNTED: Mapping[str, Chosen] = {
     EventKind.CONTINUED: _only("number"),
     EventKind.BACK_IN: _only(),
     EventKind.OTHERS: _only(),
+    EventKind.DOCKS_DISAGREE: _only("id", "reason"),
     EventKind.STANDS_DOWN: _only(),
     EventKind.HANDED_ON: _only("id", "to"),
     EventKind.TOOK_ON: _only("id", "of"),

@@ -56,6 +56,7 @@ class EventKind(StrEnum):
     BACK_IN = "back_in"
     DRIFT = "drift"
     OTHERS = "others"
+    DOCKS_DISAGREE = "docks_disagree"
     STANDS_DOWN = "stands_down"
     HANDED_ON = "handed_on"
     TOOK_ON = "took_on"
@@ -507,6 +508,11 @@ KINDS: tuple[Kind, ...] = (
         EventKind.OTHERS,
         "another client, which is no pilot, gave the aPad an order",
         (Field("client", TEXT, "its node; empty where the stack does not tell"),),
+    ),
+    Kind(
+        EventKind.DOCKS_DISAGREE,
+        "witnesses of a dock disagree: `position_static`, `check_docking_availability` and our own record",
+        (_ID, Field("reason", TEXT, "what each says, and what the mission takes for true")),
     ),
     Kind(EventKind.STANDS_DOWN, "one of several aPads leaves its aMussels to the others", (_REASON,)),
     Kind(

@@ -50,6 +50,7 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
                 | EventKind.STUCK
                 | EventKind.GUARD
                 | EventKind.OTHERS
+                | EventKind.DOCKS_DISAGREE
                 | EventKind.LEFT_WATER
                 | EventKind.GRAPH_DEAF
                 | EventKind.UNREADABLE
@@ -132,6 +133,8 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return f"the aPad drifts without thrust, {speed_m_s:.2f} m/s towards {degrees} degrees{limit}"
         case EventKind.OTHERS, {"client": client}:
             return f"{client or 'a client that this stack does not name'} commands the aPad"
+        case EventKind.DOCKS_DISAGREE, {"id": agent_id}:
+            return f"the docks' witnesses disagree about aMussel {agent_id}: {reason}"
         case EventKind.STANDS_DOWN, _:
             return f"the aPad stands down: {reason}"
         case EventKind.MASTER_GONE, _:

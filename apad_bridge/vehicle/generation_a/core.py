@@ -338,8 +338,10 @@ class GenerationACore:
         self._apply_dock_facts(self.docks.receive(message))
 
     def _apply_dock_facts(self, facts: list[LinkFact]) -> None:
-        """Passes on changes at the docks; a change that fulfils a goal ends it."""
+        """Passes on changes at the docks, and tells disagreements; a change that fulfils a goal ends it."""
         self._facts += facts
+        told, self.docks.disagreements = self.docks.disagreements, []
+        self._gate.events += [("docks_disagree", {"id": it, "reason": reason}) for it, reason in told]
         for key, sent in list(self._goals.items()):
             if any(_fulfils(fact, sent.command) for fact in facts):
                 del self._goals[key]

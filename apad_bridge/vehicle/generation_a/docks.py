@@ -35,6 +35,7 @@ ANSWER_MS = 5_000
 TWICE_MS = 10_000
 """A position so soon after a release is that of an aMussel held twice, if more than one perch was ordered. Later, a person
 may have docked it."""
+_SERVICE = "check_docking_availability"
 PAPERS_PLACES = published_docks(PAPER_DOCKS)
 
 
@@ -83,6 +84,8 @@ class ReportedDocks:
         self._places = places
         self._object_prefix = object_prefix
         self.dropped: Counter[str] = Counter()
+        self.disagreements: list[tuple[int, str]] = []
+        """Agents with what the witnesses of their docks say, each told once and taken by the core."""
         self.unordered_releases: list[int] = []
         """Agents that the vehicle may hold though their dock opened, by silence alone or once of twice: it should release
         them by name."""
@@ -93,6 +96,8 @@ class ReportedDocks:
         self._surpluses: dict[int, _Surplus] = {}
         """Released agents of which more than one perch was ordered."""
         self._asks = False
+        self._named_alone: frozenset[int] = frozenset()
+        """Agents that the last answer named, and that no `position_static` shows."""
         self._served = frozenset(agent_ids)
         self._served_before: frozenset[int] = frozenset()
         self._held = {
@@ -199,17 +204,27 @@ class ReportedDocks:
     def receive_answer(self, answer: DocksReceived, *, server_lives: bool) -> list[LinkFact]:
         """Takes the aPad's answer about aMussels whose `position_static` is silent."""
         facts: list[LinkFact] = []
-        named = {it for it in self._held if f"{self._object_prefix}{it}" in (answer.held or ())}
+        told = {it for it in self._served if f"{self._object_prefix}{it}" in (answer.held or ())}
+        named, alone = told & self._held.keys(), frozenset(told - self._held.keys())
+        for agent_id in sorted(alone - self._named_alone):
+            self._disagree(agent_id, f"{_SERVICE} names it, and no position_static shows it: taken for free")
+        self._named_alone = alone
         for agent_id, holding in list(self._held.items()):
             if holding.asked_ms is None:
                 continue
             if agent_id in named or (not named and server_lives):
+                if holding.confirmed_ms < holding.heard_ms:
+                    none = "does not answer" if answer.held is None else "names none that is held"
+                    says = "names it" if agent_id in named else f"{none}, and the action server lives"
+                    self._disagree(agent_id, f"position_static is silent, {_SERVICE} {says}: taken for held")
                 self._reckon(holding, answer.at_ms)
             elif named:
                 self.dropped["silence on position_static, and the aPad no longer holds it"] += 1
+                says = f"position_static is silent, {_SERVICE} names others"
+                self._disagree(agent_id, f"{says}, and no release was ordered: taken for released")
                 facts += self._open(agent_id, answer.at_ms)
             else:
-                facts += self._open_by_silence(agent_id, answer.at_ms)
+                facts += self._open_by_silence(agent_id, answer.at_ms, "no release was ordered")
         return facts
 
     def receive_refusal(self, agent_id: int, at_ms: int) -> list[LinkFact]:
@@ -218,7 +233,9 @@ class ReportedDocks:
         if holding is None:
             return []
         holding.release_ms = None
-        return self._open_by_silence(agent_id, at_ms) if holding.confirmed_ms > holding.heard_ms else []
+        if holding.confirmed_ms <= holding.heard_ms:
+            return []
+        return self._open_by_silence(agent_id, at_ms, "the aPad refuses to release it")
 
     def silent(self, readings: Readings, *, server_lives: bool) -> list[LinkFact]:
         """Opens the docks of silent aMussels, or asks about them. Silence counts while the aPad itself is heard."""
@@ -259,8 +276,12 @@ class ReportedDocks:
             self.dropped["silence on position_static of an aMussel that the aPad holds: dead reckoning"] += 1
         holding.asked_ms, holding.confirmed_ms = None, at_ms
 
-    def _open_by_silence(self, agent_id: int, at_ms: int) -> list[LinkFact]:
+    def _disagree(self, agent_id: int, reason: str) -> None:
+        self.disagreements.append((agent_id, reason))
+
+    def _open_by_silence(self, agent_id: int, at_ms: int, why: str) -> list[LinkFact]:
         self.dropped["silence on position_static, taken for a release without an order"] += 1
+        self._disagree(agent_id, f"position_static is silent, and {why}: taken for released")
         self.unordered_releases.append(agent_id)
         if (place_m := self._held[agent_id].place_m) is not None:
             self.lost_m[agent_id] = place_m

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -31,6 +32,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     GoalStatusReceived,
     HeldPositionReceived,
 )
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.stack_messages import PoseReceived
 
@@ -320,6 +322,48 @@ def test_where_the_answer_tells_nothing_a_living_server_holds_what_it_held(
     core.command(OpenDock(1, 0, 7), 40_000)
     says(core, 40_000, "run-1", GoalCode.ABORTED, "holds no amussel7")
     assert DockOpened(40_000, 0, 7) in tells(core, 40_000), "it is believed for good"
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (
+            {"amussel8"},
+            {
+                7: "position_static is silent, check_docking_availability names others, and no release was ordered: "
+                "taken for released"
+            },
+        ),
+        (
+            {"amussel7"},
+            {7: "position_static is silent, check_docking_availability names it: taken for held"},
+        ),
+        (
+            {"amussel7", "amussel9"},
+            {
+                7: "position_static is silent, check_docking_availability names it: taken for held",
+                9: "check_docking_availability names it, and no position_static shows it: taken for free",
+            },
+        ),
+        (
+            {"amussel7", "amussel8", "amussel55"},
+            {7: "position_static is silent, check_docking_availability names it: taken for held"},
+        ),
+    ],
+)
+def test_witnesses_of_a_dock_that_disagree_are_told_once(names: set[str], told: dict[int, str]) -> None:
+    gate = Gate.without_guards()
+    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", gate=gate)
+    shows(core, 0, 7)
+    for now_ms in range(1_000, 40_000, 1_000):
+        core.receive(GoalStatusReceived(now_ms, (), whole=True), now_ms)
+        shows(core, now_ms, 8)
+        is_at(core, now_ms)
+        tells(core, now_ms)
+        if core.take_question():
+            core.receive(DocksReceived(now_ms, frozenset(names)), now_ms)
+    events = [data for kind, data in gate.take_events() if kind == EventKind.DOCKS_DISAGREE]
+    assert sorted((it["id"], it["reason"]) for it in events) == sorted(told.items())
 
 
 @pytest.mark.parametrize("refused", [True, False])
