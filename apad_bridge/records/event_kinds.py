@@ -511,7 +511,7 @@ KINDS: tuple[Kind, ...] = (
     ),
     Kind(
         EventKind.DOCKS_DISAGREE,
-        "witnesses of a dock disagree: `position_static`, `check_docking_availability` and our own record",
+        "witnesses of a dock disagree: `position_static`, `check_docking_availability`, the aMussel, our own record",
         (_ID, Field("reason", TEXT, "what each says, and what the mission takes for true")),
     ),
     Kind(EventKind.STANDS_DOWN, "one of several aPads leaves its aMussels to the others", (_REASON,)),

@@ -68,6 +68,7 @@ from apad_bridge.vehicle.primitives import (
 )
 from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 from firmware_model.packets.codec import Codec
+from firmware_model.states import State
 
 EMPTY_MS = 3000
 """A battery that is empty all of a sudden ends the mission when its readings say so for this long."""
@@ -93,6 +94,7 @@ _PRIORITY: dict[type, int] = {
     EndRequested: 4,
     StandDownRequested: 4,
 }
+_ON_BOTTOM = frozenset({State.ACTIVE, State.EMPTY, State.SLEEPING})
 PRIMITIVE_NAMES: dict[type, str] = {
     GoToPoint: "go to point",
     HoldPosition: "hold position",
@@ -147,6 +149,8 @@ class Supervisor:
         self._empty_since_ms: int | None = None
         """The time from which on the battery is known to be at or below the charge that ends the mission."""
         self.dropped: Counter[str] = Counter()
+        self._doubted: set[int] = set()
+        """Docked aMussels whose own packets deny it."""
         self._codec = codec
         self.samples = samples
         self._duration_ms = duration_ms
@@ -237,7 +241,8 @@ class Supervisor:
                     return self._collect_samples(packet)
                 if (reason := self._believe_status(packet, at_ms)) is not None:
                     self.dropped[reason] += 1
-                return []
+                    return []
+                return self._doubt_dock(packet)
             case RangeHeard():
                 return self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
             case EndRequested(_, end):
@@ -276,6 +281,21 @@ class Supervisor:
             sequences = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
             actions.append(Note("samples_gone", {"id": packet.agent_id, **sequences}))
         return actions
+
+    def _doubt_dock(self, packet: Packet | None) -> list[SupervisorAction]:
+        """Tells once that an aMussel reports to lie on the bottom while, by the vehicle's report, a dock holds it."""
+        if not isinstance(packet, Status):
+            return []
+        agent_id, state = basic_of(packet).agent_id, basic_of(packet).state
+        if state not in _ON_BOTTOM or agent_id not in self.mission.docks:
+            self._doubted.discard(agent_id)
+            return []
+        if agent_id in self._doubted:
+            return []
+        self._doubted.add(agent_id)
+        dock_index = self.mission.docks.index(agent_id)
+        reason = f"dock {dock_index + 1} holds it by the vehicle's report, and it reports {state.name}, on the bottom"
+        return [Note("docks_disagree", {"id": agent_id, "reason": reason})]
 
     def _acknowledge(self) -> list[SupervisorAction]:
         acks = self.samples.acknowledgements()

@@ -9,9 +9,9 @@ from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.ending import EndReason, MissionEnd
-from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.mission.events import EndRequested, Fact, Note, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.commands import BatteryReported, GoTo, Hold, PoseReported
+from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported
 from firmware_model.packets import (
     AcousticStatus,
     CommandPacket,
@@ -66,6 +66,22 @@ def test_facts_of_one_tick_act_alike_in_whatever_order_they_came() -> None:
     for seed in range(10):
         random.Random(seed).shuffle(facts)
         assert acts(list(facts)) == expected
+
+
+def test_a_docked_amussel_that_reports_to_lie_on_the_bottom_is_told_once_until_it_charges() -> None:
+    supervisor = parts.supervisor(flight_config(SCENARIO))
+    supervisor.receive(PoseReported(900, 0.0, 0.0, 0.0))
+    supervisor.receive(DockClosed(900, 1, 7))
+    charging = StatusPacket(7, 0, State.CHARGING, 0.5, 1.0, 7.0, 2.0, 3.0, 30_000).encode()
+    told = []
+    for now_ms, data in enumerate(
+        [charging, status(7, 0.5), status(7, 0.5), status(8, 0.5), charging, status(7, 0.5)], 1
+    ):
+        supervisor.receive(WifiHeard(1000 * now_ms, data))
+        actions = supervisor.advance(1000 * now_ms)
+        told += [(now_ms, it.data) for it in actions if isinstance(it, Note) and it.kind == "docks_disagree"]
+    reason = "dock 2 holds it by the vehicle's report, and it reports ACTIVE, on the bottom"
+    assert told == [(2, {"id": 7, "reason": reason}), (6, {"id": 7, "reason": reason})]
 
 
 def test_a_fact_of_the_future_waits_for_its_tick() -> None:
