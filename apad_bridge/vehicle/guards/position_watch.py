@@ -47,11 +47,13 @@ WITNESS_WAY_M = 1.0
 WITNESS_SHARE = 0.3
 """A position that makes less than this share of that way contradicts it."""
 STILL_SHARE = 0.2
-"""A position under way whose every step is below this share of the noise at rest is frozen."""
+"""A position under way whose every step is below this share of those at rest is frozen."""
 LEAST_NOISE_M = 0.02
-"""Less noise at rest than this tells nothing about a position that stands still."""
-_NOISE_WEIGHT = 0.1
-"""The weight of the newest step at rest in the mean square of the noise."""
+"""Smaller steps at rest than this tell nothing about a position that stands still."""
+_NOISE_WEIGHT = 0.05
+"""The weight of the newest positions in the mean square of the noise."""
+NOISE_ERRORS = 3.0
+"""The error of a way between two positions, in steps of the noise: four deviations along the way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +137,11 @@ class PositionWatch:
         self._frozen_ms = 0
         """Time under way with a position that stayed the same to the last bit."""
         self._noise_m2: float | None = None
-        """The mean square of the steps of a tick at rest."""
+        """The mean square of the step that noise alone makes between two positions."""
+        self._before: PoseReported | None = None
+        """The pose before the newest."""
+        self._rest_m2: float | None = None
+        """The mean square of the steps at rest."""
         self._goal_m: Point | None = None
         self._under_way_ms = 0
         """The time at which the vehicle accepted the order by which it is under way."""
@@ -160,7 +166,13 @@ class PositionWatch:
         if seconds <= 0.0:
             return 0.0
         way_m = math.dist(_place(self._poses[0]), _place(self._poses[-1]))
-        return max(0.0, way_m - PLACE_ERROR_M) / (seconds + error_s)
+        error_m = max(PLACE_ERROR_M, NOISE_ERRORS * self._noise_m)
+        return max(0.0, way_m - error_m) / (seconds + error_s)
+
+    @property
+    def _noise_m(self) -> float:
+        """The root mean square of the step that noise alone makes, both directions together."""
+        return 0.0 if self._noise_m2 is None else math.sqrt(self._noise_m2)
 
     def take(self, pose: PoseReported) -> None:
         """Takes a pose; one that is older than the newest, or the same again, changes nothing."""
@@ -184,6 +196,7 @@ class PositionWatch:
             newest = self._begin_anew(newest)
         self._clock.take(pose)
         self._look_if_frozen(newest, pose)
+        self._learn_noise(newest, pose)
         if newest is not None and self._is_jump(newest, pose):
             way_m = math.dist(_place(newest), _place(pose))
             self._doubt_it(f"it has jumped by {way_m:.0f} m", pose.at_ms)
@@ -260,7 +273,7 @@ class PositionWatch:
         if self._limits.frozen_ms == NEVER_MS:
             return
         if not self._is_under_way(pose) or self._clock.earliest_ms(pose) < self._under_way_ms:
-            self._learn_noise(newest, pose)
+            self._learn_rest(newest, pose)
             self._witnesses.clear()
             return
         self._witnesses.append(pose)
@@ -269,12 +282,22 @@ class PositionWatch:
         if reason := self._contradiction():
             self._doubt_it(reason, pose.at_ms)
 
-    def _learn_noise(self, newest: PoseReported | None, pose: PoseReported) -> None:
+    def _learn_rest(self, newest: PoseReported | None, pose: PoseReported) -> None:
         if newest is None or self._goal_m is None or not 500 <= _span_ms(newest, pose) <= WITNESS_MS:
             return
-        step_m2 = math.dist(_place(newest), _place(pose)) ** 2
-        before = step_m2 if self._noise_m2 is None else self._noise_m2
-        self._noise_m2 = before + _NOISE_WEIGHT * (step_m2 - before)
+        self._rest_m2 = _learned(self._rest_m2, math.dist(_place(newest), _place(pose)) ** 2)
+
+    def _learn_noise(self, newest: PoseReported | None, pose: PoseReported) -> None:
+        """Learns from second differences, which a steady motion leaves out: their mean square is 3 times a step's."""
+        before, self._before = self._before, newest
+        if before is None or newest is None or None in (before.stamp_ms, newest.stamp_ms, pose.stamp_ms):
+            return  # times of arrival have an error of their own
+        spans_ms = _span_ms(before, newest), _span_ms(newest, pose)
+        if not min(spans_ms) >= 500 or max(spans_ms) > 1.2 * min(spans_ms):
+            return
+        north_m = pose.north_m - 2 * newest.north_m + before.north_m
+        east_m = pose.east_m - 2 * newest.east_m + before.east_m
+        self._noise_m2 = _learned(self._noise_m2, (north_m**2 + east_m**2) / 3)
 
     def _contradiction(self) -> str:
         """The reason why the positions under way contradict the vehicle's own speed, or their own noise."""
@@ -287,9 +310,9 @@ class PositionWatch:
             made_m = math.dist(_place(before), _place(poses[-1]))
             if told_m >= WITNESS_WAY_M and made_m < WITNESS_SHARE * told_m:
                 return f"it moved by {made_m:.1f} m while the vehicle measured a way of {told_m:.1f} m"
-        if len(poses) < 2 or _span_ms(poses[0], poses[-1]) < WITNESS_MS or self._noise_m2 is None:
+        if len(poses) < 2 or _span_ms(poses[0], poses[-1]) < WITNESS_MS:
             return ""
-        noise_m = math.sqrt(self._noise_m2)
+        noise_m = 0.0 if self._rest_m2 is None else math.sqrt(self._rest_m2)
         steps_m = [math.dist(_place(one), _place(next_one)) for one, next_one in pairwise(poses)]
         if noise_m >= LEAST_NOISE_M and max(steps_m) < STILL_SHARE * noise_m:
             return f"it moves by {max(steps_m):.3f} m a second under way, and by {noise_m:.2f} m at rest"
@@ -309,6 +332,11 @@ class PositionWatch:
             return 0.0, 0.0
         first, last = self._poses[0], self._poses[-1]
         return _span_ms(first, last) / 1000, _error_ms(first, last) / 1000
+
+
+def _learned(known: float | None, newest: float) -> float:
+    before = newest if known is None else known
+    return before + _NOISE_WEIGHT * (newest - before)
 
 
 def _span_ms(before: PoseReported, after: PoseReported) -> int:

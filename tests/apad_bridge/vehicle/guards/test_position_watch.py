@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 from hypothesis import given
@@ -157,3 +158,20 @@ def test_without_stamps_that_go_on_the_arrivals_count_with_their_error(stamp_ms:
     for at_ms in range(6_000, 17_000, 1_000):
         watch.take(PoseReported(at_ms, 5.0, 0.0, 0.0, stamp_ms))
     assert "has not changed" in watch.fault(16_000)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.05, 0.5])
+def test_a_noisy_receiver_makes_no_vehicle_too_fast(noise_m: float) -> None:
+    """Ten hours at 0.5 m/s, white noise on each axis: the least speed stays below 0.8 m/s."""
+    noise, watch = random.Random(7), PositionWatch(LIMITS)
+    for at_ms in range(0, 36_000_000, 1_000):
+        north_m = 0.0005 * (at_ms % 60_000_000) + noise.gauss(0.0, noise_m)
+        watch.take(PoseReported(at_ms, north_m, noise.gauss(0.0, noise_m), 0.0, at_ms))
+        assert watch.least_speed_m_s < 0.8
+
+
+def test_a_vehicle_that_is_too_fast_is_seen_through_a_good_receivers_noise() -> None:
+    noise, watch = random.Random(7), PositionWatch(LIMITS)
+    for n in range(60):
+        watch.take(PoseReported(1_000 * n, 1.2 * n + noise.gauss(0.0, 0.05), 0.0, 0.0, 1_000 * n))
+    assert watch.least_speed_m_s > 0.8
