@@ -308,7 +308,8 @@ class PositionWatch:
                 break
             told_m += (before.speed_m_s + after.speed_m_s) / 2 * _span_ms(before, after) / 1000
             made_m = math.dist(_place(before), _place(poses[-1]))
-            if told_m >= WITNESS_WAY_M and made_m < WITNESS_SHARE * told_m:
+            least_m = max(WITNESS_WAY_M, NOISE_ERRORS * self._noise_m / (1 - WITNESS_SHARE))
+            if told_m >= least_m and made_m < WITNESS_SHARE * told_m:
                 return f"it moved by {made_m:.1f} m while the vehicle measured a way of {told_m:.1f} m"
         if len(poses) < 2 or _span_ms(poses[0], poses[-1]) < WITNESS_MS:
             return ""

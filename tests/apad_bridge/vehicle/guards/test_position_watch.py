@@ -175,3 +175,26 @@ def test_a_vehicle_that_is_too_fast_is_seen_through_a_good_receivers_noise() -> 
     for n in range(60):
         watch.take(PoseReported(1_000 * n, 1.2 * n + noise.gauss(0.0, 0.05), 0.0, 0.0, 1_000 * n))
     assert watch.least_speed_m_s > 0.8
+
+
+@pytest.mark.parametrize("noise_m", [0.05, 0.5])
+def test_a_noisy_receiver_does_not_contradict_the_vehicle_s_own_speed(noise_m: float) -> None:
+    """Ten hours under way at 0.5 m/s, as the vehicle itself measures it."""
+    noise, watch = random.Random(8), PositionWatch(LIMITS)
+    for at_ms in range(0, 36_000_000, 1_000):
+        north_m, east_m = 0.0005 * at_ms + noise.gauss(0.0, noise_m), noise.gauss(0.0, noise_m)
+        if at_ms == 20_000:
+            watch.note_goal((40_000.0, 0.0), at_ms)
+        watch.take(PoseReported(at_ms, north_m, east_m, 0.0, at_ms, 0.5))
+        assert watch.fault(at_ms) == ""
+
+
+def test_a_position_that_freezes_with_millimetres_of_noise_contradicts_the_vehicle_s_own_speed() -> None:
+    noise, watch = random.Random(8), PositionWatch(LIMITS)
+    watch.note_goal((400.0, 0.0), 0)
+    for n in range(1, 30):
+        north_m = 0.5 * min(n, 20) + noise.gauss(0.0, 0.003)
+        watch.take(PoseReported(1_000 * n, north_m, 0.0, 0.0, 1_000 * n, 0.5))
+        if n == 20:
+            assert watch.fault(20_000) == ""
+    assert "while the vehicle measured a way" in watch.fault(29_000)
