@@ -123,7 +123,8 @@ class Tasks:
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         servo = self._servo_task
         if isinstance(command, PilotLeft):
-            self.receive_pilot(False, now_ms)
+            # A person's word, and no news of the vehicle: what it reports would ask for another word.
+            self.pilot_steers, self._pilot_is_known = False, True
             return
         is_stop = isinstance(command, Stop) or (isinstance(command, Hold) and command.pre_empts)
         if servo is not None and servo.has_let_go and not is_stop and not isinstance(command, MoveArm):

@@ -20,6 +20,7 @@ from apad_bridge.vehicle.commands import (
     GoTo,
     Hold,
     OpenDock,
+    PilotLeft,
     PilotReported,
     PoseReported,
 )
@@ -444,6 +445,16 @@ def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
         assert apad.answers(at_ms) == []
     apad.core.command(GoTo(3, 7.0, 8.0, 0.5, 0.5), 120_000)  # a person has given it back
     assert apad.answers(120_000) == [GoToOrder(7.0, 8.0, 0.5, 0.5)]
+
+
+def test_a_person_who_says_that_the_pilot_has_left_is_not_asked_again() -> None:
+    apad = Apad(takes_back=False)
+    apad.core.receive(ManualReceived(1_000, True), 1_000)
+    apad.tells(1_000)
+    apad.core.command(PilotLeft(1), 2_000)
+    assert apad.tells(2_000) == []
+    apad.core.command(GoTo(2, 7.0, 8.0, 0.5, 0.5), 3_000)
+    assert apad.answers(3_000) == [GoToOrder(7.0, 8.0, 0.5, 0.5)]
 
 
 def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:

@@ -247,7 +247,8 @@ def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
     bench.wire.out = []
     bench.vehicle.gate.take_events()
-    assert (bench.stop() == [] and bench.states() == ["1 off refused"]) or bench.stop(off=True) == []
+    assert bench.stop() == [] and bench.states() == ["1 hold refused"]
+    assert bench.stop(off=True) == [] and bench.states() == ["2 off refused"]
     bench.at(-3.0, 5.0)
     bench.silent(6)
     assert bench.wire.out == []
