@@ -263,6 +263,8 @@ class LinkToB:
         self._vehicle = GenerationBVehicle(self._apad)
         self._core = core()
         self._last: Order | None = None
+        self.shows_goals = True
+        """Its action server shows each goal; without that nothing but the status tells of another client's go-to."""
         self.never_ends = False
         self.is_lost = False
         """Orders do not arrive."""
@@ -280,7 +282,9 @@ class LinkToB:
         self._apad.receive(command, self._now_ms)
 
     def others_go(self, north_m: float, east_m: float) -> None:
-        """Another client sends the vehicle there: nothing but its status shows it."""
+        """Another client sends the vehicle there."""
+        if self.shows_goals:
+            self._core.receive(shown_b.GoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
         self._receive(self._vehicle.receive(GoToOrder(north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
 
     def set_pilot(self, *, steers: bool) -> None:
@@ -358,7 +362,10 @@ class Bench:
         self.link: LinkToA | LinkToB
         if generation is Generation.A:
             self.link = LinkToA(
-                flown, lambda: GenerationACore(range(1, 10), battery_v, "run", gate=safety.gate)
+                flown,
+                lambda: GenerationACore(
+                    range(1, 10), battery_v, "run", takes_back=not is_real, gate=safety.gate
+                ),
             )
         else:
             docking, misses = flown.mission.docking, Misses(1, 0.0)

@@ -6,8 +6,8 @@
 Stamps are as in generation A: with `our_clock` poses carry those of their messages; a fact without a stamp became true at
 the tick that receives it.
 
-Beside what both generations publish, an aPad of generation B publishes the status of its primitives, the state of its arms,
-and whether a pilot steers.
+Beside what both generations publish, an aPad of generation B publishes goals and status of its primitives, the state of its
+arms, and whether a pilot steers.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     Call,
     DockingOrder,
     FinishedReceived,
+    GoalSeen,
     GoToOrder,
     ManualReceived,
     PositionOrder,
@@ -69,10 +70,12 @@ from misc_msgs.srv import (  # noqa: E402
     DynamicPositioningPrimitiveService,
     Go2pointPrimitiveService,
 )
+from navcon_msgs.msg import GoToPointActionGoal  # noqa: E402
 
 _OPEN = 0.5
 """`dock_out` is 1.0 for an arm that stands open, and 0.0."""
 _DATA = ("data",)
+_GOAL = ("goal.T2.point.x", "goal.T2.point.y")
 
 
 class Subscribers(LegacySubscribers):
@@ -86,6 +89,9 @@ class Subscribers(LegacySubscribers):
         self._manual = self._listen(of_apad(name, "manual"), Bool, _DATA, self._take_manual)
         self._has_manual = False
         self._listen(of_apad(name, "dock_out"), Float32MultiArray, _DATA, self._take_arms)
+        # A vehicle flies without it: then nothing but the status shows another client's go-to.
+        server = of_apad(name, "go2point")
+        self._listen(f"{server}/goal", GoToPointActionGoal, _GOAL, self._take_goal, is_checked_before=False)
 
     def lost_pilot(self) -> bool:
         """True, once, when the node that published the pilot's flag has left."""
@@ -106,6 +112,12 @@ class Subscribers(LegacySubscribers):
 
     def _take_manual(self, message: Any) -> None:
         self._inbox.put(ManualReceived(UNSTAMPED, bool(message.data)), always=True)
+
+    def _take_goal(self, message: Any) -> None:
+        """A goal on its way to the server. The commander sends those of its services, whoever called them."""
+        place, header = message.goal.T2.point, message._connection_header
+        client = str(header.get("callerid", "")) if isinstance(header, dict) else ""
+        self._inbox.put(GoalSeen(UNSTAMPED, place.x, place.y, client), always=True)
 
     def _take_arms(self, message: Any) -> None:
         dock_index = next(

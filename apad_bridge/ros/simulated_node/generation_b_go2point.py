@@ -1,7 +1,7 @@
 """The actionlib server `go2point` (navcon_msgs/GoToPointAction), which lies underneath generation B's services.
 
-Every go-to is a goal here. One that a service ordered is the commander's own goal: it appears in `status`, `feedback` and
-`result` as any other, but not on the topic `goal`.
+Every go-to is a goal here. One that a service ordered is the commander's own goal: the commander is a client of the server.
+So the goal appears on the topic `goal`, and in `status`, `feedback` and `result`, as any other.
 """
 
 from __future__ import annotations
@@ -39,10 +39,12 @@ class Go2Point:
         self._running: Any = None
         # Its own status timer would sleep on ROS time: `publish_status` publishes the status each second instead.
         rospy.set_param("~actionlib_status_frequency", 0.0)
+        server = of_apad(apad, "go2point")
         self._server = ActionServer(
-            of_apad(apad, "go2point"), GoToPointAction, self._take_goal, self._cancel_goal, auto_start=False
+            server, GoToPointAction, self._take_goal, self._cancel_goal, auto_start=False
         )
         self.lock = self._server.lock
+        self._goals = rospy.Publisher(f"{server}/goal", GoToPointActionGoal, queue_size=16)
 
     def start(self) -> None:
         self._server.start()
@@ -80,7 +82,10 @@ class Go2Point:
         return f"{self._commander}-{self._commanded}"
 
     def _add_goal(self, order: GoToOrder) -> None:
-        """Makes a goal of a service's order. `_take_goal` receives it and recognises it by its key."""
+        """Makes a goal of a service's order, and shows it. `_take_goal` receives it and recognises it by its key.
+
+        The server's own subscriber hears it a second time, and actionlib leaves out a goal whose key it knows.
+        """
         self._commanded += 1
         message = GoToPointActionGoal()
         message.goal_id.id = self._commanders_key
@@ -88,6 +93,7 @@ class Go2Point:
         message.goal.T2.point.x, message.goal.T2.point.y = order.north_m, order.east_m
         message.goal.speed, message.goal.victory_radius = order.speed_m_s, order.victory_radius_m
         self._server.internal_goal_callback(message)
+        self._goals.publish(message)
 
     def _end(self, ended: GoToEnded) -> None:
         handle, self._running = self._running, None

@@ -6,9 +6,11 @@ every end leaves the controllers off. `Tasks` keeps the orders and works out the
 
 from __future__ import annotations
 
-from collections import Counter
+import math
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import PAPER_DOCKS, Docking
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Stop, VehicleCommand
@@ -18,6 +20,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     Call,
     DockingOrder,
     FinishedReceived,
+    GoalSeen,
     GoToOrder,
     ManualReceived,
     Order,
@@ -34,6 +37,11 @@ from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, Sight, SilenceWatch
+
+OWN_GOALS = 16
+"""So many of our newest go-tos are known again when the vehicle's own server is shown them."""
+SAME_PLACE_M = 0.01
+"""The commander passes an order's place on unchanged, in the same type."""
 
 
 class GenerationBCore:
@@ -68,6 +76,9 @@ class GenerationBCore:
         self._tasks = Tasks(docking, self.docks, self.readings, takes_back=takes_back)
         self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms, self.readings.dropped)
         self._silence = SilenceWatch()
+        self._takes_back = takes_back
+        self._own_goals_m: deque[tuple[float, float]] = deque(maxlen=OWN_GOALS)
+        """The places of the newest go-tos that the gate let out. Their goals have the commander's key, as all others."""
 
     @property
     def dropped(self) -> Counter[str]:
@@ -88,6 +99,8 @@ class GenerationBCore:
         for call in self._tasks.calls.take():
             if self._gate.passes(_as_command(call.order), self._now_ms):
                 calls.append(call)
+                if isinstance(call.order, GoToOrder):
+                    self._own_goals_m.append((call.order.north_m, call.order.east_m))
             else:
                 self._tasks.calls.receive(ServiceAnswered(self._now_ms, call.number, "a guard refused it"))
         return calls
@@ -110,10 +123,23 @@ class GenerationBCore:
                 self._tasks.receive_status(docking, status, at_ms)
             case ManualReceived(at_ms, steers):
                 self._tasks.receive_pilot(steers, at_ms)
+            case GoalSeen():
+                self._see_goal(message)
             case ArmReceived(at_ms, dock_index) if dock_index is not None:
                 self._tasks.receive_arm(dock_index, at_ms)
             case ArmReceived() | FinishedReceived():
                 pass  # a closed arm, or some primitive's end: the status topics give the result
+
+    def _see_goal(self, goal: GoalSeen) -> None:
+        """Takes a goal on its way to the vehicle's server; another client's is for the guards to judge.
+
+        A client that sends the vehicle to a place of ours sends it where the gate has let us go.
+        """
+        place_m = goal.north_m, goal.east_m
+        if (reason := out_of_range(north_m=goal.north_m, east_m=goal.east_m)) is not None:
+            self.readings.dropped[f"go2point/goal: {reason}"] += 1
+        elif not self._takes_back and all(math.dist(place_m, it) > SAME_PLACE_M for it in self._own_goals_m):
+            self._tasks.receive_others_goal(goal)
 
     def receive_dock_report(self, report: DockReport) -> None:
         """Takes a report that a dock closed or opened, by id or else by dock and place. Known states change nothing."""

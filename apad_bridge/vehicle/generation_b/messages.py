@@ -103,6 +103,16 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
+class GoalSeen:
+    """A go-to on its way to the action server `go2point`, by whichever service or client, and the node that sent it."""
+
+    at_ms: int
+    north_m: float
+    east_m: float
+    client: str
+
+
+@dataclass(frozen=True, slots=True)
 class ServiceAnswered:
     """A service's answer: it took the order, or `refused` states why not."""
 
@@ -151,6 +161,7 @@ Received = (
     | FinishedReceived
     | ManualReceived
     | ArmReceived
+    | GoalSeen
 )
 
 

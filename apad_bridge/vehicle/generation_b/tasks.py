@@ -17,6 +17,7 @@ from apad_bridge.vehicle.commands import (
     CommandAccepted,
     CommandedByOthers,
     CommandFailed,
+    GoalOfOthers,
     GoTo,
     Hold,
     MoveArm,
@@ -30,6 +31,7 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.generation_b.calls import Calls
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
+    GoalSeen,
     Order,
     PositionOrder,
     ServiceAnswered,
@@ -78,6 +80,8 @@ class ExternalDocking:
         return DockReport(at_ms, None, self._dock, self._dock not in held)
 
 
+REPLACED = "another client's goal replaced it"
+"""The reason of a go-to of ours that another client has ended."""
 NOTHING_THERE = "the aPad reports a docking, but the aMussel is not there"
 PILOT = "a pilot steers the aPad"
 
@@ -213,6 +217,17 @@ class Tasks:
 
     def receive_dock_report(self, report: DockReport) -> None:
         self._facts += self._docks.apply_report(report, self._pose)
+
+    def receive_others_goal(self, goal: GoalSeen) -> None:
+        """Another client sends the vehicle away: a go-to of ours has ended there, and its status is not ours any more."""
+        if self._go_to_task is not None:
+            self._facts.append(CommandFailed(goal.at_ms, self._go_to_task.command.command_id, REPLACED))
+            self.calls.forget()
+            self._clear()
+        self._facts += [
+            GoalOfOthers(goal.at_ms, goal.client, goal.north_m, goal.east_m),
+            CommandedByOthers(goal.at_ms, goal.client),
+        ]
 
     def _tell_of_others(self, at_ms: int) -> None:
         if not self._takes_back:

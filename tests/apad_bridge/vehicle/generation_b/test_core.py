@@ -17,6 +17,7 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    GoalOfOthers,
     GoTo,
     Hold,
     OpenDock,
@@ -28,6 +29,7 @@ from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
     DockingOrder,
+    GoalSeen,
     GoToOrder,
     ManualReceived,
     Order,
@@ -36,7 +38,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     Status,
     StatusReceived,
 )
-from apad_bridge.vehicle.generation_b.tasks import PILOT
+from apad_bridge.vehicle.generation_b.tasks import PILOT, REPLACED
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 from apad_bridge.vehicle.stack_messages import PoseReceived
@@ -256,6 +258,41 @@ def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
     apad.goes(31_500, Status.RUNNING)
     apad.goes(32_000, Status.PREEMPTED)
     assert apad.tells(60_000) == [] and apad.answers(60_000) == []
+
+
+def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to() -> None:
+    apad = Apad(takes_back=False)
+    apad.core.command(THERE, 0)
+    apad.answers(0)
+    apad.core.receive(GoalSeen(100, THERE.north_m, THERE.east_m, "/apad1/commander"), 100)
+    assert apad.tells(1_000) == []
+    apad.core.receive(GoalSeen(2_000, 80.0, 6.0, "/apad1/commander"), 2_000)
+    assert apad.tells(2_000) == [
+        CommandFailed(2_000, THERE.command_id, REPLACED),
+        GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0),
+        CommandedByOthers(2_000, "/apad1/commander"),
+    ]
+    apad.goes(3_000, Status.RUNNING)
+    apad.goes(9_000, Status.DONE)
+    assert apad.tells(9_000) == [] and apad.answers(9_000) == []
+
+
+def test_an_earlier_goal_of_ours_that_is_shown_late_is_nobody_elses() -> None:
+    apad = Apad(takes_back=False)
+    apad.core.command(THERE, 0)
+    apad.answers(0)
+    apad.core.command(Hold(2, 2.0, 3.0, pre_empts=True), 1_000)
+    apad.answers(1_000)
+    apad.core.receive(GoalSeen(1_500, THERE.north_m, THERE.east_m, "/apad1/commander"), 1_500)
+    assert apad.tells(2_000) == []
+
+
+@pytest.mark.parametrize("north_m", (math.nan, math.inf, 1e12))
+def test_a_goal_at_no_place_is_counted(north_m: float) -> None:
+    apad = Apad(takes_back=False)
+    apad.core.receive(GoalSeen(1_000, north_m, 0.0, "/planner"), 1_000)
+    assert apad.tells(1_000) == []
+    assert [it for it in apad.core.dropped if it.startswith("go2point/goal: ")]
 
 
 def test_a_go_to_of_anothers_that_never_ends_holds_nothing_up_for_ever() -> None:

@@ -587,6 +587,32 @@ STOP_ACTS = ACTS | {
 
 
 @pytest.mark.parametrize("generation", [Generation.A, Generation.B])
+def test_anothers_goal_outside_the_waters_is_replaced_by_a_hold_within_a_tick(generation: Generation) -> None:
+    bench = Bench(generation)
+    bench.go(20.0, 45.0)
+    bench.run(8)
+    bench.link.others_go(SIDE_M + 15.0, SIDE_M / 2)
+    stops = bench.observer.stops
+    bench.run(1)
+    stop = bench.vehicle.gate.stops.in_force
+    assert bench.observer.stops > stops and bench.link.is_at_rest
+    assert stop is not None and stop.by == "guard: another client"
+    bench.run(60)
+    assert bench.observer.outside == [] and bench.link.is_at_rest
+
+
+def test_anothers_goal_that_the_vehicle_does_not_show_is_held_before_the_fence() -> None:
+    bench = Bench(Generation.B)
+    bench.link.shows_goals = False
+    bench.hold(30.0, 30.0)
+    bench.run(8)
+    bench.link.others_go(SIDE_M + 15.0, SIDE_M / 2)
+    bench.run(100)
+    pose = bench.link.pose
+    assert max(pose.north_m, pose.east_m) < SIDE_M and bench.link.is_at_rest
+
+
+@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
 def test_the_observer_sees_what_the_guards_are_there_for(generation: Generation) -> None:
     """With its guards taken out, the same vehicle is sent outside, blind."""
     bench = Bench(generation)
