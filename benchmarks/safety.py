@@ -12,6 +12,7 @@ has what the wire and the programs of a failed try said. `--short` flies the mos
 
 from __future__ import annotations
 
+import shutil
 import statistics
 import tempfile
 from pathlib import Path
@@ -44,6 +45,10 @@ def measure(
     if unknown := [it for it in row or () if it not in ROWS]:
         raise SystemExit(f"no such row: {', '.join(unknown)}; rows: {', '.join(ROWS)}")
     chosen = jobs(row or [], generation or list(BOTH), tries, short=short)
+    if any(ROWS[it.row].setup.clock_off_s for it in chosen) and shutil.which("faketime") is None:
+        raise SystemExit(
+            "a vehicle whose clock is off needs faketime: install Debian's package, or name other rows (--row)"
+        )
     with tempfile.TemporaryDirectory(prefix="musselbed-campaign-") as folder:
         kept = Kept(resume or Path(folder))
         fly(chosen, kept, side_by_side, minutes)

@@ -106,6 +106,8 @@ class PoseReported:
     """The speed over ground that the vehicle itself measures; None from a vehicle that gives none."""
     publisher: str = ""
     """The node that published the position; empty where that is not known."""
+    also_from: str = ""
+    """Another node that published a position since the pose before; empty for none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,6 +71,10 @@ class Readings:
                 self.heard_since_ms = message.at_ms
             self.position_ms = message.at_ms
             self._invalid = None
+            before = self._pose
+            also_from = "" if before is None else before.also_from
+            if before is not None and before.publisher != message.publisher:
+                also_from = before.publisher
             self.pose = self._pose = PoseReported(
                 message.at_ms,
                 message.north_m,
@@ -79,6 +83,7 @@ class Readings:
                 message.stamp_ms,
                 message.speed_m_s,
                 message.publisher,
+                also_from,
             )
 
     def _receive_battery(self, message: BatteryReceived) -> None:

@@ -183,8 +183,10 @@ class PositionWatch:
         if newest is not None and pose.at_ms <= newest.at_ms:
             return
         self._invalid = None
-        if newest is not None and newest.publisher != pose.publisher and newest.publisher and pose.publisher:
-            self._doubt_it(f"two nodes publish it: {newest.publisher} and {pose.publisher}", pose.at_ms)
+        before = "" if newest is None else newest.publisher
+        other = next((it for it in (pose.also_from, before) if it and it != pose.publisher), "")
+        if other and pose.publisher:
+            self._doubt_it(f"two nodes publish it: {other} and {pose.publisher}", pose.at_ms)
         if self._clock.stands_still(pose):
             pose = replace(pose, stamp_ms=None)
         elif self._limits.clock_step_ms == NEVER_MS:

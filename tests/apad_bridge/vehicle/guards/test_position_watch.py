@@ -10,12 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.position_watch import (
     PLACE_ERROR_M,
     SETTLED_MS,
     PositionLimits,
     PositionWatch,
 )
+from apad_bridge.vehicle.stack_messages import PoseReceived
+from apad_bridge.vehicle.telemetry import Readings
 
 LIMITS = PositionLimits(age_ms=5_000, jump_m=10.0, speed_m_s=1.0, frozen_ms=10_000)
 
@@ -45,6 +48,16 @@ def test_a_jump_is_not_believed_until_the_position_has_settled() -> None:
     assert jumped.velocity_m_s == (0.0, 0.0)
     jumped.take(PoseReported(1_000 + SETTLED_MS, 11.1, 0.0, 0.0, 1_000 + SETTLED_MS))
     assert jumped.fault(1_000 + SETTLED_MS) == ""
+
+
+def test_a_second_publisher_is_noticed_though_its_messages_never_come_last() -> None:
+    """A tick passes on the newest position alone, which may always be that of one node."""
+    readings, gate = Readings((10.5, 16.0)), Gate.without_guards()
+    for publishers in (("/position",), ("/second", "/position")):
+        for at_ms, publisher in enumerate(publishers, 1_000 * len(publishers)):
+            readings.receive(PoseReceived(at_ms, 1.0, 1.0, 0.0, at_ms, publisher=publisher))
+        readings.take(gate)
+    assert "two nodes publish it: /second and /position" in gate.watch.fault(2_001)
 
 
 def test_a_position_that_does_not_move_under_way_is_frozen() -> None:
