@@ -163,6 +163,7 @@ COUNTED: Mapping[str, Chosen] = {
     EventKind.STOP: _only("number", "mode", "state"),
     EventKind.CONTINUED: _only("number"),
     EventKind.BACK_IN: _only(),
+    EventKind.PILOT: _only("steers"),
     EventKind.OTHERS: _only(),
     EventKind.DOCKS_DISAGREE: _only("id", "reason"),
     EventKind.STANDS_DOWN: _only(),

@@ -55,6 +55,7 @@ class EventKind(StrEnum):
     CONTINUED = "continued"
     BACK_IN = "back_in"
     DRIFT = "drift"
+    PILOT = "pilot"
     OTHERS = "others"
     DOCKS_DISAGREE = "docks_disagree"
     STANDS_DOWN = "stands_down"
@@ -503,6 +504,11 @@ KINDS: tuple[Kind, ...] = (
             _optional(Field("east_m", NUMBER, "its last place, east", "m")),
             _optional(Field("is_believed", BOOLEAN, "false for a place that is not to be believed")),
         ),
+    ),
+    Kind(
+        EventKind.PILOT,
+        "a pilot takes or leaves the aPad's controls, or nobody tells any more",
+        (Field("steers", _or_null(BOOLEAN), "null when the node that published the pilot's flag is gone"),),
     ),
     Kind(
         EventKind.OTHERS,

@@ -49,6 +49,7 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
                 | EventKind.LEFT_ALONE
                 | EventKind.STUCK
                 | EventKind.GUARD
+                | EventKind.PILOT
                 | EventKind.OTHERS
                 | EventKind.DOCKS_DISAGREE
                 | EventKind.LEFT_WATER
@@ -131,6 +132,12 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             degrees = round(math.degrees(towards_rad)) % 360
             limit = "" if fence_s is None else f", at the fence or a keep-out zone in {fence_s:.0f} s"
             return f"the aPad drifts without thrust, {speed_m_s:.2f} m/s towards {degrees} degrees{limit}"
+        case EventKind.PILOT, {"steers": None}:
+            return (
+                "whether a pilot steers the aPad cannot be told: nobody publishes the pilot's flag any more"
+            )
+        case EventKind.PILOT, {"steers": steers}:
+            return "a pilot steers the aPad" if steers else "the pilot has let go of the aPad"
         case EventKind.OTHERS, {"client": client}:
             return f"{client or 'a client that this stack does not name'} commands the aPad"
         case EventKind.DOCKS_DISAGREE, {"id": agent_id}:

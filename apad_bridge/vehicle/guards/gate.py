@@ -122,7 +122,10 @@ class Gate:
             elif isinstance(fact, BatteryReported):
                 self._battery = fact
             elif isinstance(fact, PilotReported):
-                self.pilot = PILOT_UNKNOWN if fact.steers is None else PILOT_STEERS if fact.steers else ""
+                pilot = PILOT_UNKNOWN if fact.steers is None else PILOT_STEERS if fact.steers else ""
+                if pilot != self.pilot:
+                    self.events.append(("pilot", {"steers": fact.steers}))
+                self.pilot = pilot
             elif isinstance(fact, DockClosed):
                 # The next order may come before whoever knows the bodies sets them again.
                 self.bodies = tuple(it for it in self.bodies if it.agent_id != fact.agent_id)

@@ -246,7 +246,7 @@ def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
     facts = bench.at(5.5, 5.0)
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
     bench.wire.out = []
-    bench.vehicle.gate.take_events()
+    assert ("pilot", {"steers": True}) in bench.vehicle.gate.take_events()
     assert bench.stop() == [] and bench.states() == ["1 hold refused"]
     assert bench.stop(off=True) == [] and bench.states() == ["2 off refused"]
     bench.at(-3.0, 5.0)
@@ -261,8 +261,10 @@ def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
 def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out() -> None:
     bench = Guarded(is_real=True)
     bench.at(5.0, 5.0)
-    bench.wire.facts.append(PilotReported(bench.now_ms, None))
-    bench.at(5.0, 5.0)
+    for _ in range(2):
+        bench.wire.facts.append(PilotReported(bench.now_ms, None))
+        bench.at(5.0, 5.0)
+    assert bench.vehicle.gate.take_events().count(("pilot", {"steers": None})) == 1
     assert bench.command(GoTo(1, 6.0, 5.0, 0.5, 0.5)) == []
     assert [type(it) for it in bench.stop(off=True)] == [Stop]
 
