@@ -6,6 +6,7 @@ counts as received by the simulated side when its last sound has left.
 
 from __future__ import annotations
 
+from agents.serial_port import BytesRead, Lost, Opened, SerialPort
 from apad_bridge.acoustics.serial.nanomodem import (
     Action,
     Direction,
@@ -18,7 +19,6 @@ from apad_bridge.acoustics.serial.nanomodem import (
     Sent,
     Write,
 )
-from apad_bridge.acoustics.serial.serial_port import BytesRead, Lost, Opened, SerialPort
 
 Result = Sent | Heard | Dropped | Reported
 

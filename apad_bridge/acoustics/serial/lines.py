@@ -14,11 +14,11 @@ from pathlib import Path
 from agents import coordinator
 from agents.mussel.outputs import SoundSent
 from agents.packet_medium import Medium
+from agents.serial_port import SerialPort
 from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
 from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, Sent
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
-from apad_bridge.acoustics.serial.serial_port import SerialPort
 from apad_bridge.mission.events import Send, SoundHeard
 from apad_bridge.mission.orders import Note
 

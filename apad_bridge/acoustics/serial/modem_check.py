@@ -11,7 +11,7 @@ import threading
 import time
 from pathlib import Path
 
-from apad_bridge.acoustics.serial.serial_port import BytesRead, SerialPort
+from agents.serial_port import BytesRead, SerialPort
 from apad_bridge.doctor.finding import Finding, fail, ok
 
 _ANSWER_S, _ECHO_S, _POLL_S = 2.0, 6.0, 0.03

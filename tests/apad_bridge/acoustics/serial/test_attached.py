@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.modem.frames import FrameKind
+from agents.serial_port import SerialPort
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
 from apad_bridge.acoustics.serial.nanomodem import (
     Direction,
@@ -19,7 +20,6 @@ from apad_bridge.acoustics.serial.nanomodem import (
     Sent,
     Stage,
 )
-from apad_bridge.acoustics.serial.serial_port import SerialPort
 
 Make = Callable[..., Any]
 

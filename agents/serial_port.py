@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from typing import Any
 
 import serial
 
-BAUD = 9600
+NANOMODEM_BAUD = 9600
 _FIRST_RETRY_S = 0.25
 _LAST_RETRY_S = 8.0
 
@@ -35,8 +36,11 @@ Event = Opened | Lost | BytesRead
 class SerialPort:
     """A port owned by one thread, which calls `poll` at any rate. `clock` gives wall seconds, for the back-off alone."""
 
-    def __init__(self, path: str, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, path: str, clock: Callable[[], float] = time.monotonic, baud: int = NANOMODEM_BAUD
+    ) -> None:
         self.path = path
+        self._baud = baud
         self.why_closed = "it has not been opened yet"
         self._clock = clock
         self._port: Any = None
@@ -64,6 +68,15 @@ class SerialPort:
         events, self._events = self._events, []
         return events
 
+    def wait(self, timeout_s: float) -> None:
+        """Waits until there are bytes, the port is lost, or it is time to open it; `timeout_s` at most."""
+        poll = select.poll()
+        if self._port is None:
+            timeout_s = min(timeout_s, max(0.0, self._next_try_s - self._clock()))
+        else:
+            poll.register(self._port.fileno(), select.POLLIN)
+        poll.poll(1000 * timeout_s)
+
     def write(self, data: bytes) -> None:
         """Writes bytes; they are lost if the port is closed, or lost now. `poll` then returns Lost, once."""
         if self._port is None:
@@ -81,7 +94,7 @@ class SerialPort:
     def _open(self) -> None:
         try:
             # Exclusive: two programs that command one modem would read each other's answers.
-            self._port = serial.Serial(self.path, BAUD, timeout=0, write_timeout=1.0, exclusive=True)
+            self._port = serial.Serial(self.path, self._baud, timeout=0, write_timeout=1.0, exclusive=True)
         except (OSError, ValueError) as error:
             self.why_closed = str(error)
             self._schedule_retry()
