@@ -73,16 +73,12 @@ def deviations_of(seed: int, agent_id: int, of: bytes) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareConfig:
-    """Somebody's firmware: an executable and its arguments, on the boards of these ids."""
+    """Somebody's firmware on the boards of these ids."""
 
-    command: tuple[str, ...] = ()
-    """Empty for ours."""
+    command: tuple[str, ...]
+    """An executable and its arguments, or `serial:DEVICE`."""
     agent_ids: tuple[int, ...] = ()
-    """Empty for all aMussels."""
-
-    def of(self, agent_id: int) -> tuple[str, ...]:
-        """The command of one aMussel; empty for our firmware."""
-        return self.command if not self.agent_ids or agent_id in self.agent_ids else ()
+    """Empty for all aMussels that no other firmware names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +104,8 @@ class FleetConfig:
     flash_pages: int = PAGES
     """Flash pages of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
     spread: Spread = Spread()
-    firmware: FirmwareConfig = FirmwareConfig()
+    firmware: tuple[FirmwareConfig, ...] = ()
+    """Somebody's firmware; the boards that none of them has have ours."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -133,7 +130,9 @@ class FleetConfig:
                 "current": CurrentConfig.from_wire(wire["current"]),
                 "waters": {key: Waters.from_wire(it) for key, it in wire["waters"].items()},
                 "spread": Spread(**wire["spread"]),
-                "firmware": FirmwareConfig(**{key: tuple(it) for key, it in wire["firmware"].items()}),
+                "firmware": tuple(
+                    FirmwareConfig(tuple(it["command"]), tuple(it["agent_ids"])) for it in wire["firmware"]
+                ),
             }
         )
 
@@ -211,7 +210,14 @@ class AgentConfigs:
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
         applied = fleet.spread.applied(board, fleet.seed)
-        return AgentConfig(applied, self._water, fleet.reports, fleet.firmware.of(agent_id))
+        return AgentConfig(applied, self._water, fleet.reports, self._firmware(agent_id))
+
+    def _firmware(self, agent_id: int) -> tuple[str, ...]:
+        # One that names the aMussel goes before one for all that are left.
+        for firmware in sorted(self._fleet.firmware, key=lambda it: not it.agent_ids):
+            if not firmware.agent_ids or agent_id in firmware.agent_ids:
+                return firmware.command
+        return ()
 
     def _slot(self, agent_id: int) -> int:
         return self._slots[agent_id] if self._slots else agent_id - self._fleet.first_id

@@ -111,7 +111,7 @@ def turn_us(board: Path) -> float:
 
 def fleet_row(agents: int, board: Path | None) -> dict[str, Any]:
     states = {n: resting_on_bottom(n, 0.0, 3.0, 0.9, 1.0) for n in range(1, agents + 1)}
-    firmware = FirmwareConfig() if board is None else FirmwareConfig((str(board),))
+    firmware = () if board is None else (FirmwareConfig((str(board),)),)
     kind = "ours" if board is None else "C"
     with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
         prepare(run_dir, replace(PAPER, firmware=firmware), states)

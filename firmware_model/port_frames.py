@@ -16,6 +16,9 @@ from enum import IntEnum
 VERSION = 1
 COUNTER_HZ = 32_768
 MAX_PAYLOAD = 1024
+OUT_OF_COUNT = 0xFFFF_FFFF
+"""The sequence of a HELLO on a serial line that is no part of the exchange: from the bench it restarts the board, and from
+the board it tells that the board has begun anew."""
 MOST_FRAMES = 10_000
 """A board that sends so many frames in one turn does not come to an end."""
 _HEAD = struct.Struct("<BBHII")
@@ -122,6 +125,8 @@ class FrameReader:
 
     def __init__(self) -> None:
         self._rest = b""
+        self.damaged = 0
+        """The pieces of a noisy stream that were no frame."""
 
     def feed(self, data: bytes) -> Iterator[Frame]:
         """The frames that end in `data`, in order; BadFrame for one that is none, and for a frame without an end."""
@@ -131,6 +136,18 @@ class FrameReader:
                 yield Frame.decode(encoded)
         if len(self._rest) > _MAX_ENCODED:
             raise BadFrame("a frame without an end")
+
+    def feed_noisy(self, data: bytes) -> Iterator[Frame]:
+        """The frames that end in `data`, in order. Anything else is left out and counted."""
+        *whole, self._rest = (self._rest + data).split(b"\0")
+        for encoded in filter(None, whole):
+            try:
+                yield Frame.decode(encoded)
+            except BadFrame:
+                self.damaged += 1
+        if len(self._rest) > _MAX_ENCODED:
+            self._rest = b""
+            self.damaged += 1
 
 
 def _stuffed(data: bytes) -> bytes:

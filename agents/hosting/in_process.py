@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from agents.fleet import FirmwareConfig, FleetConfig
+from agents.fleet import FleetConfig
 from agents.hosting.host import Death, Grant, Reply
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Output, Truth
@@ -21,7 +21,7 @@ class InProcessHost:
     def __init__(self, fleet: FleetConfig, initial_states: Mapping[int, Physical]) -> None:
         self._codec = load_codec(fleet.codec)
         # Without processes there is none for somebody's firmware: ours stands in.
-        self._configs = replace(fleet, firmware=FirmwareConfig()).maker()
+        self._configs = replace(fleet, firmware=()).maker()
         self._flashes = {agent_id: MemoryFlash(fleet.flash_pages) for agent_id in initial_states}
         self._agents = {
             agent_id: self._boot(agent_id, physical, 0, ResetCause.POWER_ON)

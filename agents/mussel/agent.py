@@ -45,8 +45,8 @@ from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
     from agents.mussel.defects import Defects
-    from agents.mussel.firmware_process import FirmwareProcess
     from agents.mussel.logbook import Logbook
+    from agents.mussel.port_firmware import PortFirmware
     from firmware_model.hardware.worst_case import WorstCaseHardware
     from firmware_model.port import FirmwareLike
     from firmware_model.sampling.flash import Flash
@@ -60,7 +60,7 @@ class AgentConfig:
     water: WaterConfig
     reports: ReportConfig
     firmware: tuple[str, ...] = ()
-    """The program on its board, an executable and its arguments; empty for ours."""
+    """Somebody's firmware on its board, as `port_firmware.link_to` takes it; empty for ours."""
 
 
 class Agent:
@@ -84,7 +84,7 @@ class Agent:
         self._codec = codec
         self._flash = flash
         self._defects: Defects | None = None
-        self._process: FirmwareProcess | None = None
+        self._others: PortFirmware | None = None
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
@@ -139,16 +139,18 @@ class Agent:
 
     def _make_firmware(self, hardware: WorstCaseHardware) -> FirmwareLike:
         # Imported here: few agents have another program than ours.
-        from agents.mussel.firmware_process import FirmwareProcess
+        from agents.mussel.port_firmware import PortFirmware, link_to
 
         config = self.config
-        self._process = FirmwareProcess(config.firmware, config.board, hardware, config.water.seed)
-        return self._process
+        self._others = PortFirmware(
+            lambda: link_to(config.firmware), config.board, hardware, config.water.seed
+        )
+        return self._others
 
     def close(self) -> None:
-        """Ends the process of its firmware, if that has one."""
-        if self._process is not None:
-            self._process.close()
+        """Ends the link to somebody's firmware, if its board has one."""
+        if self._others is not None:
+            self._others.close()
 
     def _open_logbook(self, physical: Physical) -> Logbook:
         # Imported here: the paper's worst case has no log.

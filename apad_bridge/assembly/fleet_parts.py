@@ -18,7 +18,7 @@ from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_deviation_um
 from apad_bridge.assembly.water import current_config, waters_config
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
-from apad_bridge.scenario.schema import FirmwareProgram, Scenario
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, WithoutWater
 
@@ -42,14 +42,10 @@ def fleet_config(config: FlightConfig) -> FleetConfig:
         agent_ids=scenario.fleet.agent_ids,
         clock_drift_ppb=clock_drift_ppb(scenario.board),
         spread=spread_of(scenario),
-        firmware=_firmware(scenario.fleet.firmware),
+        firmware=tuple(
+            FirmwareConfig((it.executable, *it.arguments), it.agents) for it in scenario.fleet.firmware
+        ),
     )
-
-
-def _firmware(program: FirmwareProgram | None) -> FirmwareConfig:
-    if program is None:
-        return FirmwareConfig()
-    return FirmwareConfig((program.executable, *program.arguments), program.agents)
 
 
 def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:

@@ -6,8 +6,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.firmware_process import FirmwareProcess
+from agents.mussel.port_firmware import PortFirmware, link_to
 from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench import Bench
 from firmware_model.bench.trace import clock, line
@@ -19,7 +20,9 @@ from firmware_model.table_one import worst_case_board
 
 
 def is_program(path: Path) -> bool:
-    """True for a file that can be executed and is no script of a board."""
+    """True for a file that can be executed and is no script of a board, and for `serial:DEVICE`."""
+    if str(path).startswith(SERIAL):
+        return True
     return path.suffix not in (".yaml", ".yml") and path.is_file() and os.access(path, os.X_OK)
 
 
@@ -51,13 +54,19 @@ def run_program(path: Path) -> int:
 
 
 def bench_of(path: Path, primary: float = 1.0) -> Bench:
-    """A board of the worst case with this program on it; UserError if the file is none."""
+    """A board of the worst case with this program on it, or a real one; UserError if there is none."""
     if not is_program(path):
         raise UserError(f"{path} is no program: compile it, and check that it may be executed (chmod +x)")
-    command = (str(path.absolute()),)
+    try:
+        line = serial_line(str(path))
+    except ValueError as error:
+        raise UserError(f"{path}: {error}") from None
+    if line is not None and not Path(line[0]).exists():
+        raise UserError(f"{path}: there is no such device; is the board plugged in?")
+    command = (str(path.absolute() if line is None else path),)
     config = worst_case_board()
 
     def firmware(hardware: WorstCaseHardware) -> FirmwareLike:
-        return FirmwareProcess(command, config, hardware, seed=1)
+        return PortFirmware(lambda: link_to(command), config, hardware, seed=1)
 
     return Bench(config, primary=primary, firmware=firmware)

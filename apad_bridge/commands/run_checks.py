@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from agents.mussel.board_link import serial_line
 from apad_bridge.doctor.finding import Status
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
@@ -28,6 +29,7 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
     UserError for a mistake, or on red; PeerFailed for somebody's master that does not answer.
     """
     _check_modems(options, scenario)
+    _check_boards(options, scenario)
     if scenario.apads:
         _refuse_for_several(options, scenario)
     check_real_vehicle(options, scenario)
@@ -127,6 +129,24 @@ def _check_modems(options: RunOptions, scenario: Scenario) -> None:
         _check_opened(options, scenario)
     if options.modem:
         _check_physical(options, scenario)
+
+
+def _check_boards(options: RunOptions, scenario: Scenario) -> None:
+    """UserError, with the mend, for a real board on a serial line that cannot be flown so."""
+    if options.part is Part.MISSION or options.dry_run:
+        return
+    for program in scenario.fleet.firmware:
+        line = serial_line(program.executable)
+        if line is None:
+            continue
+        if options.time is TimeSource.ASAP or options.speed != 1:
+            raise UserError(
+                f"fleet.firmware {program.executable}: a real board takes real time: use --time wall, without --speed"
+            )
+        if not Path(line[0]).exists():
+            raise UserError(
+                f"fleet.firmware {program.executable}: there is no such device; is the board plugged in?"
+            )
 
 
 def _check_opened(options: RunOptions, scenario: Scenario) -> None:

@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     if find_spec("pyarrow") is None:
         raise UserError("pyarrow, which writes the results, is missing: run launch_scripts/install")
     plan = _plan_of(arguments)
-    if any(it.fleet.firmware is not None for it in plan.named):
+    if any(it.fleet.firmware for it in plan.named):
         print("a study flies our firmware in place of fleet.firmware", file=sys.stderr)
     workers = _workers(arguments) if arguments.dask is None else _on_dask(arguments)
     is_table_two = arguments.study == TABLE_TWO

@@ -161,7 +161,7 @@ def open_fleet(
         initial_states = fleet_parts.initial_states(scenario, starts)
         host: InProcessHost | ProcessHost = InProcessHost(fleet_parts.fleet_config(config), initial_states)
     else:
-        looks_ahead = config.sea is None and config.board.whole is None and scenario.fleet.firmware is None
+        looks_ahead = config.sea is None and config.board.whole is None and not scenario.fleet.firmware
         nursery = nursery or begin_nursery(scenario, starts, run_dir)
         folder = run_dir / FOLDER
         try:

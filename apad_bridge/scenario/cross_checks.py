@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
+from agents.mussel.board_link import serial_line
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
 from apad_bridge.scenario.chart import chart_of
@@ -21,7 +22,7 @@ from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
-from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.schema import DriftMode, FirmwareProgram, FullWhen, HearingMode, Scenario
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.scenario.water import Water
 from firmware_model.power.rails import Rail
@@ -234,23 +235,51 @@ def _check_fleet(scenario: Scenario) -> list[Contradiction]:
 
 
 def _check_firmware(scenario: Scenario) -> Iterator[Contradiction]:
-    firmware, board = scenario.fleet.firmware, scenario.board
-    if firmware is None:
+    fleet, board = scenario.fleet, scenario.board
+    if not fleet.firmware:
         return
-    if not os.access(firmware.executable, os.X_OK) or not os.path.isfile(firmware.executable):
-        yield "fleet.firmware.executable", f"no program that can be executed: {firmware.executable}"
     if board.whole is not None:
         yield "fleet.firmware", "it runs on the board of the worst case: set board.profile: worst-case"
-    if scenario.fleet.hosting is Hosting.ONE_PROCESS:
+    if fleet.hosting is Hosting.ONE_PROCESS:
         yield "fleet.firmware", "it needs a process for each aMussel: set fleet.hosting: processes"
-    if unknown := sorted(set(firmware.agents) - set(scenario.fleet.all_ids)):
-        yield "fleet.firmware.agents", f"the fleet has no aMussel {unknown[0]}"
     for key in ("float_timeout_s", "surfacing_timeout_s", "release_wait_s"):
         if (getattr(board, key) or 0) > _LONGEST_ALARM_S:
             yield (
                 f"board.{key}",
                 f"with fleet.firmware it is {_LONGEST_ALARM_S} s at most: half of the board's counter",
             )
+    named: set[int] = set()
+    for n, program in enumerate(fleet.firmware):
+        key = f"fleet.firmware[{n}]"
+        if unknown := sorted(set(program.agents) - set(fleet.all_ids)):
+            yield f"{key}.agents", f"the fleet has no aMussel {unknown[0]}"
+        if twice := sorted(named & set(program.agents)):
+            yield f"{key}.agents", f"aMussel {twice[0]} has another firmware already"
+        named |= set(program.agents)
+        yield from _check_program(scenario, program, key)
+    for n, _ in [it for it in enumerate(fleet.firmware) if not it[1].agents][1:]:
+        yield f"fleet.firmware[{n}]", "another firmware has all aMussels that are left: name its `agents`"
+
+
+def _check_program(scenario: Scenario, program: FirmwareProgram, key: str) -> Iterator[Contradiction]:
+    try:
+        line = serial_line(program.executable)
+    except ValueError as error:
+        yield f"{key}.executable", str(error)
+        return
+    if line is None:
+        if not os.access(program.executable, os.X_OK) or not os.path.isfile(program.executable):
+            yield f"{key}.executable", f"no program that can be executed: {program.executable}"
+        return
+    if scenario.theta != 1:
+        yield (
+            f"{key}.executable",
+            f"a real board cannot be accelerated, and theta is {scenario.theta}: say theta: 1",
+        )
+    if program.arguments:
+        yield f"{key}.arguments", "a real board takes none: leave them out"
+    if len(program.agents or scenario.fleet.all_ids) != 1:
+        yield f"{key}.agents", "a serial line has one board: name its aMussel, as agents: [3]"
 
 
 def _check_board(scenario: Scenario) -> Iterator[Contradiction]:

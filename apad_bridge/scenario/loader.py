@@ -18,6 +18,7 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from agents.mussel.board_link import SERIAL
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.explained import abbreviated, explain
@@ -33,11 +34,11 @@ _SCENARIO = TypeAdapter(Scenario)
 SHIPPED = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
 """The folder of the scenarios that come with musselbed."""
 
-# Keys that hold the name of a file or directory, relative to the scenario's own.
+# Keys that hold the name of a file or directory, relative to the scenario's own; `*` is each entry of a list.
 _FILE_KEYS = (
     ("fleet", "start"),
     ("fleet", "drift", "current_file"),
-    ("fleet", "firmware", "executable"),
+    ("fleet", "firmware", "*", "executable"),
     ("water", "links_file"),
     ("water", "current", "file"),
     ("apad", "interface"),
@@ -67,6 +68,7 @@ def load(path: Path) -> Scenario:
         data = parse_yaml(text)
     except ValueError as error:
         raise ScenarioError([f"{path}: {error}"]) from error
+    data = _with_firmware(data)
     _make_absolute(data, path.parent.absolute())
     return from_data(data, str(path))
 
@@ -96,7 +98,7 @@ def from_data(data: Any, source: str) -> Scenario:
     try:
         # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
         scenario = _SCENARIO.validate_json(
-            json.dumps(_with_batch(_with_ids(with_profiles(data)))), strict=True
+            json.dumps(_with_batch(_with_ids(with_profiles(_with_firmware(data))))), strict=True
         )
     except ValidationError as error:
         lines = [
@@ -140,11 +142,13 @@ def write_with_files(path: Path, scenario: Scenario) -> None:
     OSError for a file that is gone.
     """
     data = resolve(scenario)
-    for _, block, key in _file_entries(data):
+    for whole_key, block, key in _file_entries(data):
         named = Path(block[key])
         if key == "start":
             named = table_of(named)
-        copy = path.parent / path.stem / key / named.name
+        # Two entries of a list may name files alike, in folders of their own.
+        folder = whole_key if "[" in whole_key else key
+        copy = path.parent / path.stem / folder / named.name
         if copy.exists() and copy.samefile(named):
             continue
         copy.parent.mkdir(parents=True, exist_ok=True)
@@ -196,12 +200,25 @@ def _file_entries(data: Any) -> list[tuple[str, dict[str, Any], str]]:
     """Returns (whole key, mapping, key) of every file name in the data, which may not be valid yet."""
     entries = []
     for *blocks, key in _FILE_KEYS:
-        place = data
+        places: list[tuple[tuple[str, ...], Any]] = [((), data)]
         for block in blocks:
-            place = place.get(block) if isinstance(place, dict) else None
-        if isinstance(place, dict) and isinstance(place.get(key), str) and place[key] not in PAPER_CHARTS:
-            entries.append((".".join((*blocks, key)), place, key))
+            places = [found for place in places for found in _below(*place, block)]
+        for path, place in places:
+            if isinstance(place, dict) and isinstance(place.get(key), str) and _is_file(place[key]):
+                entries.append((".".join((*path, key)), place, key))
     return entries
+
+
+def _below(path: tuple[str, ...], place: Any, block: str) -> list[tuple[tuple[str, ...], Any]]:
+    """The places (path, data) of a block's key; those of all entries for `*`."""
+    if block != "*":
+        return [((*path, block), place.get(block) if isinstance(place, dict) else None)]
+    entries = place if isinstance(place, list) else []
+    return [((*path[:-1], f"{path[-1]}[{n}]"), it) for n, it in enumerate(entries)]
+
+
+def _is_file(name: str) -> bool:
+    return name not in PAPER_CHARTS and not name.startswith(SERIAL)
 
 
 def _make_absolute(data: Any, directory: Path) -> None:
@@ -258,6 +275,17 @@ def _with_batch(data: dict[str, Any]) -> dict[str, Any]:
     # Only a number of docks that the schema accepts, so that a wrong one is told of once.
     batch = docks if type(docks) is int and 1 <= docks <= MAX_DOCKS else PAPER_DOCKS
     return {**data, "mission": {**mission, "batch": batch}}
+
+
+def _with_firmware(data: Any) -> Any:
+    """The fleet's firmware as a list: the name of a program, or one mapping, stands for a list of it alone."""
+    fleet = data.get("fleet") if isinstance(data, dict) else None
+    if not isinstance(fleet, dict) or "firmware" not in fleet or isinstance(fleet["firmware"], list):
+        return data
+    firmware = fleet["firmware"]
+    if isinstance(firmware, str):
+        firmware = {"executable": firmware}
+    return {**data, "fleet": {**fleet, "firmware": [] if firmware is None else [firmware]}}
 
 
 def _with_ids(data: dict[str, Any]) -> dict[str, Any]:

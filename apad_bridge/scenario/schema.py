@@ -130,10 +130,10 @@ class FirmwareProgram:
     """Somebody's firmware on the aMussels' boards: docs/firmware-port.md."""
 
     executable: str
-    """Relative to the scenario file."""
+    """Relative to the scenario file; or `serial:DEVICE`, a real board on a serial line."""
     arguments: tuple[str, ...] = ()
     agents: tuple[AgentId, ...] = ()
-    """The ids that it runs on; empty for all."""
+    """The ids that it runs on; empty for all that no other firmware names."""
 
 
 @frozen
@@ -151,8 +151,8 @@ class Fleet:
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
     spread: Spread = Spread()
-    firmware: FirmwareProgram | None = None
-    """A program in a process of its own on each board, which has to be the worst case; without it ours."""
+    firmware: tuple[FirmwareProgram, ...] = ()
+    """Somebody's firmware on boards, which have to be the worst case; the others have ours."""
 
     def __post_init__(self) -> None:
         ids = self.agent_ids

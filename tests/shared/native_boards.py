@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.mussel.firmware_process import FirmwareProcess
+from agents.mussel.port_firmware import PortFirmware, link_to
 from firmware_model.bench import Bench
 from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig
@@ -38,7 +38,7 @@ def script(directory: Path, text: str, name: str = "board") -> Path:
 
 
 def maker(config: BoardConfig, *command: str, timeout_s: float = 30.0) -> MakeFirmware:
-    return lambda hardware: FirmwareProcess(command, config, hardware, seed=1, timeout_s=timeout_s)
+    return lambda hardware: PortFirmware(lambda: link_to(command, timeout_s), config, hardware, seed=1)
 
 
 def bench(config: BoardConfig, program: Path, primary: float = 1.0, timeout_s: float = 30.0) -> Bench:

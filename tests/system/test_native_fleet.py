@@ -48,7 +48,7 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def started(directory: Path, board: Path, agent_ids: tuple[int, ...] = ()) -> ProcessHost:
-    fleet = replace(PAPER, firmware=FirmwareConfig((str(board),), agent_ids))
+    fleet = replace(PAPER, firmware=(FirmwareConfig((str(board),), agent_ids),))
     return ProcessHost.start(directory, fleet, BIRTHS, window_timeout_s=PATIENCE_S, restart_policy=PATIENT)
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from native_boards import bench, compiled, script
 
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.firmware_process import FirmwareProcess
+from agents.mussel.port_firmware import PortFirmware
 from firmware_model.actions import Action, StateChanged, StateReported
 from firmware_model.bench import Bench
 from firmware_model.packets import Beacon, CommandPacket, Kind, StatusPacket
@@ -193,7 +193,7 @@ def alive(pid: int) -> bool:
 
 def pid_of(on: Bench) -> int:
     firmware = on.board.firmware
-    assert isinstance(firmware, FirmwareProcess)
+    assert isinstance(firmware, PortFirmware)
     pid = firmware.pid
     assert pid is not None
     return pid
@@ -201,7 +201,7 @@ def pid_of(on: Bench) -> int:
 
 ENDS: dict[str, Callable[[Bench], object]] = {
     "a reset": lambda it: it.reset(ResetCause.BROWN_OUT),
-    "close": lambda it: it.board.firmware.close() if isinstance(it.board.firmware, FirmwareProcess) else None,
+    "close": lambda it: it.board.firmware.close() if isinstance(it.board.firmware, PortFirmware) else None,
 }
 
 
