@@ -195,6 +195,10 @@ def test_a_persons_stop_that_is_not_taken_is_bad_where_the_vehicle_is_within_rea
     assert len(judged([*sailing(STOPS_S), *go(), *off(STOPS_S)], **refused).failures) == 1
     assert judged(stands, must_take=False, **refused).failures == ["no stop on the wire"]
     assert judged(stands, must_take=False, may_stand=True, **refused).failures == []
+    held = [*sailing(8.0), *go(), *hold(8.0, (10 + SPEED_M_S * 8.0, 30.0))]
+    later = [*held, *hold(16.0, (10 + SPEED_M_S * 8.0, 30.0), WATCHDOG)]
+    assert judged(later, must_take=False, **refused).stop_s == 6.0
+    assert judged(later, must_take=False, may_stand=True, **refused).stop_s == 0.0
     gone_on = [*stands, *go(9.0)]
     assert judged(gone_on, must_take=False, may_stand=True, **refused).stop_s is None
 

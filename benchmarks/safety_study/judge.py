@@ -302,8 +302,9 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     kinds = (Kind.HOLD, Kind.OFF) if case.must_be is None else (case.must_be,)
     stops = (it for it in ours if it.at_s >= case.begun_s and it.kind in kinds)
     stop = min(stops, key=lambda it: it.at_s, default=None) if case.is_stop_due else None
-    if case.may_stand and stop is None and (known := _followed(orders, case.begun_s)) is not None:
-        stop = known if known.kind in kinds else None
+    known = _followed(orders, case.begun_s) if case.may_stand else None
+    if known is not None and known.kind in kinds:
+        stop = known
     verdict.failures += case.other_faults
     _judge_stop(verdict, stop, case, track)
     _judge_places(verdict, ours, case, track)
