@@ -44,7 +44,7 @@ class Go2Point:
             server, GoToPointAction, self._take_goal, self._cancel_goal, auto_start=False
         )
         self.lock = self._server.lock
-        self._goals = rospy.Publisher(f"{server}/goal", GoToPointActionGoal, queue_size=16)
+        self._goal_topic = rospy.Publisher(f"{server}/goal", GoToPointActionGoal, queue_size=16)
 
     def start(self) -> None:
         self._server.start()
@@ -93,7 +93,7 @@ class Go2Point:
         message.goal.T2.point.x, message.goal.T2.point.y = order.north_m, order.east_m
         message.goal.speed, message.goal.victory_radius = order.speed_m_s, order.victory_radius_m
         self._server.internal_goal_callback(message)
-        self._goals.publish(message)
+        self._goal_topic.publish(message)
 
     def _end(self, ended: GoToEnded) -> None:
         handle, self._running = self._running, None
