@@ -109,14 +109,15 @@ def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[C
     stopping = Stopping(
         scenario.apad.max_acceleration_m_s2, options.coasting_m, options.coasting_speed_m_s or 1.0
     )
+    most_m_s = options.speed_limit_m_s or math.inf
     outside = Reaction.RETURN if options.outside is WhenOutside.RETURN else Reaction.HOLD
     checks: list[Check] = [
         PositionIsGood(),
         IsInWaters(waters, outside),
-        CanStopInWaters(waters, stopping),
+        CanStopInWaters(waters, stopping, most_m_s),
         EndsInTime(options.leg_s or math.inf),
         MakesProgress(),
-        KeepsClearOfAPads(options.bodies_m, stopping),
+        KeepsClearOfAPads(options.bodies_m, stopping, most_m_s),
     ]
     if options.speed_limit_m_s is not None:
         checks.append(SpeedIsAllowed(options.speed_limit_m_s))

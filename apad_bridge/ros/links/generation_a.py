@@ -196,8 +196,8 @@ class GenerationALink(LegacyLink[GenerationACore]):
             self._inbox.drop(f"controllers cannot be switched off: {failed}")
 
     def _send(self, order: GoalOrder) -> None:
-        if order.pre_empts:
-            self._cancels.publish(GoalID())  # of every client
+        for key in order.ends:
+            self._cancels.publish(GoalID(id=key))
         self._goals.publish(_goal_message(order))
 
     def _switch_off(self) -> None:

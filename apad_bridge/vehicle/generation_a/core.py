@@ -217,7 +217,8 @@ class GenerationACore:
         match command:
             case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
                 pre_empts = isinstance(command, Hold) and command.pre_empts
-                order = GoalOrder(key, GO_TO, north_m, east_m, pre_empts=pre_empts)
+                ends = (*self._goals, *self._server.others_under_way) if pre_empts else ()
+                order = GoalOrder(key, GO_TO, north_m, east_m, pre_empts=pre_empts, ends=ends)
                 progress = GoToProgress(north_m, east_m, SERVER_SILENT_MS, now_ms, self.readings.pose)
                 self._post = command if isinstance(command, Hold) else None
                 self._away_ms = None

@@ -58,6 +58,8 @@ class GoalOrder:
     """The aMussel that is called `name`; 0 for a go-to."""
     pre_empts: bool = field(default=False, compare=False)
     """A stop's: it takes the vehicle from every other client."""
+    ends: tuple[str, ...] = field(default=(), compare=False)
+    """The goals to cancel before a stop's, by key. A cancel of all could overtake the stop's own goal, and end it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,11 @@ class ServerWatch:
         return bool(self._running)
 
     @property
+    def others_under_way(self) -> list[str]:
+        """Keys of other parties' goals that run, or were seen on their way to the server since the newest status."""
+        return sorted(self._running | (set(self._clients) - (self._others or set())))
+
+    @property
     def pilot_runs(self) -> bool:
         """A goal of a node by which a pilot steers was under way at the newest status."""
         return any(self.client_of(key) in self._pilots for key in self._running)

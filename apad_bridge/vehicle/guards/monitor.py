@@ -123,13 +123,15 @@ class CanStopInWaters:
 
     waters: Waters
     stopping: Stopping
+    most_m_s: float = math.inf
+    """The greatest allowed speed, which the noise of positions alone does not exceed (`_believed_m_s`)."""
     cause: Cause = Cause.AHEAD
 
     def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
-        place_m, speed_m_s = situation.place_m, situation.speed_m_s
+        place_m, speed_m_s = situation.place_m, _believed_m_s(situation, self.most_m_s)
         if place_m is None or speed_m_s == 0.0 or self.waters.fault_of_place(place_m):
             return None
-        there_m = _place_at_rest(place_m, situation, self.stopping)
+        there_m = _place_at_rest(place_m, situation, self.stopping, speed_m_s)
         if not (fault := self.waters.fault_of_place(there_m)):
             return None
         return Finding(
@@ -145,12 +147,15 @@ class KeepsClearOfAPads:
 
     least_m: float
     stopping: Stopping
+    most_m_s: float = math.inf
+    """The greatest allowed speed, as for the fence ahead."""
     cause: Cause = Cause.ANOTHER_APAD
 
     def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
-        if situation.place_m is None or situation.speed_m_s == 0.0:
+        speed_m_s = _believed_m_s(situation, self.most_m_s)
+        if situation.place_m is None or speed_m_s == 0.0:
             return None
-        there_m = _place_at_rest(situation.place_m, situation, self.stopping)
+        there_m = _place_at_rest(situation.place_m, situation, self.stopping, speed_m_s)
         for body in situation.bodies:
             near_m = math.dist(there_m, body.place_m)
             if body.agent_id is None and near_m < min(
@@ -163,10 +168,19 @@ class KeepsClearOfAPads:
         return None
 
 
-def _place_at_rest(place_m: Point, situation: Situation, stopping: Stopping) -> Point:
-    """The place at which a moving vehicle comes to rest if it is told to stop now."""
-    seconds = DELAY_S + stopping.way_m(situation.speed_m_s) / situation.speed_m_s
-    return place_m[0] + situation.velocity_m_s[0] * seconds, place_m[1] + situation.velocity_m_s[1] * seconds
+def _believed_m_s(situation: Situation, most_m_s: float) -> float:
+    """The measured speed up to the allowed one, for which the clearance has room; more only as far as it is sure.
+
+    At 0.5 m/s, positions with a noise of 0.5 m measure up to 1.5 m/s.
+    """
+    return min(situation.speed_m_s, max(most_m_s, situation.least_speed_m_s))
+
+
+def _place_at_rest(place_m: Point, situation: Situation, stopping: Stopping, speed_m_s: float) -> Point:
+    """The place at which a vehicle of this speed comes to rest if it is told to stop now."""
+    way_m = speed_m_s * DELAY_S + stopping.way_m(speed_m_s)
+    north, east = (it / situation.speed_m_s for it in situation.velocity_m_s)
+    return place_m[0] + north * way_m, place_m[1] + east * way_m
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,8 @@ from apad_bridge.vehicle.guards.orders import Point
 
 VELOCITY_MS = 2_000
 """The velocity is the mean over the newest positions of so long."""
+LEAST_SPEED_MS = 5_000
+"""The least speed is judged over ways of at most so long: noise hides less of a longer one."""
 SETTLED_MS = 10_000
 """A position that has jumped is believed again after so long without another jump."""
 PLACE_ERROR_M = 0.1
@@ -126,7 +128,7 @@ class PositionWatch:
     def __init__(self, limits: PositionLimits) -> None:
         self._limits = limits
         self._poses: deque[PoseReported] = deque()
-        """The poses of the last `VELOCITY_MS`, the newest last."""
+        """The poses of the last `LEAST_SPEED_MS`, the newest last."""
         self._witnesses: deque[PoseReported] = deque()
         """The poses of the last `WITNESS_MS` since the vehicle is under way, the newest last."""
         self._clock = _VehicleClock()
@@ -153,21 +155,28 @@ class PositionWatch:
 
     @property
     def velocity_m_s(self) -> Point:
-        seconds, _ = self._span_s()
+        if len(self._poses) < 2:
+            return (0.0, 0.0)
+        last, earlier = self._poses[-1], list(self._poses)[-2::-1]
+        first = next((it for it in earlier if _span_ms(it, last) >= VELOCITY_MS), earlier[-1])
+        seconds = _span_ms(first, last) / 1000
         if seconds <= 0.0:
             return (0.0, 0.0)
-        first, last = self._poses[0], self._poses[-1]
         return (last.north_m - first.north_m) / seconds, (last.east_m - first.east_m) / seconds
 
     @property
     def least_speed_m_s(self) -> float:
-        """The speed that the vehicle makes at least, by the errors of places and times."""
-        seconds, error_s = self._span_s()
-        if seconds <= 0.0:
-            return 0.0
-        way_m = math.dist(_place(self._poses[0]), _place(self._poses[-1]))
+        """The speed that the vehicle makes at least, by the errors of places and times; 0 where it turns."""
+        poses = list(self._poses)
         error_m = max(PLACE_ERROR_M, NOISE_ERRORS * self._noise_m)
-        return max(0.0, way_m - error_m) / (seconds + error_s)
+        least_m_s = 0.0
+        for before in poses[:-1]:
+            span_ms = _span_ms(before, poses[-1])
+            seconds = (span_ms + _error_ms(before, poses[-1])) / 1000
+            if span_ms >= VELOCITY_MS or (before is poses[0] and span_ms > 0):
+                way_m = math.dist(_place(before), _place(poses[-1]))
+                least_m_s = max(least_m_s, (way_m - error_m) / seconds)
+        return least_m_s
 
     @property
     def _noise_m(self) -> float:
@@ -205,7 +214,7 @@ class PositionWatch:
             self._poses.clear()  # no velocity across a jump
             self._witnesses.clear()
         self._poses.append(pose)
-        while len(self._poses) > 2 and _span_ms(self._poses[1], pose) >= VELOCITY_MS:
+        while len(self._poses) > 2 and _span_ms(self._poses[1], pose) >= LEAST_SPEED_MS:
             self._poses.popleft()
 
     def take_invalid(self, at_ms: int, reason: str) -> None:
@@ -328,13 +337,6 @@ class PositionWatch:
         seconds = (_span_ms(before, after) + _error_ms(before, after)) / 1000
         way_m = math.dist(_place(before), _place(after))
         return way_m > self._limits.jump_m + self._limits.speed_m_s * seconds
-
-    def _span_s(self) -> tuple[float, float]:
-        """The time between the oldest and the newest pose, and its error; (0, 0) before there are two."""
-        if len(self._poses) < 2:
-            return 0.0, 0.0
-        first, last = self._poses[0], self._poses[-1]
-        return _span_ms(first, last) / 1000, _error_ms(first, last) / 1000
 
 
 def _learned(known: float | None, newest: float) -> float:

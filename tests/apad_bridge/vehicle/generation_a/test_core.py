@@ -28,6 +28,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     DocksReceived,
     GoalCode,
     GoalOrder,
+    GoalSeen,
     GoalStatusEntry,
     GoalStatusReceived,
     HeldPositionReceived,
@@ -532,3 +533,22 @@ def test_a_goal_that_was_sent_to_a_silent_vehicle_is_sent_again_when_it_is_heard
         assert tells(core, now_ms) == []
     is_at(core, 35_000)
     assert tells(core, 35_000) == [CommandFailed(35_000, 1, "no action server took the goal within 5 s")]
+
+
+def test_a_stop_cancels_the_goals_that_run_and_those_on_their_way_by_their_keys(
+    core: GenerationACore,
+) -> None:
+    """A cancel of all could come after the stop's own goal, on another connection, and end it."""
+    core.command(THERE, 1_000)
+    says(core, 1_200, "run-1", GoalCode.ACTIVE)
+    words = (
+        GoalStatusEntry("run-1", GoalCode.ACTIVE),
+        GoalStatusEntry("/joy-1-2.0", GoalCode.ACTIVE),
+        GoalStatusEntry("/joy-0-1.0", GoalCode.SUCCEEDED),
+    )
+    core.receive(GoalStatusReceived(1_400, words, whole=True), 1_400)
+    core.receive(GoalSeen(1_500, "/neptus-7-3.0", GO_TO, 9.0, 9.0, "/neptus"), 1_500)
+    order = core.command(Hold(2, 1.0, 1.0, pre_empts=True), 1_600)
+    assert order is not None and set(order.ends) == {"run-1", "/joy-1-2.0", "/neptus-7-3.0"}
+    again = core.command(Hold(3, 1.0, 1.0), 1_700)
+    assert again is not None and again.ends == ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from dataclasses import replace
 
 import pytest
@@ -34,7 +35,7 @@ from apad_bridge.vehicle.guards.guards import (
     RoomToDock,
     SoundNumbers,
 )
-from apad_bridge.vehicle.guards.monitor import KeepsClearOfAPads, Stopping
+from apad_bridge.vehicle.guards.monitor import CanStopInWaters, KeepsClearOfAPads, Stopping
 from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 
@@ -263,3 +264,52 @@ def test_a_vehicle_comes_to_rest_before_it_is_too_near_to_another_apad(
     assert (check.look(situation, None, 0) is not None) is is_held
     amussel = replace(other, agent_id=7)
     assert check.look(replace(situation, bodies=(amussel,)), None, 0) is None
+
+
+STOPPING = Stopping(0.1, coasting_m=4.2, coasting_speed_m_s=0.6)
+"""Generation B's simulated hull, as launch_scripts/scenarios/real-apad.yaml has it."""
+
+
+def test_a_noisy_receiver_lets_no_healthy_vehicle_see_the_fence_ahead() -> None:
+    """Ten hours at 0.5 m/s, 11.5 m from a fence and from another aPad, with white noise of 0.5 m on each axis."""
+    waters = FencedWaters(Fence(((0.0, 0.0), (20_000.0, 0.0), (20_000.0, 23.0), (0.0, 23.0)), ()), 11.4)
+    noise, watch = random.Random(11), PositionWatch(PositionLimits())
+    ahead, others = CanStopInWaters(waters, STOPPING, 0.8), KeepsClearOfAPads(1.0, STOPPING, 0.8)
+    for n in range(36_000):
+        north_m = 1_000.0 + 0.5 * n
+        watch.take(
+            PoseReported(
+                1_000 * n, north_m + noise.gauss(0.0, 0.5), 11.5 + noise.gauss(0.0, 0.5), 0.0, 1_000 * n
+            )
+        )
+        situation = Situation(
+            watch.place_m,
+            watch.velocity_m_s,
+            watch.least_speed_m_s,
+            bodies=(Body("another aPad", (north_m, 0.0), None),),
+        )
+        assert ahead.look(situation, None, 1_000 * n) is None
+        assert others.look(situation, None, 1_000 * n) is None
+
+
+@pytest.mark.parametrize(
+    ("away_m", "speed_m_s", "least_m_s", "is_seen"),
+    [
+        # At 0.8 m/s: 0.8 m in the tick, and 4.2 m x (0.8 / 0.6)^2 = 7.47 m of coasting, 8.27 m in all.
+        (8.2, 0.8, 0.7, True),
+        (8.4, 0.8, 0.7, False),
+        # More is believed as far as it is sure: at 1.2 m/s 1.2 m and 16.8 m.
+        (8.4, 1.5, 0.7, False),
+        (17.9, 1.5, 1.2, True),
+        (18.1, 1.5, 1.2, False),
+        # What was sure some seconds ago is not faster than what is measured now: 0.4 m and 2.8 m.
+        (3.1, 0.4, 1.2, True),
+        (3.3, 0.4, 1.2, False),
+    ],
+)
+def test_a_stop_s_way_ahead_is_that_of_the_allowed_speed_and_of_more_where_it_is_sure(
+    away_m: float, speed_m_s: float, least_m_s: float, is_seen: bool
+) -> None:
+    waters = FencedWaters(Fence(((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)), ()), 1.0)
+    situation = Situation((50.0, 100.0 - away_m), (0.0, speed_m_s), least_m_s)
+    assert (CanStopInWaters(waters, STOPPING, 0.8).look(situation, None, 0) is not None) is is_seen

@@ -166,7 +166,9 @@ def test_without_stamps_that_go_on_the_arrivals_count_with_their_error(stamp_ms:
     for at_ms in range(1_000, 6_000, 1_000):
         watch.take(PoseReported(at_ms, 0.001 * at_ms, 0.0, 0.0, stamp_ms))
     assert watch.velocity_m_s == pytest.approx((1.0, 0.0))
-    assert watch.least_speed_m_s == pytest.approx((2.0 - PLACE_ERROR_M) / 3.0)
+    assert watch.least_speed_m_s == pytest.approx(
+        (4.0 - PLACE_ERROR_M) / 5.0
+    )  # 4 s apart, or 5 s by a tick's error
     watch.note_goal((50.0, 0.0), 5_000)
     for at_ms in range(6_000, 17_000, 1_000):
         watch.take(PoseReported(at_ms, 5.0, 0.0, 0.0, stamp_ms))
@@ -187,6 +189,17 @@ def test_a_vehicle_that_is_too_fast_is_seen_through_a_good_receivers_noise() -> 
     noise, watch = random.Random(7), PositionWatch(LIMITS)
     for n in range(60):
         watch.take(PoseReported(1_000 * n, 1.2 * n + noise.gauss(0.0, 0.05), 0.0, 0.0, 1_000 * n))
+    assert watch.least_speed_m_s > 0.8
+
+
+def test_a_vehicle_that_runs_away_is_seen_through_a_bad_receivers_noise() -> None:
+    """At 2 m/s, behind noise of 0.5 m on each axis: two seconds hide 4.4 m, which is 2.2 m/s; five seconds do not."""
+    noise, watch = random.Random(9), PositionWatch(LIMITS)
+    for n in range(600):
+        north_m = 0.5 * min(n, 590) + 2.0 * max(n - 590, 0)
+        at_m = north_m + noise.gauss(0.0, 0.5), noise.gauss(0.0, 0.5)
+        watch.take(PoseReported(1_000 * n, *at_m, 0.0, 1_000 * n))
+        assert n < 60 or n > 590 or watch.least_speed_m_s < 0.8
     assert watch.least_speed_m_s > 0.8
 
 
