@@ -70,6 +70,7 @@ GROUPS = {
     },
     "real hardware": {
         "preflight": "check a real aPad and everything around it before a mission",
+        "bridge": "real aMussels by a nanomodem on a serial port, for a mission on ROS",
         "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
         "calibrate": "a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
         "fit": "fit a battery's charge or discharge curve to your own log",

@@ -162,6 +162,11 @@ class ModemQueue:
         return len(self._waiting)
 
     @property
+    def skipped_bytes(self) -> int:
+        """Bytes of the modem that belonged to no answer."""
+        return self._reader.skipped_bytes
+
+    @property
     def next_due_ms(self) -> int | None:
         dues = [it.since_ms + WAIT_MS for it in self._waiting]
         if self._until_ms is not None:

@@ -1,0 +1,82 @@
+"""`musselbed bridge SCENARIO.yaml PORT`: real aMussels, heard by a nanomodem on a serial port, for a mission on ROS."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from agents.hosting import interrupts
+from apad_bridge.commands.help_text import ending
+from apad_bridge.doctor.finding import Status
+from apad_bridge.runs.exits import Exit, UserError
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "bridge",
+        description="Carries packets between real aMussels and a mission on ROS, by a V3 nanomodem on a serial port. It "
+        "claims the aMussels as real, so that no fleet simulates them; they stay real when it ends. A cable that is pulled "
+        "out is told, and its port is tried again.",
+        epilog=ending(
+            "musselbed bridge launch_scripts/scenarios/pool-12.yaml /dev/ttyUSB0 --ids 3 7",
+            "musselbed bridge launch_scripts/scenarios/sound-12.yaml /dev/ttyUSB0 --json",
+            note="It runs until Ctrl-C, on the master at ROS_MASTER_URI. What a node must transmit, byte by byte: "
+            "docs/mixing.md.",
+        ),
+    )
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml", help="names the fleet and its codec")
+    parser.add_argument("port", type=Path, metavar="PORT", help="the modem's serial port")
+    parser.add_argument(
+        "--ids", type=int, nargs="+", metavar="N", help="the real aMussels (default: the whole fleet)"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print each line for a person, and the counts, as JSON"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from apad_bridge.acoustics.serial.attached import AttachedModem
+    from apad_bridge.acoustics.serial.modem_check import check_modem
+    from apad_bridge.scenario.loader import load
+
+    scenario = load(arguments.scenario)
+    ids = arguments.ids or list(scenario.fleet.ids)
+    if strangers := sorted(set(ids) - set(scenario.fleet.all_ids)):
+        known = f"{scenario.fleet.all_ids[0]} to {scenario.fleet.all_ids[-1]}"
+        raise UserError(f"--ids {strangers[0]}: the scenario's aMussels are {known}")
+    (finding,) = check_modem(arguments.port, None)
+    if finding.status is not Status.OK:
+        raise UserError(f"{finding.found}: {finding.mend}")
+
+    def tell(kind: str, text: str) -> None:
+        line = json.dumps({kind: text}) if arguments.json else text
+        print(line, flush=True)
+
+    from agents.serial_port import SerialPort
+    from apad_bridge.ros.amussel_bridge import AMusselBridge
+    from apad_bridge.supervisor.clock import StopSign
+    from firmware_model.packets.codec import load_codec
+
+    begun_s = time.monotonic()
+    bridge = AMusselBridge.on_graph(
+        ids, load_codec(scenario.hearing.codec), AttachedModem(SerialPort(str(arguments.port))), tell
+    )
+    stop = StopSign()
+    try:
+        with interrupts.received_by(stop.set):
+            tell("ready", f"{finding.found}; claims aMussels {', '.join(map(str, ids))} as real")
+            while not stop.is_set():
+                bridge.advance(round(1000 * (time.monotonic() - begun_s)))
+    finally:
+        bridge.close()
+    if arguments.json:
+        print(json.dumps({"counts": bridge.counts}), flush=True)
+    else:
+        for what, count in sorted(bridge.counts.items()):
+            print(f"{count:6d}  {what}", file=sys.stderr)
+    return Exit.INTERRUPTED

@@ -1,0 +1,126 @@
+"""Real aMussels on ROS: a node that carries their packets between a nanomodem and the topics `heard` and `said`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Self
+
+import genpy
+import rosgraph
+import rospy
+
+from agents.packet_medium import Medium
+from apad_bridge.acoustics.serial.attached import AttachedModem, Result
+from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, RoutedPacket, Sent
+from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
+from apad_bridge.ros.links.packet_topics import PacketTopics
+from apad_bridge.ros.system.handshakes import bound_handshakes
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.supervisor.packet_relay import RelayedPacket, Source
+from apad_bridge.vehicle.errors import PeerFailed
+from firmware_model.packets import ShortStatus, Status, basic_of
+from firmware_model.packets.codec import Codec
+
+use_generated_messages()
+
+from musselbed_msgs.msg import FleetClaim  # noqa: E402
+
+_POLL_S = 0.03
+_SKIPPED = "bytes of the modem that belong to no answer"
+
+Tell = Callable[[str, str], None]
+"""Takes the kind of a line, and its text for a person."""
+
+
+class AMusselBridge:
+    """The node's parts. One thread calls `advance` with milliseconds that run as fast as real ones.
+
+    `counts` has every packet, by what became of it. The first one of each kind that is dropped is told.
+    """
+
+    def __init__(self, ids: Sequence[int], codec: Codec, modem: AttachedModem, tell: Tell) -> None:
+        self.counts: Counter[str] = Counter()
+        self._ids = frozenset(ids)
+        self._codec = codec
+        self._modem = modem
+        self._tell = tell
+        self._topics = PacketTopics(ids, [Source.REMOTE_SUPERVISOR])
+        self._claims = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
+        self._claim = FleetClaim(node=rospy.get_name(), real=True, lease_s=LEASE_S, ids=sorted(ids))
+        self._claim.since = genpy.Time.from_sec(rospy.get_time())
+        self._claimed_ms = -round(1000 * PERIOD_S)
+
+    @classmethod
+    def on_graph(cls, ids: Sequence[int], codec: Codec, modem: AttachedModem, tell: Tell) -> Self:
+        """Puts the node on the graph. PeerFailed, in one line, where no master answers."""
+        master_uri = rosgraph.get_master_uri()
+        try:
+            rosgraph.Master("/musselbed_bridge").getPid()
+            bound_handshakes()
+            # Nodes for other aMussels, with modems of their own, may stand beside this one.
+            rospy.init_node(f"musselbed_bridge_{min(ids)}", argv=[], disable_signals=True)
+        except (OSError, rosgraph.MasterException, rospy.ROSException) as error:
+            raise PeerFailed(f"no ROS master answers at {master_uri} ({error})") from error
+        return cls(ids, codec, modem, tell)
+
+    def advance(self, now_ms: int) -> None:
+        """Waits until the modem has bytes, for some 30 ms at most; then carries what has come both ways."""
+        if now_ms - self._claimed_ms >= 1000 * PERIOD_S:
+            self._claimed_ms = now_ms
+            self._claims.publish(self._claim)
+        self._modem.port.wait(_POLL_S)
+        self._take(self._modem.poll(now_ms), now_ms)
+        for packet in self._topics.take(now_ms):
+            if packet.medium is Medium.SOUND:
+                self._take(self._modem.command(packet.agent_id, packet.data, now_ms), now_ms)
+            else:
+                self._drop("to an aMussel by another medium than sound")
+        skipped = self._modem.queue.skipped_bytes
+        if skipped > self.counts[_SKIPPED]:
+            self._drop(_SKIPPED, skipped - self.counts[_SKIPPED])
+        for reason, count in self._topics.dropped.items():
+            if count > self.counts[reason]:
+                self._drop(reason, count - self.counts[reason])
+
+    def close(self) -> None:
+        self._modem.close()
+        self._topics.close()
+        self._claims.unregister()
+
+    def _take(self, results: list[Result], now_ms: int) -> None:
+        for result in results:
+            match result:
+                case Heard(_, packet):
+                    self._hear(packet, now_ms)
+                case Sent():
+                    self.counts["sent to aMussels"] += 1
+                case Dropped(_, reason):
+                    self._drop(reason)
+                case Reported(_, what):
+                    self._tell("modem", what)
+
+    def _hear(self, packet: RoutedPacket, now_ms: int) -> None:
+        read = self._codec.decode(packet.data)
+        if packet.direction is not Direction.FROM_AMUSSEL:
+            self._drop("heard: another bridge's packet to an aMussel")
+        elif packet.agent_id not in self._ids:
+            self._drop(f"heard: aMussel {packet.agent_id} is none of --ids")
+        elif read is None:
+            self._drop("heard: damaged, or another layout than the scenario's codec")
+        elif isinstance(read, Status | ShortStatus) and _sender_of(read) != packet.agent_id:
+            self._drop("heard: the header names another aMussel than the packet")
+        else:
+            self.counts["heard from aMussels"] += 1
+            self._topics.publish(
+                RelayedPacket(Source.LOCAL_AMUSSEL, packet.agent_id, Medium.SOUND, packet.data, now_ms)
+            )
+
+    def _drop(self, reason: str, count: int = 1) -> None:
+        if not self.counts[reason]:
+            self._tell("dropped", f"dropped, and counted from now on: {reason}")
+        self.counts[reason] += count
+
+
+def _sender_of(status: Status | ShortStatus) -> int:
+    return status.agent_id if isinstance(status, ShortStatus) else basic_of(status).agent_id

@@ -1,0 +1,164 @@
+"""Real aMussels at one modem, and a mission on ROS at the other: two modems on a table, with ptys for their cables."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+from physical_modems import PhysicalModems
+
+from apad_bridge.ros.system.master import loopback_environment, start_master
+from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.states import State
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+POOL_FILE = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
+PATIENCE_S = 120.0
+
+# Built by hand from docs/packets.md: version 1, kind 1, id 7, sequence 0, FLOATING, half, full, 12.5 m, 3 m, 0 m, 60 s.
+STATUS = bytes.fromhex(
+    "01010700000004 0080 ffff e2040000 2c010000 0000 60ea000000000000 9ce3".replace(" ", "")
+)
+
+
+class Lines:
+    """The lines of a process as they come."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._lines: queue.Queue[str] = queue.Queue()
+        assert process.stdout is not None
+        threading.Thread(target=self._read, args=(process.stdout,), daemon=True).start()
+
+    def _read(self, stream: Iterator[str]) -> None:
+        for line in stream:
+            self._lines.put(line)
+
+    def until(self, holds: Callable[[Any], bool]) -> Any:
+        end_s = time.monotonic() + PATIENCE_S
+        while True:
+            found = json.loads(self._lines.get(timeout=max(0.1, end_s - time.monotonic())))
+            if holds(found):
+                return found
+
+
+@pytest.fixture
+def modems(tmp_path: Path) -> Iterator[PhysicalModems]:
+    made = PhysicalModems(tmp_path / "dev", 2, 1)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def graph(tmp_path: Path) -> Iterator[dict[str, str]]:
+    master = start_master(tmp_path / "ros", 120)
+    yield {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
+    master.stop()
+
+
+def start(words: list[str], environment: dict[str, str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, *words],
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def broadcast(modem: serial.Serial, payload: bytes) -> None:
+    modem.write(b"$B%02d" % len(payload) + payload)
+    assert modem.read_until(b"\r\n") == b"$B%02d\r\n" % len(payload)
+
+
+def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
+    modems: PhysicalModems, graph: dict[str, str]
+) -> None:
+    with ExitStack() as stack:
+        mission = stack.enter_context(start([str(Path(__file__).with_name("beside_a_bridge.py"))], graph))
+        stack.callback(mission.kill)
+        heard = Lines(mission)
+        heard.until(lambda it: it == ["ready"])
+        bridge = stack.enter_context(
+            start(
+                [
+                    "-m",
+                    "apad_bridge.commands.main",
+                    "bridge",
+                    str(POOL_FILE),
+                    modems.path(1),
+                    "--ids",
+                    "7",
+                    "8",
+                    "--json",
+                ],
+                graph,
+            )
+        )
+        stack.callback(bridge.kill)
+        told = Lines(bridge)
+        claim = heard.until(lambda it: it[0] == "claim")
+        assert claim == ["claim", "/musselbed_bridge_7", True, [7, 8]]
+        told.until(lambda it: "modem" in it)
+
+        node = stack.enter_context(serial.Serial(modems.path(2), 9600, timeout=PATIENCE_S))
+        # What must be dropped comes first: nothing of it may be heard before the good packet.
+        broadcast(node, b"\xb1\x07\x00" + STATUS[:-1] + b"\x00")  # its check is wrong
+        told.until(lambda it: "damaged" in it.get("dropped", ""))
+        broadcast(node, b"\xb1\x08\x00" + STATUS)
+        told.until(lambda it: "names another aMussel" in it.get("dropped", ""))
+        broadcast(node, b"\xb1\x09\x00" + STATUS)
+        told.until(lambda it: "none of --ids" in it.get("dropped", ""))
+        broadcast(node, b"hello")
+        told.until(lambda it: "without an aMussel's id" in it.get("dropped", ""))
+        broadcast(node, b"\xb1\x07\x00" + STATUS)
+        assert heard.until(lambda it: it[0] == "heard") == ["heard", 7, "sound", STATUS.hex()]
+
+        permission = CommandPacket(Kind.PERMISSION, 7).encode()
+        assert mission.stdin is not None
+        mission.stdin.write(json.dumps([7, "wifi", permission.hex()]) + "\n")
+        mission.stdin.write(json.dumps([7, "sound", permission.hex()]) + "\n")
+        mission.stdin.flush()
+        size = 3 + len(permission)
+        printed = node.read_until(b"\xb2\x07\x00" + permission)
+        assert printed.endswith(b"#B001%02d\xb2\x07\x00" % size + permission)
+
+        bridge.send_signal(signal.SIGINT)
+        counts = told.until(lambda it: "counts" in it)["counts"]
+        assert bridge.wait(PATIENCE_S) == 130
+    assert counts["heard from aMussels"] == 1
+    assert counts["to an aMussel by another medium than sound"] == 1
+
+
+def test_the_status_of_the_page_is_what_a_board_sends() -> None:
+    board = StatusPacket(7, 0, State.FLOATING, 0.5, 1.0, 12.5, 3.0, 0.0, 60_000)
+    assert board.encode() == STATUS
+    assert STATUS.hex(" ") in (ROOT / "docs" / "mixing.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["/dev/no-such-modem"], "/dev/no-such-modem"),
+        (["/dev/no-such-modem", "--ids", "99"], "--ids 99: the scenario's aMussels are 1 to 12"),
+    ],
+)
+def test_a_mistake_is_one_line_before_anything_starts(
+    words: list[str], says: str, graph: dict[str, str]
+) -> None:
+    bridge = start(["-m", "apad_bridge.commands.main", "bridge", str(POOL_FILE), *words], graph)
+    printed, errors = bridge.communicate(timeout=PATIENCE_S)
+    assert (bridge.returncode, printed, errors.count("\n")) == (2, "", 1) and says in errors
