@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import Any
@@ -19,13 +21,23 @@ from benchmarks.belief_study.truth import AGENTS, DAYS
 PEERS = ("kalman", "imm")
 
 
-def measure(agents: int = AGENTS, seeds: tuple[int, ...] = study.REPORTED) -> dict[str, Any]:
+SHORT_AGENTS = 1
+"""The aMussels of the short tier, which has one seed."""
+TICKS, SHORT_TICKS = (120, 1000), (120,)
+"""Fleets whose tick is timed."""
+
+
+def measure(
+    agents: int = AGENTS, seeds: tuple[int, ...] = study.REPORTED, short: bool = False
+) -> dict[str, Any]:
     """`rows` by knowledge, share of packets received and filter, on the same lives; also `place`, `cost` and `tick_ms`.
 
     Peers know neither schedule nor dockings: they are the same in both blocks. hold_last claims to be certain, so it has
     no coverage. `mode_delay_packets` is a median: the packets after the first one received since an unscheduled switch
     until the mode was right.
     """
+    if short:
+        agents, seeds = SHORT_AGENTS, study.REPORTED[:1]
     cells = [
         (name, knows, heard)
         for knows in (True, False)
@@ -40,34 +52,43 @@ def measure(agents: int = AGENTS, seeds: tuple[int, ...] = study.REPORTED) -> di
     ]
     # Measure costs first, while nothing else runs.
     costs = cost.event_costs()
-    ticks = [cost.tick_ms(count, theta) for count in (120, 1000) for theta in (1, 30)]
+    ticks = [cost.tick_ms(count, theta) for count in (SHORT_TICKS if short else TICKS) for theta in (1, 30)]
     found: dict[tuple[str, bool, float], list[tuple[np.ndarray, list[int]]]] = {}
     with (
         Progress(console=Console(stderr=True), transient=True) as progress,
         ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
     ):
+        placed = [
+            pool.submit(places.coverage, theta, currents) for theta in (1, 30) for currents in (False, True)
+        ]
         task = progress.add_task("filtering", total=len(jobs))
         for job, one in zip(jobs, pool.map(_rows, jobs), strict=True):
             found.setdefault((job[0], job[3], job[4]), []).append(one)
             progress.advance(task)
+        place = [it.result() for it in placed]
     rows = []
+
+    def keep(row: dict[str, Any]) -> None:
+        rows.append(row)
+        print(json.dumps(row), file=sys.stderr, flush=True)
+
     for name, knows, heard in cells:
         head = {"knows": "schedule" if knows else "dockings", "heard": heard, "filter": name}
         if name in PEERS:
             peer, checked = study.peer_rows(name, seeds, agents, heard)
-            rows.append({**head, **score(peer), **checked})
+            keep({**head, **score(peer), **checked})
             continue
         parts = found[name, knows, heard]
         delays = [delay for _, some in parts for delay in some]
         scored = score(np.concatenate([part for part, _ in parts]), certain=name == "hold_last")
-        rows.append({**head, **scored, "mode_delay_packets": float(np.median(delays)) if delays else None})
+        keep({**head, **scored, "mode_delay_packets": float(np.median(delays)) if delays else None})
     return {
         "agents": agents,
         "days": DAYS,
         "seeds": list(seeds),
         "tuned_on": study.TUNED_ON,
         "rows": rows,
-        "place": [places.coverage(theta, currents) for theta in (1, 30) for currents in (False, True)],
+        "place": place,
         **costs,
         "tick_ms": ticks,
     }

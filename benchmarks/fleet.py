@@ -62,6 +62,8 @@ MUSSELBED_FLEETS = (
 )
 """(board, agents, seconds of mission time granted at once)"""
 HOURLY_FLEETS = (24, 100, 1000, 3000, 10_000)
+SHORT_AGENTS = 24
+"""All fleets of the short tier."""
 HOURS = 3
 SPARE_MB = 1024
 ROSPY_NODES = (24, 100)
@@ -85,18 +87,28 @@ LOGGED = 2500
 """Samples in a full log, as after 104 days of one an hour, when the ring has come round."""
 
 
-def measure() -> dict[str, Any]:
+def measure(short: bool = False) -> dict[str, Any]:
+    """`rows`, each printed as JSON on stderr as it comes. The short tier has each kind once, with `SHORT_AGENTS`."""
+    boards = [(board, SHORT_AGENTS, 1) for board in FLEETS] if short else MUSSELBED_FLEETS
+    hourly, nodes_of = ((SHORT_AGENTS,),) * 2 if short else (HOURLY_FLEETS, ROSPY_NODES)
     rows: list[dict[str, Any]] = []
-    for board, agents, window_s in MUSSELBED_FLEETS:
+
+    def keep(row: dict[str, Any]) -> None:
+        rows.append(row)
+        print(json.dumps(row), file=sys.stderr, flush=True)
+
+    for board, agents, window_s in boards:
         with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
-            rows += musselbed_rows(run_dir, board, agents, window_s)
-    for agents in HOURLY_FLEETS:
-        rows.append(in_child(lambda agents=agents: hourly_objects(agents)))
+            for row in musselbed_rows(run_dir, board, agents, window_s):
+                keep(row)
+    for agents in hourly:
+        keep(in_child(lambda agents=agents: hourly_objects(agents)))
         with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
-            rows.append(hourly_processes(run_dir, agents, rows))
-    for nodes in ROSPY_NODES:
+            keep(hourly_processes(run_dir, agents, rows))
+    for nodes in nodes_of:
         with tempfile.TemporaryDirectory(prefix="musselbed-") as ros_home:
-            rows += rospy_rows(ros_home, nodes)
+            for row in rospy_rows(ros_home, nodes):
+                keep(row)
     return {"merging": merges(), "rows": rows}
 
 
