@@ -32,9 +32,10 @@ def compiled_for_serial(factory: pytest.TempPathFactory) -> Path:
 class SerialRig:
     """A board with power, and its line to `device`, which the bench opens."""
 
-    def __init__(self, program: Path, device: Path) -> None:
+    def __init__(self, program: Path, device: Path, from_board: Cable = bytes) -> None:
+        """`from_board` disturbs the line from the board's first word on, which it says as soon as it has power."""
         self.device = device
-        self.from_board: Cable = bytes
+        self.from_board = from_board
         self.to_board: Cable = bytes
         self._program = program
         self._master, self._slave = _raw_pty()

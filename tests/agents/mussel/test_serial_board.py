@@ -175,8 +175,7 @@ def test_a_board_that_resets_by_itself_is_noticed_and_boots_again(rig: SerialRig
 
 
 def test_a_line_without_a_board_is_told(program: Path, tmp_path: Path) -> None:
-    rig = SerialRig(program, tmp_path / "ttyUSB0")
-    rig.from_board = lambda data: b""
+    rig = SerialRig(program, tmp_path / "ttyUSB0", from_board=lambda data: b"")
     on = bench_on(rig, [], timeout_s=0.3)
     with pytest.raises(FirmwareFailed, match=r"no board answered on .*ttyUSB0 within 0.3 s"):
         on.run(ms=1)
