@@ -13,7 +13,7 @@ from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.vehicle.guards.stops import StopKind, Stops
 
 STALE_MS = 3_000
-"""With an older position no heartbeat goes out: a bench that is blind flies nothing, whatever else it publishes."""
+"""With an older position no heartbeat goes out but that of an OFF: a bench that is blind flies nothing."""
 OFF = -1.0
 """The number of a heartbeat while an OFF is in force: the watchdog then keeps the thrusters off in a silence, too."""
 
@@ -31,18 +31,23 @@ class Heartbeat:
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
         def watch(now_ms: int) -> None:
-            age_s = age_of(None if supervisor.pose is None else supervisor.pose.at_ms, now_ms)
-            if age_s is None or not self._can_stop():
-                return
             stop = self._stops.in_force
             is_off = stop is not None and stop.kind is StopKind.OFF
-            self._topic.publish(Float32(OFF if is_off else age_s))
+            pose = supervisor.pose
+            number = number_of(None if pose is None else pose.at_ms, now_ms, is_off=is_off)
+            if number is not None and self._can_stop():
+                self._topic.publish(Float32(number))
 
         return watch
 
 
-def age_of(heard_ms: int | None, now_ms: int) -> float | None:
-    """Seconds since a position, or None where there is none or it is stale."""
+def number_of(heard_ms: int | None, now_ms: int, *, is_off: bool) -> float | None:
+    """The seconds since a position, or `OFF`; None without a position of `STALE_MS` or younger, unless an OFF is in force.
+
+    An OFF needs no position, and a lossy link brings none: were it silent, the watchdog would hold, and the thrusters turn.
+    """
+    if is_off:
+        return OFF
     if heard_ms is None or now_ms - heard_ms > STALE_MS:
         return None
     return max(0, now_ms - heard_ms) / 1000
