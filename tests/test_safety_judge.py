@@ -174,6 +174,30 @@ def test_orders_by_a_false_place_count_even_where_no_stop_came() -> None:
     assert judged([*sailing(), *go(), *go(20.0)]).unasked == 0
 
 
+def beat(at_s: float, *, says_off: bool = False) -> Fact:
+    return {"fact": "heartbeat", "at_s": at_s, "says_off": says_off}
+
+
+@pytest.mark.parametrize(
+    ("beats", "is_asked"),
+    [
+        ([beat(9.0), beat(10.0)], True),
+        ([beat(9.0), beat(10.0), beat(13.0)], False),
+        ([beat(9.0), beat(10.0, says_off=True)], False),
+        ([], False),
+    ],
+    ids=["ten seconds of silence", "a heartbeat three seconds ago", "the last told of an off", "never one"],
+)
+def test_the_watchdog_may_hold_after_an_off_that_no_heartbeat_told_of(
+    beats: list[Fact], is_asked: bool
+) -> None:
+    held = hold(20.2, (16.9, 30.0), WATCHDOG)
+    verdict = judged([*sailing(STOPS_S), *go(), *off(STOPS_S), *beats, *held])
+    assert (verdict.unasked == 0) is is_asked
+    by_bench = judged([*sailing(STOPS_S), *go(), *off(STOPS_S), *beats, *hold(20.2, (16.9, 30.0))])
+    assert by_bench.unasked == 1
+
+
 def test_after_a_silence_the_watchdog_may_hold_and_the_bench_nothing() -> None:
     here = (10 + SPEED_M_S * 20.0, 30.0)
     held = [*sailing(20.0), *go(), *hold(20.0, here, WATCHDOG)]

@@ -29,7 +29,7 @@ from misc_msgs.srv import (  # noqa: E402
     Go2pointServiceRequest,
 )
 from navcon_msgs.srv import EnableControlRequest  # noqa: E402
-from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension, String  # noqa: E402
+from std_msgs.msg import Bool, Float32, Float32MultiArray, MultiArrayDimension, String  # noqa: E402
 from std_srvs.srv import TriggerResponse  # noqa: E402
 
 STUDY = Path(wire.__file__).parent
@@ -243,6 +243,14 @@ def test_flags_arms_and_states_are_told_when_they_change() -> None:
     }  # fmt: skip
     held = Message("/apad1/watchdog", "/musselbed_watchdog_1", "/musselbed_1", bytes_of(String("HELD")))
     assert reader.take(held) == {"fact": "watchdog", "state": "HELD"}
+
+
+@pytest.mark.parametrize(("number", "says_off"), [(0.4, False), (3.0, False), (-1.0, True)])
+def test_a_heartbeat_is_told_where_it_arrives_at_the_watchdog(number: float, says_off: bool) -> None:
+    beat = bytes_of(Float32(number))
+    fact = heard_as(Message("/musselbed/heartbeat", "/musselbed_1", "/musselbed_watchdog_1", beat))
+    assert fact == {"fact": "heartbeat", "says_off": says_off}
+    assert heard_as(Message("/musselbed/heartbeat", "/musselbed_1", "/musselbed_2", beat)) is None
 
 
 def test_a_layout_that_does_not_fit_is_told() -> None:

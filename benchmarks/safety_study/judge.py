@@ -33,6 +33,10 @@ OFF_PARTS_S = 5.0
 """Generation A's cancel and its switch belong together within so long."""
 PILOT_GRACE_S = 0.5
 """An order may be under way while the pilot's flag arrives."""
+SILENCE_S = 10.0
+"""The watchdog holds after so long without a heartbeat, unless the last one told of an OFF (docs/apads.md)."""
+BEAT_S = 0.5
+"""The watchdog looks so often."""
 REST_M, REST_S = 0.15, 3.0
 TAKEN = (1, 3)
 """actionlib_msgs/GoalStatus: ACTIVE, SUCCEEDED."""
@@ -309,7 +313,8 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     _judge_stop(verdict, stop, case, track)
     _judge_places(verdict, ours, case, track)
     _judge_pilot(verdict, ours, facts)
-    _judge_motion(verdict, ours, stop, case, track.times_s[-1] if track.times_s else case.begun_s)
+    beats = [(it["at_s"], it["says_off"]) for it in facts if it["fact"] == "heartbeat"]
+    _judge_motion(verdict, ours, stop, case, beats, track.times_s[-1] if track.times_s else case.begun_s)
     for it in case.told:
         _judge_told(verdict, orders, it)
         if case.is_stop_due and case.must_take and it.code != 0 and it.what.startswith(("stop", "hands")):
@@ -369,7 +374,14 @@ def _count_against(verdict: Verdict, ours: list[Order], begin_s: float, end_s: f
     verdict.failures += [f"{it.what} by {it.by} while a pilot steers" for it in against[:3]]
 
 
-def _judge_motion(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case, ends_s: float) -> None:
+def _judge_motion(
+    verdict: Verdict,
+    ours: list[Order],
+    stop: Order | None,
+    case: Case,
+    beats: list[tuple[float, bool]],
+    ends_s: float,
+) -> None:
     """Counts what moves the vehicle after it was stopped, or should have been, until a person's word."""
     stopped_s = math.inf if stop is None else stop.at_s
     if case.is_stop_due and case.lies:
@@ -382,7 +394,7 @@ def _judge_motion(verdict: Verdict, ours: list[Order], stop: Order | None, case:
             reason = "after the vehicle was away"
         elif case.deaf is not None and it.at_s > case.deaf[1] and "watchdog" not in it.by:
             reason = "after a silence"
-        elif it.at_s > stopped_s and not _repeats(it, stop):
+        elif it.at_s > stopped_s and not (_repeats(it, stop) or _answers_silence(it, beats)):
             reason = "after the stop" if stop is not None else "when it should have stopped"
         if reason and not any(word_s < it.at_s for word_s in case.words_s):
             verdict.unasked += 1
@@ -405,6 +417,18 @@ def _repeats(it: Order, stop: Order | None) -> bool:
         return False
     again = it.place is not None and stop.place is not None and math.dist(it.place, stop.place) <= AT_PLACE_M
     return it.kind is Kind.HOLD or again
+
+
+def _answers_silence(it: Order, beats: list[tuple[float, bool]]) -> bool:
+    """The watchdog's hold where no heartbeat had come for so long, and the last one told of no OFF.
+
+    A stop and the heartbeat go over two connections. A link that loses packets may deliver the one, and not the other.
+    """
+    last_s, says_off = max((beat for beat in beats if beat[0] <= it.at_s), default=(-math.inf, False))
+    is_silent = it.at_s - last_s > SILENCE_S - BEAT_S
+    return (
+        it.kind is Kind.HOLD and "watchdog" in it.by and is_silent and not says_off and math.isfinite(last_s)
+    )
 
 
 def _followed(orders: list[Order], at_s: float) -> Order | None:

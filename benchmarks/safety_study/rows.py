@@ -184,14 +184,18 @@ def gateways_killed(it: Try) -> Case:
 
 
 def stopped(
-    *words: str, must_be: Kind | None = None, before: Callable[[Try], None] = lambda it: None, **how: Any
+    *words: str,
+    must_be: Kind | None = None,
+    before: Callable[[Try], None] = lambda it: None,
+    after_s: float = AFTER_S,
+    **how: Any,
 ) -> Act:
     """A person's order, after something that does not end the flight."""
 
     def act(it: Try) -> Case:
         before(it)
         begun_s = it.order(*words)
-        it.flight.pause(AFTER_S)
+        it.flight.pause(after_s)
         return it.case(begun_s, must_be=must_be, **how)
 
     return act
@@ -430,7 +434,9 @@ ROWS: dict[str, Row] = {
     ),
     "lossy": Row(
         "`stop` over 30 % loss and 1 s round trip",
-        stopped("stop", before=lossy, limit_s=LOSSY_LIMIT_S, must_take=False),
+        stopped(
+            "stop", before=lossy, after_s=LOSSY_LIMIT_S + AFTER_S, limit_s=LOSSY_LIMIT_S, must_take=False
+        ),
     ),
     "current": Row("`stop` in a steady current of 0.25 m/s", stopped("stop"), Setup(current_m_s=(0.2, 0.15))),
     "clock off": Row("`stop` with the vehicle's clock 30 s off", stopped("stop"), Setup(clock_off_s=30.0)),

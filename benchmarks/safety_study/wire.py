@@ -16,6 +16,7 @@ clock's, which all processes of a machine share. Exit code 1: packets were lost 
     pilot   steers, by
     arms    open, by                          one of the four that stand open, or -1, when it changes
     watchdog  state                           when it changes
+    heartbeat  says_off                       one of the bench's, as it arrives at the watchdog
 
 Standard library only: the judge shares no code, and no definition of a message, with what it judges.
 """
@@ -38,6 +39,8 @@ _IPV4 = 0x0800
 _BUFFER_BYTES = 2**24
 AT_REST_M, REPEATED_S = 0.02, 0.5
 """A truth that is told: the vehicle has moved so far, or so long has passed."""
+BENCH_OFF = -1.0
+"""The number of a heartbeat while an OFF of the bench is in force (docs/apads.md)."""
 GO_TO = 0
 """A goal's kind in generation A; 1 perches, 2 releases."""
 
@@ -199,6 +202,8 @@ class Wire:
             case "watchdog":
                 state = Cursor(it.data).text()
                 return self._changed("watchdog", state, state=state)
+            case _ if it.topic.endswith("/heartbeat") and "watchdog" in it.to:
+                return {"fact": "heartbeat", "says_off": Cursor(it.data).numbers("f") == (BENCH_OFF,)}
         return None
 
     def _new_truth(self, data: bytes) -> Fact | None:
