@@ -84,7 +84,7 @@ OURS = Section(
             "musselbed/heartbeat",
             "std_msgs/Float32",
             "supervisor",
-            "each tick with an aPad's position of 3 s or younger: its age in seconds",
+            "each tick with an aPad's position of 3 s or younger: its age in seconds; -1 while an OFF is in force",
         ),
         _topic(
             "musselbed/markers",
