@@ -34,7 +34,7 @@ OFF_PARTS_S = 5.0
 PILOT_GRACE_S = 0.5
 """An order may be under way while the pilot's flag arrives."""
 SILENCE_S = 10.0
-"""The watchdog holds after so long without a heartbeat, unless the last one told of an OFF (docs/apads.md)."""
+"""A watchdog's hold after so long without a heartbeat has a known cause (docs/apads.md), and is a failure all the same."""
 BEAT_S = 0.5
 """The watchdog looks so often."""
 REST_M, REST_S = 0.15, 3.0
@@ -394,8 +394,10 @@ def _judge_motion(
             reason = "after the vehicle was away"
         elif case.deaf is not None and it.at_s > case.deaf[1] and "watchdog" not in it.by:
             reason = "after a silence"
-        elif it.at_s > stopped_s and not (_repeats(it, stop) or _answers_silence(it, beats)):
+        elif it.at_s > stopped_s and not _repeats(it, stop):
             reason = "after the stop" if stop is not None else "when it should have stopped"
+            if _answers_silence(it, beats):
+                reason += " and ten seconds without a heartbeat"
         if reason and not any(word_s < it.at_s for word_s in case.words_s):
             verdict.unasked += 1
             verdict.failures.append(f"{_said(it, case)} {reason}, without a person's word")
