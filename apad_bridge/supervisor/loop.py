@@ -176,7 +176,8 @@ class Flight:
 
     def step(self) -> bool:
         """Waits for the next tick and runs it; True if the mission has ended with it."""
-        between = self._between if self._serial_lines.any_open else None
+        needs_between = self._serial_lines.any_open or self._context.safety.needs_person
+        between = self._between if needs_between else None
         self._context.pace.reach(self.now_ms, self._stopped, between)
         self.tick(self.now_ms)
         if self.supervisor.has_ended:
@@ -252,9 +253,10 @@ class Flight:
         return mechanism_commanded
 
     def _between(self, now_ms: int) -> None:
-        """Advances the fleet to a time before the next tick, for the serial lines' sake."""
-        if now_ms > self._fleet_ms:
+        """Advances the fleet to a time before the next tick, for the serial lines' sake, and looks at a real vehicle."""
+        if self._serial_lines.any_open and now_ms > self._fleet_ms:
             self._fleet_results += self._advance_fleet(now_ms)
+        self._vehicle.look_between(now_ms)
 
     def _advance_fleet(self, now_ms: int) -> list[SeaResult]:
         """Advances the fleet's time, and reads and writes the serial lines."""

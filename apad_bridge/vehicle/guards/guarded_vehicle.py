@@ -13,6 +13,7 @@ from typing import Any
 
 from apad_bridge.vehicle.commands import (
     Arrived,
+    BatteryReported,
     CloseDock,
     CommandAccepted,
     CommandedByOthers,
@@ -24,6 +25,7 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     PilotLeft,
     PilotReported,
+    PoseReported,
     Stop,
     VehicleCommand,
 )
@@ -37,6 +39,8 @@ _Answer = CommandAccepted | Arrived | CommandFailed
 RETURN_RADIUS_M = 1.0
 WAY_BACK_M_S = 0.3
 PILOT_HAD_IT = "a pilot has steered the aPad: continue, or take it over"
+LOOK_MS = 200
+"""A real vehicle's position is looked at so often between two ticks: a tick is a third of the time that a stop may take."""
 REST_M = 0.5
 REST_MS = 3_000
 """A vehicle that stays within `REST_M` for so long is at rest."""
@@ -45,7 +49,8 @@ DRIFT_MS = 10_000
 
 
 class GuardedVehicle:
-    """A VehicleLink behind the gate. `advance` is called once a tick or more often, and looks once a tick.
+    """A VehicleLink behind the gate. `advance` is called once a tick or more often, and looks once a tick. `look_between`
+    stops a real vehicle whose position goes bad between two ticks.
 
     A refused command fails at once, with the guard's reason. If the vehicle is under way then, it holds where it is,
     because what it was doing has made way for that command. A refused hold near the vehicle is meant as a stop: it holds
@@ -59,6 +64,9 @@ class GuardedVehicle:
         self.gate.goes_slowly = obeys_speed
         self._stops = safety.gate.stops
         self._facts: list[LinkFact] = []
+        """Facts of this class's own that nobody has taken yet."""
+        self._taken: list[LinkFact] = []
+        """Facts that were taken between two ticks, and wait for the next."""
         self._under_way: UnderWay | None = None
         self._ordered: GoTo | Hold | None = None
         """The newest order where to go or stay. Until the vehicle has accepted it, it follows the one before."""
@@ -67,6 +75,7 @@ class GuardedVehicle:
         self._own_id = 0
         """Commands of the guards' own have ids below 0, which no port uses."""
         self._looked_ms = -1
+        self._looked_between_ms = -1
         self._way_back: GoTo | None = None
         """The way back inside the fence, which a person allowed."""
         self._rest: tuple[int, Point] | None = None
@@ -76,6 +85,31 @@ class GuardedVehicle:
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """The link's facts, and the failures of refused commands. Once a tick the monitor looks, and reacts."""
+        facts = [*self._taken, *self._take_facts(now_ms)]
+        self._taken = []
+        if now_ms > self._looked_ms:
+            self._looked_ms = now_ms
+            self._look(now_ms)
+        facts += self._facts
+        self._facts = []
+        return [it for it in facts if not (isinstance(it, _Answer) and it.command_id < 0)]
+
+    def look_between(self, now_ms: int) -> None:
+        """Takes the facts of a real vehicle between two ticks, and stops it where its position has gone bad.
+
+        Every `LOOK_MS`. The next `advance` returns the facts: of positions and charges the newest, as for a whole tick.
+        """
+        if not self._safety.needs_person or now_ms - self._looked_between_ms < LOOK_MS:
+            return
+        self._looked_between_ms = now_ms
+        facts = self._take_facts(now_ms)
+        replaced = tuple({type(it) for it in facts} & {PoseReported, BatteryReported})
+        self._taken = [it for it in self._taken if not isinstance(it, replaced)] + facts
+        if self.gate.watch.fault(now_ms):
+            self._look(now_ms)
+
+    def _take_facts(self, now_ms: int) -> list[LinkFact]:
+        """The link's new facts, of which the gate and the stops have taken note."""
         facts = [*self._facts, *self._link.advance(now_ms)]
         self._facts = []
         had_pilot = bool(self.gate.pilot)
@@ -84,12 +118,7 @@ class GuardedVehicle:
             self._take(fact, now_ms)
         if self.gate.pilot and not had_pilot:
             self._leave_to_pilot(now_ms)
-        if now_ms > self._looked_ms:
-            self._looked_ms = now_ms
-            self._look(now_ms)
-        facts += self._facts
-        self._facts = []
-        return [it for it in facts if not (isinstance(it, _Answer) and it.command_id < 0)]
+        return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         stop, situation = self._stops.in_force, self.gate.situation(now_ms)

@@ -4,8 +4,11 @@ A poor link delays positions, and delivers several at once. So ways are measured
 vehicle's clock. The age is the delay beyond the least delay of the last minutes, so that a lag that grows shows, and a
 clock that is off by a constant does not. A position without a stamp has its arrival alone.
 
-A doubt is a reason to believe no position any more: a jump, stamps that step, a second publisher, a frozen position. It
-ends after `settled_ms`, or with a person's word (`believe`).
+A doubt is a reason to believe no position any more: a jump, stamps that step, a delay that grows, a second publisher, a
+frozen position. It ends after `settled_ms`, or with a person's word (`believe`).
+
+Each position counts for its age, its stamps, its publisher and its place. Motion and noise are learned from samples at
+least `SAMPLE_MS` apart, so that they do not depend on the rate at which somebody looks.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.guards.orders import Point
 
+SAMPLE_MS = 800
+"""The least time between two samples."""
 VELOCITY_MS = 2_000
 """The velocity is the mean over the newest positions of so long."""
 LEAST_SPEED_MS = 5_000
@@ -35,6 +40,12 @@ BACK_MS = 100
 """Stamps that go back by more are no times of one clock. Positions keep their order on a connection."""
 LEAST_DELAY_MS = 60_000
 """The least delay of a position is that of the last one or two such spans."""
+RISE_MS = 30
+GROWN_COUNT = 5
+GROWN_MS = 500
+GROWN_WITHIN_MS = 2_000
+"""A delay that rises by `RISE_MS` or more from each of so many positions to the next, and by `GROWN_MS` in all within that
+time, is a lag that goes on growing. A poor link makes one position late, or two, and then delivers all of them."""
 
 
 NEVER_MS = 10**15
@@ -54,6 +65,10 @@ LEAST_NOISE_M = 0.02
 """Smaller steps at rest than this tell nothing about a position that stands still."""
 _NOISE_WEIGHT = 0.05
 """The weight of the newest positions in the mean square of the noise."""
+_NEW_NOISES = 4
+"""A receiver may become noisy at once: where the mean of so many newest squares is greater, it counts."""
+NOISE_SPAN_MS = 4_000
+"""Noise is learned from three samples within so long: a vehicle changes its speed in a longer time."""
 NOISE_ERRORS = 3.0
 """The error of a way between two positions, in steps of the noise: four deviations along the way."""
 
@@ -84,6 +99,8 @@ class _VehicleClock:
         self._least_ms: int | None = None
         """The least of mission time at arrival less the stamp, since `_since_ms`."""
         self._least_before_ms: int | None = None
+        self._rising: deque[tuple[int, int]] = deque()
+        """Mission time at arrival, and what it is after the stamp: of the newest positions, while the second rises."""
 
     def stands_still(self, pose: PoseReported) -> bool:
         """Its stamp is the one before: such stamps are no times."""
@@ -107,10 +124,23 @@ class _VehicleClock:
         known = [it for it in (self._least_ms, self._least_before_ms) if it is not None]
         return max(0, min(known) - (pose.at_ms - pose.stamp_ms)) if known else 0
 
+    @property
+    def grown_ms(self) -> int:
+        """The growth of the delay over the newest positions; 0 where fewer than `GROWN_COUNT` rise."""
+        return self._rising[-1][1] - self._rising[0][1] if len(self._rising) >= GROWN_COUNT else 0
+
+    def _look_if_it_grows(self, at_ms: int, offset_ms: int) -> None:
+        if self._rising and offset_ms < self._rising[-1][1] + RISE_MS:
+            self._rising.clear()
+        self._rising.append((at_ms, offset_ms))
+        while at_ms - self._rising[0][0] > GROWN_WITHIN_MS:
+            self._rising.popleft()
+
     def take(self, pose: PoseReported) -> None:
         if pose.stamp_ms is None:
             return
         self._newest = pose
+        self._look_if_it_grows(pose.at_ms, pose.at_ms - pose.stamp_ms)
         if pose.at_ms - self._since_ms >= LEAST_DELAY_MS:
             self._since_ms, self._least_before_ms, self._least_ms = pose.at_ms, self._least_ms, None
         offset_ms = pose.at_ms - pose.stamp_ms
@@ -127,10 +157,11 @@ class PositionWatch:
 
     def __init__(self, limits: PositionLimits) -> None:
         self._limits = limits
-        self._poses: deque[PoseReported] = deque()
-        """The poses of the last `LEAST_SPEED_MS`, the newest last."""
+        self._newest: PoseReported | None = None
+        self._samples: deque[PoseReported] = deque()
+        """The samples of the last `LEAST_SPEED_MS`, the newest last."""
         self._witnesses: deque[PoseReported] = deque()
-        """The poses of the last `WITNESS_MS` since the vehicle is under way, the newest last."""
+        """The samples of the last `WITNESS_MS` since the vehicle is under way, the newest last."""
         self._clock = _VehicleClock()
         self._doubt = ""
         self._doubted_ms = 0
@@ -140,8 +171,8 @@ class PositionWatch:
         """Time under way with a position that stayed the same to the last bit."""
         self._noise_m2: float | None = None
         """The mean square of the step that noise alone makes between two positions."""
-        self._before: PoseReported | None = None
-        """The pose before the newest."""
+        self._new_noises_m2: deque[float] = deque(maxlen=_NEW_NOISES)
+        """The newest squares of it."""
         self._rest_m2: float | None = None
         """The mean square of the steps at rest."""
         self._goal_m: Point | None = None
@@ -151,13 +182,14 @@ class PositionWatch:
     @property
     def place_m(self) -> Point | None:
         """The newest place, good or bad."""
-        return _place(self._poses[-1]) if self._poses else None
+        return None if self._newest is None else _place(self._newest)
 
     @property
     def velocity_m_s(self) -> Point:
-        if len(self._poses) < 2:
+        last = self._newest
+        earlier = [it for it in reversed(self._samples) if it is not last]
+        if last is None or not earlier:
             return (0.0, 0.0)
-        last, earlier = self._poses[-1], list(self._poses)[-2::-1]
         first = next((it for it in earlier if _span_ms(it, last) >= VELOCITY_MS), earlier[-1])
         seconds = _span_ms(first, last) / 1000
         if seconds <= 0.0:
@@ -167,28 +199,32 @@ class PositionWatch:
     @property
     def least_speed_m_s(self) -> float:
         """The speed that the vehicle makes at least, by the errors of places and times; 0 where it turns."""
-        poses = list(self._poses)
+        last, samples = self._newest, self._samples
         error_m = max(PLACE_ERROR_M, NOISE_ERRORS * self._noise_m)
         least_m_s = 0.0
-        for before in poses[:-1]:
-            span_ms = _span_ms(before, poses[-1])
-            seconds = (span_ms + _error_ms(before, poses[-1])) / 1000
-            if span_ms >= VELOCITY_MS or (before is poses[0] and span_ms > 0):
-                way_m = math.dist(_place(before), _place(poses[-1]))
+        for before in samples if last is not None else ():
+            span_ms = _span_ms(before, last)
+            seconds = (span_ms + _error_ms(before, last)) / 1000
+            if span_ms >= VELOCITY_MS or (before is samples[0] and span_ms > 0):
+                way_m = math.dist(_place(before), _place(last))
                 least_m_s = max(least_m_s, (way_m - error_m) / seconds)
         return least_m_s
 
     @property
     def _noise_m(self) -> float:
         """The root mean square of the step that noise alone makes, both directions together."""
-        return 0.0 if self._noise_m2 is None else math.sqrt(self._noise_m2)
+        if self._noise_m2 is None:
+            return 0.0
+        newest = self._new_noises_m2
+        newest_m2 = math.fsum(newest) / len(newest) if len(newest) == _NEW_NOISES else 0.0
+        return math.sqrt(max(self._noise_m2, newest_m2))
 
     def take(self, pose: PoseReported) -> None:
         """Takes a pose; one that is older than the newest, or the same again, changes nothing."""
         if (reason := out_of_range(north_m=pose.north_m, east_m=pose.east_m)) is not None:
             self.take_invalid(pose.at_ms, reason)
             return
-        newest = self._poses[-1] if self._poses else None
+        newest = self._newest
         if newest is not None and pose.at_ms <= newest.at_ms:
             return
         self._invalid = None
@@ -206,16 +242,26 @@ class PositionWatch:
             self._doubt_it(f"its stamps went {how} by {abs(step_ms) / 1000:.1f} s", pose.at_ms)
             newest = self._begin_anew(newest)
         self._clock.take(pose)
-        self._look_if_frozen(newest, pose)
-        self._learn_noise(newest, pose)
+        if self._limits.clock_step_ms != NEVER_MS and self._clock.grown_ms >= GROWN_MS:
+            self._doubt_it(f"its delay grows, by {self._clock.grown_ms / 1000:.1f} s so far", pose.at_ms)
+        self._count_frozen(newest, pose)
         if newest is not None and self._is_jump(newest, pose):
             way_m = math.dist(_place(newest), _place(pose))
             self._doubt_it(f"it has jumped by {way_m:.0f} m", pose.at_ms)
-            self._poses.clear()  # no velocity across a jump
+            self._samples.clear()  # no velocity across a jump
             self._witnesses.clear()
-        self._poses.append(pose)
-        while len(self._poses) > 2 and _span_ms(self._poses[1], pose) >= LEAST_SPEED_MS:
-            self._poses.popleft()
+        self._newest = pose
+        if not self._samples or _span_ms(self._samples[-1], pose) >= SAMPLE_MS:
+            self._take_sample(pose)
+
+    def _take_sample(self, pose: PoseReported) -> None:
+        before = self._samples[-1] if self._samples else None
+        if len(self._samples) >= 2:
+            self._learn_noise(self._samples[-2], self._samples[-1], pose)
+        self._look_for_witnesses(before, pose)
+        self._samples.append(pose)
+        while len(self._samples) > 2 and _span_ms(self._samples[1], pose) >= LEAST_SPEED_MS:
+            self._samples.popleft()
 
     def take_invalid(self, at_ms: int, reason: str) -> None:
         """Takes a newest position that is no place: not a number, or beyond all waters."""
@@ -229,13 +275,13 @@ class PositionWatch:
 
     def note_goal(self, goal_m: Point | None, at_ms: int = 0) -> None:
         """The place to which the vehicle goes, or where it stays, by an order accepted at `at_ms`; None for none."""
-        if not self._poses or not self._is_under_way(self._poses[-1]):
+        if self._newest is None or not self._is_under_way(self._newest):
             self._under_way_ms = at_ms
         self._goal_m = goal_m
 
     def fault(self, now_ms: int) -> str:
         limits = self._limits
-        if not self._poses:
+        if self._newest is None:
             return "the aPad's position is not known"
         if fault := self.fault_now(now_ms):
             return fault
@@ -250,9 +296,9 @@ class PositionWatch:
         """The reason that not even a person's word overrides: there is no place, or an old one."""
         if self._invalid is not None:
             return f"the aPad's position is no place: {self._invalid[1]}"
-        if not self._poses:
+        if self._newest is None:
             return "the aPad's position is not known"
-        age_ms = now_ms - self._clock.earliest_ms(self._poses[-1])
+        age_ms = now_ms - self._clock.earliest_ms(self._newest)
         if age_ms > self._limits.age_ms:
             return f"the aPad's position is older than {self._limits.age_ms / 1000:g} s"
         return ""
@@ -260,7 +306,7 @@ class PositionWatch:
     def _begin_anew(self, newest: PoseReported | None) -> PoseReported | None:
         """Forgets the vehicle's clock, which was set: no velocity goes across two clocks."""
         self._clock = _VehicleClock()
-        self._poses.clear()
+        self._samples.clear()
         self._witnesses.clear()
         return None if newest is None else replace(newest, stamp_ms=None)
 
@@ -270,8 +316,8 @@ class PositionWatch:
             self._doubt = reason
         self._doubted_ms = at_ms
 
-    def _look_if_frozen(self, newest: PoseReported | None, pose: PoseReported) -> None:
-        """Two witnesses: positions that do not change at all, or a speed or a noise that they contradict."""
+    def _count_frozen(self, newest: PoseReported | None, pose: PoseReported) -> None:
+        """The first witness of a frozen position: it does not change at all, to the last bit."""
         latches = self._limits.settled_ms is None
         if newest is None or _bits(newest) != _bits(pose):
             self._frozen_ms = 0
@@ -281,10 +327,13 @@ class PositionWatch:
             if latches and self._frozen_ms >= self._limits.frozen_ms:
                 seconds = self._limits.frozen_ms / 1000
                 self._doubt_it(f"it has not changed at all for {seconds:g} s under way", pose.at_ms)
+
+    def _look_for_witnesses(self, before: PoseReported | None, pose: PoseReported) -> None:
+        """The other witnesses of a frozen position: a speed or a noise that it contradicts."""
         if self._limits.frozen_ms == NEVER_MS:
             return
         if not self._is_under_way(pose) or self._clock.earliest_ms(pose) < self._under_way_ms:
-            self._learn_rest(newest, pose)
+            self._learn_rest(before, pose)
             self._witnesses.clear()
             return
         self._witnesses.append(pose)
@@ -293,35 +342,45 @@ class PositionWatch:
         if reason := self._contradiction():
             self._doubt_it(reason, pose.at_ms)
 
-    def _learn_rest(self, newest: PoseReported | None, pose: PoseReported) -> None:
-        if newest is None or self._goal_m is None or not 500 <= _span_ms(newest, pose) <= WITNESS_MS:
+    def _learn_rest(self, before: PoseReported | None, pose: PoseReported) -> None:
+        if before is None or self._goal_m is None or not SAMPLE_MS <= _span_ms(before, pose) <= WITNESS_MS:
             return
-        self._rest_m2 = _learned(self._rest_m2, math.dist(_place(newest), _place(pose)) ** 2)
+        self._rest_m2 = _learned(self._rest_m2, math.dist(_place(before), _place(pose)) ** 2)
 
-    def _learn_noise(self, newest: PoseReported | None, pose: PoseReported) -> None:
-        """Learns from second differences, which a steady motion leaves out: their mean square is 3 times a step's."""
-        before, self._before = self._before, newest
-        if before is None or newest is None or None in (before.stamp_ms, newest.stamp_ms, pose.stamp_ms):
+    def _learn_noise(self, one: PoseReported, middle: PoseReported, pose: PoseReported) -> None:
+        """Learns from the middle one's distance to the line between its neighbours, which a steady motion leaves out.
+
+        With weights a and b of the neighbours (a + b = 1), the mean square of that distance is 1 + a^2 + b^2 times the
+        noise's own, and the mean square of a step is 2 times it.
+        """
+        if None in (one.stamp_ms, middle.stamp_ms, pose.stamp_ms):
             return  # times of arrival have an error of their own
-        spans_ms = _span_ms(before, newest), _span_ms(newest, pose)
-        if not min(spans_ms) >= 500 or max(spans_ms) > 1.2 * min(spans_ms):
+        span_ms = _span_ms(one, pose)
+        if not 0 < span_ms <= NOISE_SPAN_MS:
             return
-        north_m = pose.north_m - 2 * newest.north_m + before.north_m
-        east_m = pose.east_m - 2 * newest.east_m + before.east_m
-        self._noise_m2 = _learned(self._noise_m2, (north_m**2 + east_m**2) / 3)
+        later = _span_ms(one, middle) / span_ms
+        north_m = middle.north_m - (1 - later) * one.north_m - later * pose.north_m
+        east_m = middle.east_m - (1 - later) * one.east_m - later * pose.east_m
+        step_m2 = 2 * (north_m**2 + east_m**2) / (1 + later**2 + (1 - later) ** 2)
+        self._noise_m2 = _learned(self._noise_m2, step_m2)
+        self._new_noises_m2.append(step_m2)
 
     def _contradiction(self) -> str:
-        """The reason why the positions under way contradict the vehicle's own speed, or their own noise."""
+        """The reason why the positions under way contradict the vehicle's own speed, or their own noise.
+
+        All positions of the time must lie in one spot. Noise brings two of a moving vehicle together now and then.
+        """
         poses = list(self._witnesses)
-        told_m = 0.0
-        for after, before in zip(reversed(poses), reversed(poses[:-1]), strict=False):
+        told_m = spread_m = 0.0
+        for n in range(len(poses) - 1, 0, -1):
+            before, after = poses[n - 1], poses[n]
             if before.speed_m_s is None or after.speed_m_s is None:
                 break
             told_m += (before.speed_m_s + after.speed_m_s) / 2 * _span_ms(before, after) / 1000
-            made_m = math.dist(_place(before), _place(poses[-1]))
+            spread_m = max(spread_m, *(math.dist(_place(before), _place(it)) for it in poses[n:]))
             least_m = max(WITNESS_WAY_M, NOISE_ERRORS * self._noise_m / (1 - WITNESS_SHARE))
-            if told_m >= least_m and made_m < WITNESS_SHARE * told_m:
-                return f"it moved by {made_m:.1f} m while the vehicle measured a way of {told_m:.1f} m"
+            if told_m >= least_m and spread_m < WITNESS_SHARE * told_m:
+                return f"it moved by {spread_m:.1f} m while the vehicle measured a way of {told_m:.1f} m"
         if len(poses) < 2 or _span_ms(poses[0], poses[-1]) < WITNESS_MS:
             return ""
         noise_m = 0.0 if self._rest_m2 is None else math.sqrt(self._rest_m2)

@@ -634,3 +634,43 @@ def test_a_go_to_that_is_refused_fails_its_primitive_with_the_reason() -> None:
     (failed,) = (it for it in bench.outcomes if isinstance(it, PrimitiveFailed))
     assert "refused: the goal" in failed.reason and "the least is 2.0 m" in failed.reason
     assert len(bench.refusals()) == 1 and bench.observer.orders == 0
+
+
+def test_a_real_vehicle_whose_position_goes_silent_is_stopped_between_two_ticks() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    bench.command(GoTo(1, 5.0, 8.0, 0.5, 0.5))
+    bench.at(5.0, 5.5)
+    bench.wire.out = []
+    limit_ms = bench.now_ms + REAL_LIMITS.age_ms
+    looks = range(bench.now_ms, limit_ms + 400, 50)
+    stopped_ms = 0
+    for now_ms in looks:
+        bench.vehicle.look_between(now_ms)
+        if bench.wire.out and not stopped_ms:
+            stopped_ms = now_ms
+    assert [type(it) for it in bench.wire.out] == [Stop]
+    assert limit_ms < stopped_ms <= limit_ms + 250
+
+
+def test_facts_from_between_two_ticks_wait_for_the_next_and_of_positions_the_newest_counts() -> None:
+    bench = Guarded(is_real=True)
+    bench.at(5.0, 5.0)
+    for number in (1, 2):
+        now_ms = bench.now_ms + 250 * number
+        bench.wire.facts += [
+            PoseReported(now_ms, 5.0, 5.0 + number, 0.0, now_ms),
+            CommandAccepted(now_ms, 10 + number),
+        ]
+        bench.vehicle.look_between(now_ms)
+    facts = bench.silent(1)
+    assert [it.command_id for it in facts if isinstance(it, CommandAccepted)] == [11, 12]
+    assert [it.east_m for it in facts if isinstance(it, PoseReported)] == [7.0]
+
+
+def test_a_simulated_vehicle_is_not_looked_at_between_two_ticks() -> None:
+    bench = Guarded()
+    bench.at(5.0, 5.0)
+    bench.wire.facts.append(CommandAccepted(bench.now_ms + 500, 11))
+    bench.vehicle.look_between(bench.now_ms + 500)
+    assert bench.wire.facts

@@ -117,7 +117,7 @@ def test_a_delay_changes_neither_the_velocity_nor_the_frozen_time(
         measured[-(-come_ms // 1_000) * 1_000] = 1_000 * n
     for at_ms, measured_ms in measured.items():
         watch.take(PoseReported(at_ms, 0.0005 * measured_ms, 0.0, 0.0, measured_ms + ahead_ms))
-        assert watch.velocity_m_s == pytest.approx((0.5, 0.0) if len(watch._poses) > 1 else (0.0, 0.0))
+        assert watch.velocity_m_s == pytest.approx((0.5, 0.0) if len(watch._samples) > 1 else (0.0, 0.0))
         assert watch.least_speed_m_s <= 0.5 and watch.fault(at_ms) == ""
 
 
@@ -224,3 +224,71 @@ def test_a_position_that_freezes_with_millimetres_of_noise_contradicts_the_vehic
         if n == 20:
             assert watch.fault(20_000) == ""
     assert "while the vehicle measured a way" in watch.fault(29_000)
+
+
+@pytest.mark.parametrize("period_ms", [200, 1_000])
+def test_a_receiver_that_becomes_noisy_under_way_is_no_frozen_one(period_ms: int) -> None:
+    """300 receivers get noise of 0.5 m on each axis, waves of 0.3 m and gaps of 1.5 s at once, at 0.5 m/s.
+
+    The position is believed for the ten minutes after it, whatever the rate at which somebody looks.
+    """
+    for seed in range(300 if period_ms == 1_000 else 60):
+        noise, watch = random.Random(seed), PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
+        begin_ms = noise.randrange(0, 60_000, 100)
+        watch.note_goal((400.0, 0.0), 0)
+        for at_ms in range(period_ms, 630_000, period_ms):
+            if (at_ms + begin_ms) % 60_000 > 58_500:
+                continue
+            north_m = east_m = 0.0
+            if at_ms > 30_000:
+                wave_m = 0.3 * math.sin(2 * math.pi * at_ms / 4_000)
+                north_m, east_m = noise.gauss(0.0, 0.5) + wave_m, noise.gauss(0.0, 0.5)
+            watch.take(PoseReported(at_ms, 0.0005 * at_ms + north_m, east_m, 0.0, at_ms, 0.5))
+            assert watch.fault(at_ms) == "", (seed, at_ms)
+
+
+@pytest.mark.parametrize("period_ms", [200, 1_000])
+def test_a_position_that_freezes_is_noticed_whatever_the_rate_of_the_looks(period_ms: int) -> None:
+    noise, watch = random.Random(8), PositionWatch(LIMITS)
+    watch.note_goal((400.0, 0.0), 0)
+    for at_ms in range(period_ms, 26_000, period_ms):
+        north_m = 0.0005 * min(at_ms, 20_000) + noise.gauss(0.0, 0.003)
+        watch.take(PoseReported(at_ms, north_m, 0.0, 0.0, at_ms, 0.5))
+        if at_ms == 20_000:
+            assert watch.fault(20_000) == ""
+    assert "while the vehicle measured a way" in watch.fault(25_000)
+
+
+def test_a_delay_that_goes_on_growing_is_noticed_within_two_seconds() -> None:
+    """Half a second of delay more each second, as when a queue fills up. Positions leave at half their rate."""
+    watch = PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
+    for at_ms in range(200, 30_000, 200):
+        come(watch, at_ms, at_ms, 0.0005 * at_ms)
+    assert watch.fault(30_000) == ""
+    noticed_ms = next(
+        at_ms
+        for at_ms in range(30_000, 40_000, 200)
+        if come(watch, at_ms, at_ms - (at_ms - 30_000) // 2, 0.0005 * at_ms) is None and watch.fault(at_ms)
+    )
+    assert noticed_ms - 30_000 <= 2_000
+    assert "its delay grows" in watch.fault(noticed_ms)
+
+
+@pytest.mark.parametrize("creep_ppm", [-50, 0, 50])
+def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
+    """Ten hours at 10 Hz: one packet in 20 is lost, each of its repetitions too, after 0.2, 0.4, 0.8 s, and order is kept.
+
+    The vehicle's clock runs a little faster or slower than ours.
+    """
+    losses, watch = random.Random(5), PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
+    free_ms, newest, looked_ms = 0, 0, 0
+    for sent_ms in range(0, 36_000_000, 100):
+        wait_ms, repeat_ms = losses.randint(2, 30), 200
+        while losses.random() < 0.05:
+            wait_ms, repeat_ms = wait_ms + repeat_ms, 2 * repeat_ms
+        free_ms = max(free_ms, sent_ms + wait_ms)
+        if free_ms >= looked_ms + 200 and newest:
+            come(watch, looked_ms, newest + newest * creep_ppm // 1_000_000, 1.0)
+            assert "delay" not in watch.fault(looked_ms)
+        looked_ms = max(looked_ms, free_ms // 200 * 200)
+        newest = sent_ms
