@@ -45,6 +45,14 @@ class RunBuoyancy:
 
 
 @dataclass(frozen=True, slots=True)
+class MotorsStalled:
+    """The motors did not run: both batteries together hold less than the charge of a run."""
+
+    at_ms: int
+    to: Buoyancy
+
+
+@dataclass(frozen=True, slots=True)
 class SetRail:
     at_ms: int
     rail: Rail
@@ -117,6 +125,7 @@ Action = (
     StateChanged
     | StateReported
     | RunBuoyancy
+    | MotorsStalled
     | SetRail
     | FeedFrom
     | LogSample

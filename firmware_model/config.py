@@ -183,7 +183,8 @@ class BoardConfig:
     """A board that has not come up after so long gives the surfacing up."""
 
     motor_run: int = 0
-    """Grains that one run of the buoyancy motors takes from the primary battery; a whole board counts its motors' load."""
+    """Grains that one run of the buoyancy motors takes, from the backup battery as far as the primary lacks them; a whole
+    board counts its motors' load."""
 
     def __post_init__(self) -> None:
         cycle = None if self.whole is None else self.whole.cycle

@@ -92,7 +92,7 @@ class Hardware(Protocol):
         ...
 
     def run_motors(self, to: Buoyancy, depth_mm: int | None, now_ms: int) -> Action:
-        """Starts a run of the buoyancy motors."""
+        """Starts a run of the buoyancy motors, or tells that no battery holds its charge."""
         ...
 
 

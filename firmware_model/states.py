@@ -128,6 +128,8 @@ TABLE: dict[tuple[State, Trigger], State] = {
     # Up, docked, released and down.
     **{(state, _T.PERMISSION_HEARD): _S.SURFACING for state in (*_LISTENING, _S.SINKING, _S.HOVERING)},
     **{(state, _T.SURFACE_REACHED): _S.FLOATING for state in (*_BOTTOM, _S.SURFACING)},
+    # Its motors did not run, for want of charge: it is still up.
+    (_S.SINKING, _T.SURFACE_REACHED): _S.FLOATING,
     **{(state, _T.CHARGE_EDGE_ROSE): _S.CHARGING for state in (*_UNDOCKED, _S.LOST)},
     (_S.FLOATING, _T.FLOAT_TIMED_OUT): _S.SINKING,
     (_S.FLOATING, _T.CLEAR_TO_SINK): _S.SINKING,

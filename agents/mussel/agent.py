@@ -437,6 +437,9 @@ class Agent:
             match action:
                 case board_actions.RunBuoyancy():
                     outputs += self._run_buoyancy(action, action.at_ms)
+                case board_actions.MotorsStalled(at_ms, to):
+                    outputs.append(Dropped(at_ms, "a motor run: neither battery holds its charge"))
+                    outputs += self._stays_there(to, at_ms)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(Dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):
@@ -457,6 +460,14 @@ class Agent:
             return []
         self.body.run_buoyancy(run.to, now_ms, run.depth_mm)
         if run.to is Buoyancy.SINK and self.body.rests_on_bottom:
+            return self._stimulate_board(board_stimuli.BottomReached(), now_ms)
+        return []
+
+    def _stays_there(self, to: Buoyancy, now_ms: int) -> list[Output]:
+        """The pressure sensor of a board whose motors did not run shows where the body rests."""
+        if self._at_surface(now_ms):
+            return self._stimulate_board(board_stimuli.SurfaceReached(), now_ms)
+        if to is Buoyancy.SINK and self.body.rests_on_bottom:
             return self._stimulate_board(board_stimuli.BottomReached(), now_ms)
         return []
 

@@ -9,12 +9,13 @@ import json
 import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ChargeLost, ContactClosed, ContactOpened, Placed, from_json
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
@@ -27,7 +28,8 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import TimedFault
 from firmware_model.actions import MOTORS
-from firmware_model.power.charge import FULL, Battery
+from firmware_model.power.active_battery import after_motor_run, without
+from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
 
 NEAR_M = 5.0
 """A docked aMussel is nearer to the aPad than this, beside the way of the aPad since its last line."""
@@ -174,15 +176,12 @@ class Invariants:
         most = sum(at_ms <= truth.at_ms for at_ms, _ in losses)
         possible_runs = self._motor_runs(before, truth)
         for count, runs in product(range(fewest, most + 1), possible_runs):
-            expected = [
-                self._charge_after(agent_id, name, old, new, losses[:count], runs)
-                for name, old, new in batteries
-            ]
+            expected = self._charges_after(agent_id, was, now, losses[:count], runs)
             if expected == [new.charge for _, _, new in batteries]:
                 del losses[:count]
                 return
-        for name, old, new in batteries:
-            follows = self._charge_after(agent_id, name, old, new, losses[:fewest], possible_runs[0])
+        expected = self._charges_after(agent_id, was, now, losses[:fewest], possible_runs[0])
+        for follows, (name, _, new) in zip(expected, batteries, strict=True):
             if follows != new.charge:
                 yield (
                     "energy is neither made nor lost",
@@ -198,22 +197,22 @@ class Invariants:
             return range(1, 3) if truth.state in MOTORS else range(2)
         return range(2) if truth.state in MOTORS else range(1)
 
-    def _charge_after(
-        self,
-        agent_id: int,
-        name: str,
-        old: Battery,
-        new: Battery,
-        losses: list[tuple[int, ChargeLost]],
-        runs: int = 0,
-    ) -> int:
-        """The charge at the anchor of `new` that follows from `old` and from what faults and motor runs took, in grains."""
-        charge_at = self._charge_of(agent_id).charge_at
+    def _charges_after(
+        self, agent_id: int, was: Physical, now: Physical, losses: list[tuple[int, ChargeLost]], runs: int
+    ) -> list[int]:
+        """The charges at the anchors of `now` that follow from `was`, less what faults and motor runs took, in grains."""
+        model = self._charge_of(agent_id)
+        primary, secondary = was.primary, was.secondary
         for at_ms, lost in losses:
-            held = charge_at(old, at_ms)
-            old = replace(old, anchor_ms=at_ms, charge=max(0, held - getattr(lost, name)))
-        left = charge_at(old, max(old.anchor_ms, new.anchor_ms))
-        return max(0, left - runs * self._motor_run) if name == "primary" else left
+            primary = without(primary, lost.primary, model, at_ms)
+            secondary = without(secondary, lost.secondary, model, at_ms)
+        primary = _held_at(primary, now.primary.anchor_ms, model)
+        secondary = _held_at(secondary, now.secondary.anchor_ms, model)
+        for _ in range(runs if self._motor_run else 0):
+            # What they hold is settled: the runs come one after the other at one time.
+            left = after_motor_run(primary, secondary, self._motor_run, model, primary.anchor_ms)
+            primary, secondary = left or (primary, secondary)
+        return [primary.charge, secondary.charge]
 
     def _take_stimulus(self, line: Line) -> None:
         match from_json(line["wire"]):
@@ -282,6 +281,12 @@ class Invariants:
                     "a sample is taken before it is kept",
                     f"aMussel {agent_id}: {max(counts)} of {truth.physical.samples}",
                 )
+
+
+def _held_at(battery: Battery, at_ms: int, model: ChargeModel) -> Battery:
+    """The battery at rest with its charge of `at_ms`, or of its anchor if that is later."""
+    at_ms = max(battery.anchor_ms, at_ms)
+    return Battery(at_ms, model.charge_at(battery, at_ms), Flow.RESTING)
 
 
 def _of_belief(line: Line) -> Iterator[tuple[str, str]]:

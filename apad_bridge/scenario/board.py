@@ -24,8 +24,9 @@ class Board:
     discharge_per_min: RatePerMinute | None = None
     charge_segments: ChargeSegments | None = None
     motor_run_charge: Fraction = 0.0
-    """The charge that one run of the buoyancy motors takes from the primary battery, to surface or to sink; 0 as in the
-    paper's experiments. The paper's heavy run bounds it at 0.045. `whole` has the motors' load instead."""
+    """The charge that one run of the buoyancy motors takes from the primary battery, to surface or to sink, and from the
+    secondary what the primary lacks; without that charge the motors stand still. 0 as in the paper's experiments, whose
+    heavy run bounds it at 0.045. `whole` has the motors' load instead."""
     pin_debounce_ms: Milliseconds
     pin_chatter_ms: Milliseconds = 2000
     """A charger's pin that bounces for this long takes the level that it had for the greater part of that time."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from firmware_model.actions import Action, Buoyancy, RunBuoyancy
+from firmware_model.actions import Action, Buoyancy, MotorsStalled, RunBuoyancy
 from firmware_model.board import Board, MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.packets import CommandPacket, Kind, Packet
@@ -170,3 +170,6 @@ class Bench:
             if isinstance(action, RunBuoyancy) and action.to is not Buoyancy.HOVER:
                 there = SurfaceReached() if action.to is Buoyancy.FLOAT else BottomReached()
                 self._arrival = (action.at_ms + self.travel_ms, there)
+            elif isinstance(action, MotorsStalled) and (self._at_surface or action.to is Buoyancy.SINK):
+                # The pressure sensor shows at once where the body still is.
+                self._arrival = (action.at_ms, SurfaceReached() if self._at_surface else BottomReached())

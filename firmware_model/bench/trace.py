@@ -10,6 +10,7 @@ from firmware_model.actions import (
     Dropped,
     FeedFrom,
     LogSample,
+    MotorsStalled,
     RunBuoyancy,
     SendAnswer,
     SendBytes,
@@ -41,6 +42,8 @@ def line(action: Action) -> str:
         case RunBuoyancy(at_ms, to, depth_mm):
             depth = "" if depth_mm is None else f" at {depth_mm / 1000:g} m"
             return f"{clock(at_ms)}      motors: {to.name}{depth}"
+        case MotorsStalled(at_ms, to):
+            return f"{clock(at_ms)}      motors: {to.name} lacks charge"
         case SetRail(at_ms, rail, on):
             return f"{clock(at_ms)}      {rail.name} {'on' if on else 'off'}"
         case FeedFrom(at_ms, feed):

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from copy import copy
 
-from firmware_model.actions import Action, Buoyancy, RunBuoyancy
+from firmware_model.actions import Action, Buoyancy, MotorsStalled, RunBuoyancy
 from firmware_model.config import BoardConfig
 from firmware_model.port import Level, Timer
-from firmware_model.power.active_battery import ActiveBattery, without
-from firmware_model.power.charge import Battery, Flow
+from firmware_model.power.active_battery import ActiveBattery, after_motor_run, without
+from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 from firmware_model.stimuli import ClockJumped, ClockSkewed
 
 
 class WorstCaseHardware:
-    """Its primary battery feeds the board and takes the charge; the secondary stays as it is."""
+    """Its primary battery feeds the board; the secondary gives a motor run what the primary lacks.
+
+    The charger feeds the primary. Where motor runs cost charge, it fills the secondary too, since the paper's docks charge
+    both batteries at once. Where they cost none, the secondary stays as it is.
+    """
 
     def __init__(self, config: BoardConfig, primary: Battery, secondary: Battery) -> None:
         self._config = config
@@ -110,15 +114,24 @@ class WorstCaseHardware:
         flow = Flow.CHARGING if is_fed else Flow.DISCHARGING
         if flow is not self.primary.flow:
             self.primary = self._config.charge.settle(self.primary, now_ms, flow)
+        is_filling = is_fed and self._config.motor_run > 0 and self.readings(now_ms)[1] < FULL
+        backup = Flow.CHARGING if is_filling else Flow.RESTING
+        if backup is not self.secondary.flow:
+            self.secondary = self._config.charge.settle(self.secondary, now_ms, backup)
 
     def watch_battery(self, on: bool, now_ms: int) -> None:
         """Arms the monitor's interrupt of an empty battery."""
         self._watch_from_ms = now_ms if on else None
 
     def run_motors(self, to: Buoyancy, depth_mm: int | None, now_ms: int) -> Action:
-        """Takes the charge of a run from the primary battery at once, at most what it holds."""
+        """Takes the charge of a run at once, from the primary as far as it reaches; without that charge nothing runs."""
         if self._config.motor_run:
-            self.primary = without(self.primary, self._config.motor_run, self._config.charge, now_ms)
+            left = after_motor_run(
+                self.primary, self.secondary, self._config.motor_run, self._config.charge, now_ms
+            )
+            if left is None:
+                return MotorsStalled(now_ms, to)
+            self.primary, self.secondary = left
         return RunBuoyancy(now_ms, to, depth_mm)
 
     def receive_packet(self, now_ms: int) -> list[Action]:

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_model.actions import Action, Dropped, RunBuoyancy, StateChanged
+from firmware_model.actions import Action, Buoyancy, Dropped, MotorsStalled, RunBuoyancy, StateChanged
+from firmware_model.bench import Bench
 from firmware_model.board import Board
 from firmware_model.config import BoardConfig
 from firmware_model.packets import CommandPacket, Kind
@@ -233,19 +234,73 @@ def test_cutting_time_does_not_change_the_trace(
     )
 
 
-@given(st.floats(0.0, 1.0), st.integers(0, FULL // 10))
-def test_a_run_of_the_motors_takes_its_charge_to_surface_and_to_sink_and_no_more_than_there_is(
-    charge: float, run: int
+UP_AND_DOWN: list[tuple[int, Stimulus]] = [
+    (0, POWER),
+    (10_000, PERMISSION),
+    (20_000, SurfaceReached()),
+    (30_000, WifiReceived(CommandPacket(Kind.RELEASE, 24).encode())),
+]
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.integers(1, FULL // 10))
+def test_the_backup_battery_gives_a_motor_run_what_the_primary_lacks(
+    charge: float, backup: float, run: int
 ) -> None:
-    facts: list[tuple[int, Stimulus]] = [
-        (0, POWER),
-        (10_000, PERMISSION),
-        (20_000, SurfaceReached()),
-        (30_000, WifiReceived(CommandPacket(Kind.RELEASE, 24).encode())),
-    ]
-    free, paid = board(charge), board(charge, replace(CONFIG, motor_run=run))
-    story(free, facts, 40_000)
-    story(paid, facts, 40_000)
-    left, without = MODEL.charge_at(paid.primary, 40_000), MODEL.charge_at(free.primary, 40_000)
-    assert paid.state is State.SINKING
-    assert left == max(0, without - 2 * run)
+    """Two runs, each with the primary's charge of that second; nothing else draws from the backup."""
+    config = replace(CONFIG, motor_run=run)
+    paid = Board(
+        config,
+        MusselbedCodec(),
+        Battery(0, grains(charge), Flow.DISCHARGING),
+        Battery(0, grains(backup), Flow.RESTING),
+        0,
+    )
+    primary, secondary, moved = grains(charge), grains(backup), []
+    story(paid, UP_AND_DOWN[:1], 9_999)
+    for begins_ms, facts in ((10_000, UP_AND_DOWN[1:3]), (30_000, UP_AND_DOWN[3:])):
+        primary = max(0, primary - MODEL.discharge * (begins_ms - (0 if not moved else 10_000)))
+        lacking = max(0, run - primary)
+        can_move = lacking <= secondary
+        if can_move:
+            primary, secondary = max(0, primary - run), secondary - lacking
+        did: list[Action] = []
+        for at_ms, fact in facts:
+            did += paid.receive(fact, at_ms)
+        moved.append(any(isinstance(it, RunBuoyancy) for it in did))
+        assert moved[-1] is can_move
+        assert any(isinstance(it, MotorsStalled) for it in did) is not can_move
+        assert MODEL.charge_at(paid.primary, begins_ms) == primary
+        assert MODEL.charge_at(paid.secondary, begins_ms) == secondary
+
+
+def test_a_dock_fills_both_batteries_of_a_board_whose_motors_cost_charge() -> None:
+    """By hand: an hour of equation (2)'s slowest part, 0.001045 a minute, for each battery."""
+    bench = Bench(replace(CONFIG, motor_run=grains(0.05)), primary=0.0, secondary=0.05)
+    bench.run(minutes=1)
+    bench.command(Kind.PERMISSION)
+    bench.run(minutes=2)
+    assert (bench.state, bench.primary, bench.secondary) == (State.FLOATING, 0, 0)
+    bench.charge_pin_rises()
+    bench.run(ms=CONFIG.pin_debounce_ms)
+    bench.run(minutes=60)
+    assert bench.primary_fraction == bench.secondary_fraction == pytest.approx(60 * 0.001045)
+
+
+def test_a_board_that_no_battery_can_lift_stays_where_it_is() -> None:
+    """On the bottom it gives the surfacing up and is EMPTY again; afloat it cannot sink, and stays to be docked."""
+    config = replace(CONFIG, motor_run=grains(0.05), surfacing_timeout_ms=60_000, float_timeout_ms=60_000)
+    below = Bench(config, primary=0.0, secondary=0.04)
+    below.run(minutes=1)
+    below.command(Kind.PERMISSION)
+    below.run(minutes=5)
+    assert below.state is State.EMPTY
+    assert not below.did(RunBuoyancy)
+    afloat = Bench(config, primary=0.0, secondary=0.05)
+    afloat.run(minutes=1)
+    afloat.command(Kind.PERMISSION)
+    afloat.run(minutes=10)
+    assert [it.to for it in afloat.did(RunBuoyancy)] == [Buoyancy.FLOAT]
+    assert afloat.state is State.FLOATING
+    afloat.charge_pin_rises()
+    afloat.run(minutes=1)
+    assert afloat.state is State.CHARGING

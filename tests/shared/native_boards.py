@@ -41,6 +41,13 @@ def maker(config: BoardConfig, *command: str, timeout_s: float = 30.0) -> MakeFi
     return lambda hardware: PortFirmware(lambda: link_to(command, timeout_s), config, hardware, seed=1)
 
 
-def bench(config: BoardConfig, program: Path, primary: float = 1.0, timeout_s: float = 30.0) -> Bench:
+def bench(
+    config: BoardConfig,
+    program: Path,
+    primary: float = 1.0,
+    timeout_s: float = 30.0,
+    secondary: float = 1.0,
+) -> Bench:
     """A board with that program on it."""
-    return Bench(config, primary=primary, firmware=maker(config, str(program), timeout_s=timeout_s))
+    made = maker(config, str(program), timeout_s=timeout_s)
+    return Bench(config, primary=primary, secondary=secondary, firmware=made)

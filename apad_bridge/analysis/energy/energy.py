@@ -173,14 +173,8 @@ class _Metered(Agent):
         elif self.config.board.motor_run:
             for action in actions:
                 if isinstance(action, RunBuoyancy):
-                    self._motors.add_run(self.board.state, self._motor_run(action.at_ms))
+                    self._motors.add_run(self.board.state, self.config.board.motor_run)
         return super()._carry_out(actions)
-
-    def _motor_run(self, at_ms: int) -> int:
-        """Grains that a motor run takes of the primary battery at this time: at most what it holds."""
-        board, before = self.config.board, self._last
-        held = board.motor_run if before is None else board.charge.charge_at(before[1].primary, at_ms)
-        return min(held, board.motor_run)
 
     def energy(self, run: _SecondRun) -> AgentEnergy:
         agent_id, charge = self.config.board.agent_id, self.config.board.charge

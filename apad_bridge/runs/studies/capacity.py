@@ -23,6 +23,10 @@ aMussel (y - x - e) / d minutes of work. So c is max (y - x - e) / t(x, y), and 
 maximum lies at two of its breakpoints. Without e it is the steepest part of the curve. An aMussel that is docked at the end
 of a mission has yet to sink, so the mission's u has that part of e added.
 
+An aMussel with an empty primary comes up on its backup battery, which the dock fills at the same time. So a service from
+empty pays for the sinking alone, s of a battery, and gains y - s in t(0, y) minutes. The c above is the larger one of both
+maxima. Where motor runs take much, a board that is let run down gains more than one that is fetched in time.
+
 A whole board is awake on its way up, on its way down, and while it listens on the bottom. In these t_e minutes it draws the
 idle load i, and would have drawn d. So its e is that of two runs of the motors and (i - d) t_e. Its c is less what it draws
 in a dock: asleep, and for `report_s` after each alarm. Its d is a mean over whole cycles. A mission may end just before an
@@ -30,7 +34,8 @@ alarm, so its u has the charge of one wake added.
 
 A board that never sleeps samples under water alone. Each service takes it away for its time in the dock and for w minutes
 more: its ways up and down, and the closing of a virtual dock, while it draws d. With the best x and y it gains at most
-g = max (y - x - e - d w) / (t + w) a minute away. So beside a <= the bound above, its minutes of samples a obey
+g = max (y - x - e - d w) / (t + w) a minute away; from empty it draws on its way down alone. So beside a <= the bound
+above, its minutes of samples a obey
 
     d a <= u + g z  and  a + z <= T    for z minutes away, so  a <= T - (d T - u) / (g + d)
 
@@ -201,11 +206,15 @@ def rates_of(scenario: Scenario) -> list[Rates]:
         per_min = _curve_of(board)
         drain = drain_per_min_of(board, ids)
         up, down = _ways_of(board, sinking, drain)
-        gain = _best_gain(per_min, max(0.0, up + down))
+        sinking_cost = max(0.0, down)
+        gain = max(_best_gain(per_min, max(0.0, up + down)), _gain_from_empty(board, sinking_cost))
         unspent = max(0.0, down) + _wake_of(board, ids)
         away_min = (sinking.surfacing_ms + sinking.sinking_ms) / _MS_PER_MIN + _closing_min(scenario, start)
-        gain_away = _best_gain(per_min, max(0.0, up + down) + drain * away_min, away_min)
         down_min = sinking.sinking_ms / _MS_PER_MIN
+        gain_away = max(
+            _best_gain(per_min, max(0.0, up + down) + drain * away_min, away_min),
+            _gain_from_empty(board, sinking_cost + drain * down_min, away_min),
+        )
         found.append(Rates(start.primary + unspent, drain, gain, _full_min(per_min), gain_away, down_min))
     return found
 
@@ -283,6 +292,26 @@ def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float, besides
             minutes += (end - starts[index]) / rate
             found.append((end - starts[first] - surfacing) / (minutes + besides_min))
     return max(found)
+
+
+def _gain_from_empty(board: BoardConfig, sinking: float, besides_min: float = 0.0) -> float:
+    """The greatest (y - `sinking`) / (t(0, y) + `besides_min`), at least 0.
+
+    The backup battery carries the board up. A whole board's carries its load in the dock until the board switches back, and
+    for as long as a metered one may take to find that it can.
+    """
+    power = None if board.whole is None else board.whole.power
+    carried = 0 if power is None else FULL if power.metering else power.switch_back
+    docked, found, minutes, low = _draw_in_a_dock(board), 0.0, 0.0, 0
+    for end, rate in board.charge.segments_by_two or board.charge.segments:
+        for part_end in sorted({max(low, min(end, carried)), end} - {low}):
+            net = rate if part_end <= carried else rate - docked
+            if net <= 0:
+                return found
+            minutes += (part_end - low) / net / _MS_PER_MIN
+            low = part_end
+            found = max(found, (low / FULL - sinking) / (minutes + besides_min))
+    return found
 
 
 def _docks_of(scenario: Scenario) -> int:

@@ -60,6 +60,17 @@ def test_surfacing_lowers_what_the_docks_sustain_by_hand() -> None:
         assert few.uptime_for_ever_percent == pytest.approx(100 * (1 - 4 / found.sustained), rel=1e-3)
 
 
+def test_where_motors_take_much_an_amussel_gains_most_from_empty_by_hand() -> None:
+    """The backup battery carries it up; a run of 0.2 down is all that it pays of its whole charge, in Table I's 485 min."""
+    scenario = resolve(pool())
+    scenario["board"]["motor_run_charge"] = 0.2
+    found = rates_of(from_data(scenario, "test"))[0]
+    assert found.charge == pytest.approx((1 - 0.2) / 485, rel=1e-3)
+    assert (
+        found.charge > (1 - 0.4) / 485 > (0.4366 - 0.4) / 150
+    )  # both runs from the primary: from empty, above the knee
+
+
 @given(
     st.lists(st.tuples(st.floats(0.01, 1), st.floats(1e-4, 1e-2)), min_size=1, max_size=4), st.floats(0, 0.1)
 )
@@ -163,7 +174,7 @@ def test_the_closed_form_is_the_linear_programme(fleet: list[Rates], minutes: fl
     count=st.integers(1, 16),
     batch=st.integers(1, 4),
     theta=st.sampled_from([30, 120]),
-    surfacing=st.sampled_from([0.0, 0.02, 0.09]),
+    surfacing=st.sampled_from([0.0, 0.02, 0.09, 0.3]),
     horizon=st.sampled_from(["open", "end"]),
     rules=st.sampled_from(
         [{}, {"dispatch": "asynchronous", "places": "exchanged", "pool_threshold": 0.5, "charge_to": 0.9}]
