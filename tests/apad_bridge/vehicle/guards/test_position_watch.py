@@ -233,7 +233,10 @@ def test_a_receiver_that_becomes_noisy_under_way_is_no_frozen_one(period_ms: int
     The position is believed for the ten minutes after it, whatever the rate at which somebody looks.
     """
     for seed in range(300 if period_ms == 1_000 else 60):
-        noise, watch = random.Random(seed), PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
+        noise, watch = (
+            random.Random(seed),
+            PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None)),
+        )
         begin_ms = noise.randrange(0, 60_000, 100)
         watch.note_goal((400.0, 0.0), 0)
         for at_ms in range(period_ms, 630_000, period_ms):
