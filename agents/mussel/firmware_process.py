@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import socket
 import time
 import weakref
 from collections.abc import Sequence
+from typing import Protocol
 
 from agents.hosting.link_protocol import readable
 from agents.mussel.board_link import FrameToBoard
@@ -20,21 +20,39 @@ PORT_VARIABLE = "MUSSELBED_PORT"
 _ENDING_S = 1.0
 """The wall time in which a process whose link has ended is expected to end."""
 _PORT_FD = 3
-_NO_PROGRAM = 127
-"""The exit status of a child that could not become the program, as a shell's."""
-_PR_SET_PDEATHSIG = 1
-_LIBC = ctypes.CDLL(None)
+_SETPRIV = ("/usr/bin/setpriv", "--pdeathsig", "KILL", "--")
+"""Of util-linux, which no Debian is without."""
 _AT_ONCE = 65_536
 
 
-class FirmwareProcess:
-    """A `BoardLink` to a program that it starts. FirmwareFailed if there can be no process."""
+class Stream(Protocol):
+    """This end of a stream socket."""
 
-    def __init__(self, command: Sequence[str], timeout_s: float) -> None:
-        """`command` is an executable and its arguments."""
-        self._child = _Child(command, timeout_s)
-        weakref.finalize(self, self._child.end)
-        self.pid: int | None = self._child.pid
+    def fileno(self) -> int: ...
+
+    def sendall(self, data: bytes, /) -> None: ...
+
+
+class Program(Protocol):
+    """Somebody's firmware as it runs."""
+
+    pid: int
+
+    @property
+    def link(self) -> Stream: ...
+
+    def end(self, patience_s: float = 0.0) -> int | None:
+        """Ends it, after so long for it to end by itself: its wait status, or None if it has ended before."""
+        ...
+
+
+class FirmwareProcess:
+    """A `BoardLink` to a program, which ends with it."""
+
+    def __init__(self, program: Program, timeout_s: float) -> None:
+        self._child = program
+        weakref.finalize(self, program.end)
+        self.pid: int | None = program.pid
         self._timeout_s = timeout_s
         self._deadline_s = 0.0
         self._reader = FrameReader()
@@ -87,30 +105,30 @@ class FirmwareProcess:
         )
 
 
-class _Child:
-    """The process and this end of its link. FirmwareFailed if there can be none."""
+class Child:
+    """The process of a program that it starts, and this end of its link. FirmwareFailed if there can be none."""
+
+    link: Stream
 
     def __init__(self, command: Sequence[str], timeout_s: float) -> None:
-        self.link, theirs = socket.socketpair()
-        self.link.settimeout(timeout_s)
-        parent = os.getpid()
+        """`command` is an executable and its arguments."""
+        link, theirs = socket.socketpair()
+        link.settimeout(timeout_s)
+        self.link, self._close = link, link.close
         with theirs:
             try:
-                self.pid = os.fork()
+                self.pid = _spawned(command, theirs.fileno())
             except OSError as error:
-                self.link.close()
+                link.close()
                 raise FirmwareFailed(f"no process: {error.strerror}") from None
-            if self.pid == 0:
-                _become(command, theirs.fileno(), parent)
-        self._owner = parent
+        self._owner = os.getpid()
         self._is_over = False
 
     def end(self, patience_s: float = 0.0) -> int | None:
-        """Ends the process, after so long for it to end by itself: its wait status, or None if it has ended before."""
         if self._is_over or os.getpid() != self._owner:
             return None
         self._is_over = True
-        self.link.close()
+        self._close()
         descriptor = os.pidfd_open(self.pid)
         try:
             if not readable(descriptor, patience_s):
@@ -120,21 +138,21 @@ class _Child:
             os.close(descriptor)
 
 
-def _become(command: Sequence[str], fd: int, parent: int) -> None:
-    """The child's steps up to its program; it never returns."""
-    try:
-        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:
-            os._exit(0)
-        signal.set_wakeup_fd(-1)
-        for number in (signal.SIGPIPE, signal.SIGINT, signal.SIGTERM, signal.SIGCHLD):
-            signal.signal(number, signal.SIG_DFL)
-        null = os.open(os.devnull, os.O_RDWR)
-        os.dup2(null, 0)
-        os.dup2(null, 1)
-        os.dup2(fd, _PORT_FD)
-        os.set_inheritable(_PORT_FD, True)
-        os.closerange(_PORT_FD + 1, os.sysconf("SC_OPEN_MAX"))
-        os.execve(command[0], list(command), {**os.environ, PORT_VARIABLE: str(_PORT_FD)})
-    finally:
-        os._exit(_NO_PROGRAM)
+def _spawned(command: Sequence[str], fd: int) -> int:
+    """The process of a program whose port is `fd`, and which the kernel ends with this process.
+
+    A fork would copy the page tables of this process, and then each page that one of both writes: five times the work.
+    `setpriv` asks for the death signal and becomes the program; a stream that has ended tells the program the same.
+    """
+    return os.posix_spawn(
+        _SETPRIV[0],
+        [*_SETPRIV, *command],
+        {**os.environ, PORT_VARIABLE: str(_PORT_FD)},
+        file_actions=[
+            (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDWR, 0),
+            (os.POSIX_SPAWN_DUP2, 0, 1),
+            (os.POSIX_SPAWN_DUP2, fd, _PORT_FD),
+        ],
+        setsigmask=(),
+        setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM, signal.SIGCHLD),
+    )

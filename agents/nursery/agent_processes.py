@@ -22,7 +22,7 @@ from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
 from agents.nursery.protocol import Died
 from agents.nursery.state_file import RECORD_BYTES, RING_BYTES, Record, RecordRing
-from agents.nursery.warm_up import warm_up
+from agents.nursery.warm_up import warm_up, warm_up_port
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
 
@@ -79,7 +79,7 @@ class AgentProcesses:
         """A placeholder: in a child, the child's link takes its descriptor."""
         self.truth, agents_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with agents_end:
-            os.dup2(agents_end.fileno(), truth_fd)
+            os.dup2(agents_end.fileno(), truth_fd, inheritable=False)
         self._truth_out = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, truth_fd)
         self._truth_out.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
         self._buffer = message_buffer()
@@ -87,6 +87,7 @@ class AgentProcesses:
         self._restart_policy = file.restart_policy
         self._codec = load_codec(file.fleet.codec)
         self._configs = file.fleet.maker()
+        self._has_programs = bool(file.fleet.firmware)
         self._flash_pages = file.fleet.flash_pages
         self._index = {agent_id: index for index, agent_id in enumerate(sorted(file.initial_states))}
         self._restarts_in_a_row: dict[int, int] = {}
@@ -118,6 +119,8 @@ class AgentProcesses:
         """Runs all code of an agent, then freezes its objects: the garbage collector must not write to shared pages."""
         agent_id = next(iter(self._index), 0)
         warm_up(self._configs, self._codec, agent_id)
+        if self._has_programs:
+            warm_up_port(self._configs.config(agent_id), self._codec)
         gc.collect()
         gc.freeze()
         return_freed_memory()

@@ -44,7 +44,7 @@ def live(
     """
     status = 1
     try:
-        _DUP2(agent_end, link_fd)
+        _DUP2(agent_end, link_fd, False)
         _CLOSERANGE(link_fd + 1, descriptors)
         _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
         if _GETPPID() != nursery_pid:

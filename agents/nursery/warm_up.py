@@ -13,6 +13,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from agents.fleet import AgentConfigs, resting_on_bottom
 from agents.hosting.agent_process import WindowHandler, answer_one, message_buffer
@@ -34,13 +35,19 @@ from agents.mussel.stimuli import (
 )
 from agents.nursery.flash_file import FlashRegion
 from agents.nursery.state_file import RecordRing
+from firmware_model import stimuli as board_stimuli
+from firmware_model.board import Board
 from firmware_model.packets import PLAIN_KINDS, CommandPacket, Packet
 from firmware_model.packets.codec import Codec
 from firmware_model.packets.command_packets import WITH_ARGUMENTS
 from firmware_model.packets.wire import HEAD
-from firmware_model.power.charge import FULL
+from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
+
+if TYPE_CHECKING:
+    from firmware_model.hardware.worst_case import WorstCaseHardware
+    from firmware_model.port import FirmwareLike
 
 _LIVES = 12
 """The interpreter specialises a function after eight calls."""
@@ -48,6 +55,7 @@ _VISITS = 15
 """States that a life comes to."""
 _SELDOM_MS = 86_400_000
 """The period of reports and drift in the walk: real ones would make most of its work."""
+_TURN_S = 1.0
 _PAUSE_MS = 1000
 """The time between two stimuli; the charger's pin settles in it."""
 _NUMBERS = ((0, 0), (1, 0), (3_600_000, 6), (2**64 - 1, 0))
@@ -64,6 +72,39 @@ def warm_up(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
     for epoch in range(1, _LIVES + 1):
         walk.live(epoch)
     walk.close()
+
+
+def warm_up_port(config: AgentConfig, codec: Codec) -> None:
+    """Runs a board whose firmware is in a process of its own, up to the link, whose other end answers here.
+
+    Without it each agent would import and specialise that code after the fork, in memory of its own.
+    """
+    # Imported here: most fleets have no firmware but ours.
+    from agents.mussel.firmware_process import Child, FirmwareProcess
+    from agents.mussel.port_firmware import PortFirmware
+    from agents.nursery.answering_board import AnsweringBoard
+
+    def firmware(hardware: WorstCaseHardware) -> FirmwareLike:
+        return PortFirmware(
+            lambda: FirmwareProcess(AnsweringBoard(), _TURN_S), config.board, hardware, config.water.seed
+        )
+
+    battery = Battery(0, FULL // 2, Flow.DISCHARGING)
+    stimuli: tuple[board_stimuli.Stimulus, ...] = (
+        board_stimuli.ChargePinRose(),
+        board_stimuli.SurfaceReached(),
+        board_stimuli.PacketHeard(b"wrong"),
+        board_stimuli.ChargePinFell(),
+        board_stimuli.WifiReceived(b"wrong"),
+    )
+    for _ in range(_LIVES):
+        board = Board(config.board, codec, battery, battery, 0, firmware=firmware)
+        board.receive(board_stimuli.PowerCameOn(ResetCause.POWER_ON, False, False), 0)
+        for n, stimulus in enumerate(stimuli, start=1):
+            board.receive(stimulus, n * _PAUSE_MS)
+        board.advance((len(stimuli) + 1) * _PAUSE_MS)
+        # The start of a process is warmed by one that ends at once.
+        Child(("/bin/true",), _TURN_S).end()
 
 
 class _Walk:

@@ -156,6 +156,12 @@ def test_a_firmware_ends_with_its_agent(host: ProcessHost) -> None:
     assert gone(boards[3])
 
 
+def test_a_firmware_has_its_port_and_nothing_else_of_its_agent(host: ProcessHost) -> None:
+    _, boards = flying(host)
+    for pid in boards.values():
+        assert sorted(os.listdir(f"/proc/{pid}/fd")) == ["0", "1", "2", "3"]
+
+
 def test_firmware_ends_with_the_nursery(host: ProcessHost) -> None:
     _, boards = flying(host)
     kill_9(host.nursery_pid)

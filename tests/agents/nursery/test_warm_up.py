@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 from dataclasses import replace
 
 import pytest
@@ -10,14 +12,19 @@ from seas import FLEET
 
 from agents.fleet import FleetConfig
 from agents.mussel.agent import Agent
+from agents.mussel.firmware_process import FirmwareProcess
 from agents.mussel.outputs import Truth
+from agents.mussel.port_firmware import PortFirmware
 from agents.nursery import warm_up
+from agents.nursery.answering_board import AnsweringBoard
+from firmware_model.actions import Dropped, RunBuoyancy, SendBytes, StateReported
+from firmware_model.bench import Bench
 from firmware_model.config import LastResort, Timekeeping, Timeslots
 from firmware_model.packets import PLAIN_KINDS, Packet
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.command_packets import WITH_ARGUMENTS
 from firmware_model.states import State
-from firmware_model.table_one import FIELD, power
+from firmware_model.table_one import FIELD, power, worst_case_board
 
 WHOLE = with_whole_boards(
     FLEET,
@@ -86,3 +93,26 @@ def test_it_reads_every_command_and_comes_to_every_state(
 
 def test_a_codec_without_commands_does_not_stop_the_nursery() -> None:
     warm_up.warm_up(PAPER.maker(), Ignorant(), 1)
+
+
+def test_each_turn_of_the_answering_board_has_every_frame_that_a_board_may_send() -> None:
+    config = worst_case_board()
+    bench = Bench(
+        config,
+        firmware=lambda hardware: PortFirmware(
+            lambda: FirmwareProcess(AnsweringBoard(), 1.0), config, hardware, seed=1
+        ),
+    )
+    bench.run(ms=1500)
+    for kind, times in ((StateReported, 3), (RunBuoyancy, 6), (SendBytes, 3), (Dropped, 3)):
+        assert len(bench.did(kind)) == times  # three turns: at the reset, after 700 ms and after 1400 ms
+
+
+def test_a_fleet_with_programs_is_warmed_up_to_their_links() -> None:
+    """Each life ends all that it began: no process and no descriptor is left to the agents."""
+    before = len(os.listdir("/proc/self/fd"))
+    warm_up.warm_up_port(PAPER.maker().config(1), MusselbedCodec())
+    gc.collect()
+    assert len(os.listdir("/proc/self/fd")) == before
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
