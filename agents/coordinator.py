@@ -10,17 +10,19 @@ from types import MappingProxyType
 from agents.hosting.host import Death, Grant, Host
 from agents.mussel.outputs import Output
 from agents.mussel.stimuli import Stimulus
+from agents.time_scale import AgentMs, MissionMs, TimeScale
 from firmware_model.stimuli import ResetCause
 from firmware_model.value import value
 
-_NEVER_MS = 2**63
+_NEVER_MS = AgentMs(2**63)
+_START_MS = MissionMs(0)
 
 
 @value
 class Heard:
     """An output of an agent; `mission_ms` is derived from the agent's own stamp, rounded up."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     agent_id: int
     output: Output
 
@@ -29,60 +31,60 @@ class Heard:
 class Died:
     """An agent died at `agent_ms`, the end of its last answered window; `gave_up` is the reason why it stays dead."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     agent_id: int
-    agent_ms: int
+    agent_ms: AgentMs
     cause: ResetCause
     reason: str
     gave_up: str | None
 
 
 class Coordinator:
-    """Grants windows to a fleet. Public times are mission milliseconds; an agent's own times are `theta` times that."""
+    """Grants windows to a fleet. Public times are mission milliseconds, an agent's own times are `AgentMs`."""
 
-    def __init__(self, host: Host, granted_ms: Mapping[int, int], theta: int, now_ms: int = 0) -> None:
+    def __init__(
+        self, host: Host, granted_ms: Mapping[int, int], scale: TimeScale, now_ms: MissionMs = _START_MS
+    ) -> None:
         """`granted_ms`: for each agent, the agent time that it has lived to (0 for a new one)."""
-        if theta < 1:
-            raise ValueError(f"theta is a positive integer, not {theta}")
         self._host = host
-        self.theta = theta
+        self.scale = scale
         self._now_ms = now_ms
-        self._granted_ms = dict(granted_ms)
+        self._granted_ms = {agent_id: AgentMs(at_ms) for agent_id, at_ms in granted_ms.items()}
         # An agent's first window is due at once, because only its answer has the agent's next due time.
-        self._due_ms: dict[int, int] = dict(granted_ms)
+        self._due_ms = dict(self._granted_ms)
         self._heap = [(due_ms, agent_id) for agent_id, due_ms in self._due_ms.items()]
         heapq.heapify(self._heap)
-        self._waiting: dict[int, list[tuple[int, Stimulus]]] = {}
-        self._muted_until_ms: dict[int, int] = {}
+        self._waiting: dict[int, list[tuple[AgentMs, Stimulus]]] = {}
+        self._muted_until_ms: dict[int, AgentMs] = {}
 
     def mute(self, agent_id: int) -> None:
         """Discards the agent's outputs from now on."""
         self._muted_until_ms[agent_id] = _NEVER_MS
 
-    def unmute(self, agent_id: int, now_ms: int) -> None:
+    def unmute(self, agent_id: int, now_ms: MissionMs) -> None:
         """Keeps the agent's outputs again from mission time `now_ms` on."""
-        self._muted_until_ms[agent_id] = self.theta * now_ms
+        self._muted_until_ms[agent_id] = self.scale.agent_ms(now_ms)
 
     @property
     def agent_ids(self) -> list[int]:
         return sorted(self._granted_ms)
 
     @property
-    def granted_ms(self) -> Mapping[int, int]:
+    def granted_ms(self) -> Mapping[int, AgentMs]:
         """The agent time that each aMussel has lived to."""
         return MappingProxyType(self._granted_ms)
 
     @property
-    def next_due_ms(self) -> int | None:
+    def next_due_ms(self) -> MissionMs | None:
         """The mission time by which some agent acts."""
         if self._waiting:
             return self._now_ms
         while self._heap and self._due_ms.get(self._heap[0][1]) != self._heap[0][0]:
             heapq.heappop(self._heap)
-        return -(-self._heap[0][0] // self.theta) if self._heap else None
+        return self.scale.mission_ms(self._heap[0][0]) if self._heap else None
 
     @property
-    def due_agent_ms(self) -> int | None:
+    def due_agent_ms(self) -> AgentMs | None:
         """The agent time at which some agent next acts by itself, or has a waiting stimulus."""
         waiting_ms = min((facts[0][0] for facts in self._waiting.values()), default=None)
         while self._heap and self._due_ms.get(self._heap[0][1]) != self._heap[0][0]:
@@ -91,14 +93,14 @@ class Coordinator:
             return waiting_ms
         return self._heap[0][0] if waiting_ms is None else min(waiting_ms, self._heap[0][0])
 
-    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> int | None:
+    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> AgentMs | None:
         """Takes a fact of the world at mission time `now_ms`, for one agent.
 
         Returns the fact's stamp in agent time. For an agent outside the fleet it keeps nothing and returns None.
         """
-        return self.receive_at(agent_id, stimulus, self.theta * now_ms)
+        return self.receive_at(agent_id, stimulus, self.scale.agent_ms(now_ms))
 
-    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int | None:
+    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> AgentMs | None:
         """`receive` for a fact with a stamp in agent time."""
         granted_ms = self._granted_ms.get(agent_id)
         if granted_ms is None:
@@ -107,14 +109,14 @@ class Coordinator:
         self._waiting.setdefault(agent_id, []).append((at_ms, stimulus))
         return at_ms
 
-    def advance(self, now_ms: int) -> list[Heard | Died]:
+    def advance(self, now_ms: MissionMs) -> list[Heard | Died]:
         """Grants everything due by mission time `now_ms`. Returns the outputs by (time, agent, order)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         self._now_ms = now_ms
-        return self.grant(self.theta * now_ms)
+        return self.grant(self.scale.agent_ms(now_ms))
 
-    def grant(self, until_ms: int) -> list[Heard | Died]:
+    def grant(self, until_ms: AgentMs) -> list[Heard | Died]:
         """Grants everything due by agent time `until_ms`, within a tick. Returns the outputs by (time, agent, order)."""
         waiting, self._waiting = self._waiting, {}
         chosen = set(waiting)
@@ -142,7 +144,7 @@ class Coordinator:
             if isinstance(outcome, Death):
                 at_ms = self._granted_ms[agent_id]
                 gave_up = self._host.restart(agent_id, at_ms, outcome.cause)
-                mission_ms = -(-at_ms // self.theta)
+                mission_ms = self.scale.mission_ms(at_ms)
                 events.append(Died(mission_ms, agent_id, at_ms, outcome.cause, outcome.reason, gave_up))
                 if gave_up is None:
                     again[agent_id] = grants[agent_id]
@@ -150,14 +152,14 @@ class Coordinator:
                     del self._granted_ms[agent_id]
                     self._due_ms.pop(agent_id, None)
                 continue
-            self._granted_ms[agent_id] = grants[agent_id].until_ms
+            self._granted_ms[agent_id] = AgentMs(grants[agent_id].until_ms)
             if outcome.next_due_ms is None:
                 self._due_ms.pop(agent_id, None)
             else:
-                self._due_ms[agent_id] = outcome.next_due_ms
-                heapq.heappush(self._heap, (outcome.next_due_ms, agent_id))
+                due_ms = self._due_ms[agent_id] = AgentMs(outcome.next_due_ms)
+                heapq.heappush(self._heap, (due_ms, agent_id))
             kept_from_ms = self._muted_until_ms.get(agent_id, 0)
             for output in outcome.outputs:
                 if output.at_ms >= kept_from_ms:
-                    events.append(Heard(-(-output.at_ms // self.theta), agent_id, output))
+                    events.append(Heard(self.scale.mission_ms(AgentMs(output.at_ms)), agent_id, output))
         return again

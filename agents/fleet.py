@@ -13,6 +13,7 @@ from agents.mussel.agent import AgentConfig
 from agents.mussel.body import BodyConfig, WaterConfig
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig
+from agents.time_scale import TimeScale
 from agents.water.chance import fates
 from agents.water.fields import Fields
 from agents.water.patches import CALM, Waters
@@ -107,6 +108,10 @@ class FleetConfig:
     firmware: tuple[FirmwareConfig, ...] = ()
     """Somebody's firmware; the boards that none of them has have ours."""
 
+    @property
+    def time_scale(self) -> TimeScale:
+        return TimeScale(self.theta)
+
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
 
@@ -195,7 +200,7 @@ class AgentConfigs:
         self._slots = {agent_id: slot for slot, agent_id in enumerate(fleet.agent_ids)}
         self._water = WaterConfig(
             fleet.seed,
-            1000 * fleet.theta,
+            fleet.time_scale.agent_span(1000),
             fleet.body,
             fleet.current.stream(),
             Fields.by_key({key: waters.field() for key, waters in fleet.waters.items()}),

@@ -186,7 +186,7 @@ class Scoring(MemoryRecorder):
             return
         for it in beliefs:
             charge = self._charge_of(it.agent_id).charge_at(
-                self._batteries[it.agent_id], self._theta * now_ms
+                self._batteries[it.agent_id], self._scale.agent_ms(now_ms)
             )
             self._squares.append((it.primary - fraction(charge)) ** 2)
 

@@ -87,7 +87,7 @@ def flown(scenario: Scenario) -> tuple[list[Comparison], dict[str, Any]]:
     def tick(now_ms: int, beliefs: list[Belief], *_: object) -> None:
         for belief in beliefs if now_ms % SAMPLED_MS == 0 else ():
             truth = water.sample(newest[belief.agent_id], scenario.theta * now_ms)
-            rows.append(compared(belief_sample(belief, now_ms), truth, now_ms, scenario.theta))
+            rows.append(compared(belief_sample(belief, now_ms), truth, now_ms, scenario.time_scale))
 
     recorder.truths, recorder.tick = truths, tick  # type: ignore[method-assign, assignment]
     flight.run()

@@ -45,6 +45,7 @@ from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
+from agents.time_scale import TimeScale
 from firmware_model.config import FullFirmware, LastResort, Timeslots
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
@@ -149,7 +150,7 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
     nursery = launch_nursery(run_dir)
     host = ProcessHost.adopt(run_dir, 1)
     try:
-        clock = Coordinator(host, dict.fromkeys(initial_states, 0), THETA)
+        clock = Coordinator(host, dict.fromkeys(initial_states, 0), TimeScale(THETA))
         clock.advance(0)
         ready_s = time.monotonic() - began_s
 
@@ -232,7 +233,7 @@ def hourly_states(agents: int) -> dict[int, Physical]:
 
 def hourly_clock(host: Host, agents: int, began_s: float) -> tuple[Coordinator, float]:
     """The fleet's clock after everyone's first answer, and how long that took."""
-    clock = Coordinator(host, dict.fromkeys(range(1, agents + 1), 0), 1)
+    clock = Coordinator(host, dict.fromkeys(range(1, agents + 1), 0), TimeScale(1))
     clock.advance(0)
     return clock, time.monotonic() - began_s
 

@@ -34,6 +34,7 @@ from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.firmware_failure import FirmwareFailed
 from agents.nursery.launch import launch_nursery, prepare
+from agents.time_scale import TimeScale
 from apad_bridge.commands.mu_program import bench_of
 from benchmarks.fleet import cost_row, kernel_kb, processor_s, serve, wait_for_merging
 from firmware_model.bench import Bench
@@ -119,7 +120,7 @@ def fleet_row(agents: int, board: Path | None) -> dict[str, Any]:
         nursery = launch_nursery(run_dir)
         host = ProcessHost.adopt(run_dir, 1)
         try:
-            clock = Coordinator(host, dict.fromkeys(states, 0), THETA)
+            clock = Coordinator(host, dict.fromkeys(states, 0), TimeScale(THETA))
             clock.advance(0)
             ready_s = time.monotonic() - began_s
             pids = [it for pid in host.pids.values() for it in (pid, *_children(pid))]

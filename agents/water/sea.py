@@ -23,6 +23,7 @@ from agents.modem.firmware import Firmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
+from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water import medium
 from agents.water.apad_modem import APadModem, Send
 from agents.water.chance import fates
@@ -94,11 +95,11 @@ class Authority(Protocol):
     @property
     def due_agent_ms(self) -> int | None: ...
 
-    def advance(self, now_ms: int) -> Iterable[Heard | Died]: ...
+    def advance(self, now_ms: MissionMs) -> Iterable[Heard | Died]: ...
 
-    def grant(self, until_ms: int) -> Iterable[Heard | Died]: ...
+    def grant(self, until_ms: AgentMs) -> Iterable[Heard | Died]: ...
 
-    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int | None: ...
+    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> int | None: ...
 
 
 class TruthSource(Protocol):
@@ -110,6 +111,7 @@ Event = tuple[int, int, int, medium.Stimulus | Heard]
 
 
 LOST_IN_THE_AIR = "Wi-Fi: lost in the air"
+_START_MS = MissionMs(0)
 
 
 class Sea:
@@ -118,10 +120,10 @@ class Sea:
     def __init__(
         self,
         config: SeaConfig,
-        theta: int,
+        scale: TimeScale,
         agent_ids: Iterable[int],
         apads: int = 1,
-        now_ms: int = 0,
+        now_ms: MissionMs = _START_MS,
         opened: Collection[int] = (),
     ) -> None:
         """`agent_ids` are all fleets' aMussels, and `apads` is the number of stations that will `join`.
@@ -130,11 +132,11 @@ class Sea:
         time.
         """
         self.config = config
-        self.theta = theta
+        self.scale = scale
         self.apads = apads
         nodes = [*(APAD - n for n in range(apads)), *agent_ids]
         addresses = {node: address_of(node) for node in nodes}
-        self.now_ms = theta * now_ms
+        self.now_ms = scale.agent_ms(now_ms)
         """Agent time."""
         self.medium = Medium(config.sound, config.seed, addresses.items(), self.now_ms)
         self.modem_dropped: Counter[str] = Counter()
@@ -189,12 +191,12 @@ class Sea:
 
     # Rounds.
 
-    def advance(self, station: Station, now_ms: int) -> None:
+    def advance(self, station: Station, now_ms: MissionMs) -> None:
         """Runs everything up to mission time `now_ms`, in the order of the rounds, unless another station did so already.
 
         ValueError if time went back, or if the flights are not in step: each must have come to a time before any goes on.
         """
-        until_ms = self.theta * now_ms
+        until_ms = self.scale.agent_ms(now_ms)
         if until_ms < self.now_ms:
             raise ValueError(f"time went back: {until_ms} before {self.now_ms}")
         if station.apad in self._behind and until_ms == self.now_ms:
@@ -220,9 +222,9 @@ class Sea:
                 self.apads_at_tick = {apad: self.places.get(apad) for apad in self._stations}
                 return
 
-    def _horizon(self, until_ms: int) -> int:
+    def _horizon(self, until_ms: AgentMs) -> AgentMs:
         """The end of the next round, chosen so that nothing that begins in the round acts before its end."""
-        horizon_ms = until_ms
+        horizon_ms: int = until_ms
         if (due_ms := self.medium.next_due_ms) is not None:
             horizon_ms = min(horizon_ms, due_ms)
         acts = [None if self.modems is None else self.modems.next_due_ms]
@@ -231,7 +233,7 @@ class Sea:
         for acts_ms in acts:
             if acts_ms is not None:
                 horizon_ms = min(horizon_ms, max(acts_ms, self.now_ms) + SHORT_MS[self.config.modems])
-        return max(horizon_ms, self.now_ms)
+        return AgentMs(max(horizon_ms, self.now_ms))
 
     def _round(self, outputs: Sequence[tuple[Station, Heard | Died]], horizon_ms: int) -> None:
         """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
@@ -264,7 +266,7 @@ class Sea:
             for sent in self.modems.round(horizon_ms):
                 events.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
                 if not sent.from_host and sent.node > APAD:
-                    self._tell(sent.node, ModemSent(sent.frame.duration_ms), sent.at_ms)
+                    self._tell(sent.node, ModemSent(sent.frame.duration_ms), AgentMs(sent.at_ms))
             events += [(at_ms, 0, it.node, it) for at_ms, it in self.modems.take_readdressed()]
         self._deliver(self._apply(events, horizon_ms))
         if self.modems is not None:
@@ -312,9 +314,9 @@ class Sea:
                 continue
             ping = frame.kind is FrameKind.PING
             stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
-            self._tell(node, stimulus, at_ms)
+            self._tell(node, stimulus, AgentMs(at_ms))
 
-    def _tell(self, node: int, stimulus: Stimulus, at_ms: int) -> None:
+    def _tell(self, node: int, stimulus: Stimulus, at_ms: AgentMs) -> None:
         station = self._station_of.get(node)
         agent_ms = None if station is None else station.coordinator.receive_at(node, stimulus, at_ms)
         if station is not None and agent_ms is not None:
@@ -330,8 +332,8 @@ class Sea:
             sender, places.get(sender), receiver, places.get(receiver), at_ms
         )
 
-    def _mission_ms(self, agent_ms: int) -> int:
-        return -(-agent_ms // self.theta)
+    def _mission_ms(self, agent_ms: int) -> MissionMs:
+        return self.scale.mission_ms(AgentMs(agent_ms))
 
 
 class Station:
@@ -375,7 +377,7 @@ class Station:
         """The counts of everything that was lost without being the outcome of a packet."""
         return self.dropped + self._sea.modem_dropped
 
-    def advance(self, now_ms: int) -> list[SeaResult]:
+    def advance(self, now_ms: MissionMs) -> list[SeaResult]:
         """Runs everything up to mission time `now_ms`, and returns what happened here, in the order of the rounds.
 
         ValueError if time went back, or for flights out of step.
@@ -440,14 +442,14 @@ class Station:
         sea = self._sea
         sea.undelivered += sea.medium.receive(LinksChanged(topology), sea.now_ms)
 
-    def wifi_reaches(self, agent_id: int, now_ms: int) -> bool:
+    def wifi_reaches(self, agent_id: int, now_ms: MissionMs) -> bool:
         """True if a Wi-Fi packet that is sent to an aMussel now gets through, from this aPad or from another.
 
         Another aPad's radio is where it was at the end of the last rounds, so the flights' order in a tick changes nothing.
         """
         sea = self._sea
         apads = sea.apads_at_tick | {self.apad: sea.places.get(self.apad)}
-        place, at_ms = sea.places.get(agent_id), sea.theta * now_ms
+        place, at_ms = sea.places.get(agent_id), sea.scale.agent_ms(now_ms)
         reached = sea.config.any_radio_reaches(apads, agent_id, place, at_ms)
         if not reached:
             self.dropped[LOST_IN_THE_AIR] += 1
@@ -475,7 +477,7 @@ class Station:
 
     def receive_at_apad(self, heard: medium.Heard) -> None:
         at_ms, frame, config = heard.reception.at_ms, heard.frame, self.config
-        mission_ms = -(-at_ms // self._sea.theta)
+        mission_ms = self._sea.scale.mission_ms(AgentMs(at_ms))
         if frame.kind is not FrameKind.PING_REPLY:
             self.results.append(SoundReached(mission_ms, heard.sender, frame.data))
         elif self.keel.answered(heard.sender, at_ms):

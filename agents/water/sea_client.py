@@ -13,6 +13,7 @@ from contextlib import suppress
 from agents.coordinator import Coordinator, Died, Heard
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import Stimulus
+from agents.time_scale import AgentMs, MissionMs
 from agents.water.places import Place, place_of
 from agents.water.sea import LOST_IN_THE_AIR, SeaConfig, TruthSource
 from agents.water.sea_events import APAD, LeftWater, NotRanged, Ranged, SeaLost, SeaResult, StimulusDelivered
@@ -140,7 +141,7 @@ class RemoteStation:
 
     # Time.
 
-    def advance(self, now_ms: int) -> list[SeaResult]:
+    def advance(self, now_ms: MissionMs) -> list[SeaResult]:
         """Like `Station.advance`, returns once all flights in the water have come to mission time `now_ms`."""
         if self._link is None:
             return self._advance_alone(now_ms)
@@ -154,7 +155,7 @@ class RemoteStation:
         self._stop()
         return [*died, *self._advance_alone(now_ms), why]
 
-    def _advance_together(self, link: Link, now_ms: int, died: list[SeaResult]) -> list[SeaResult]:
+    def _advance_together(self, link: Link, now_ms: MissionMs, died: list[SeaResult]) -> list[SeaResult]:
         calls, self._calls = tuple(self._calls), []
         self._new_truths()
         due_ms = self._coordinator.due_agent_ms
@@ -164,8 +165,11 @@ class RemoteStation:
             match link.receive(_TICK_S):
                 case Window(until_ms, tick_ms, stimuli):
                     self._receive_stimuli(stimuli)
-                    granting = self._coordinator.grant if tick_ms is None else self._coordinator.advance
-                    outputs = tuple(granting(until_ms if tick_ms is None else tick_ms))
+                    outputs = tuple(
+                        self._coordinator.grant(until_ms)
+                        if tick_ms is None
+                        else self._coordinator.advance(tick_ms)
+                    )
                     died += [it for it in outputs if isinstance(it, Died)]
                     self._new_truths()
                     link.send(Windowed(outputs, self._take_untold(), self._coordinator.due_agent_ms))
@@ -180,7 +184,8 @@ class RemoteStation:
 
     def _receive_stimuli(self, stimuli: tuple[tuple[int, int, Stimulus], ...]) -> None:
         self._stamps += [
-            self._coordinator.receive_at(agent_id, stimulus, at_ms) for agent_id, at_ms, stimulus in stimuli
+            self._coordinator.receive_at(agent_id, stimulus, AgentMs(at_ms))
+            for agent_id, at_ms, stimulus in stimuli
         ]
 
     def _stamped(self, results: tuple[SeaResult, ...]) -> list[SeaResult]:
@@ -196,7 +201,7 @@ class RemoteStation:
                 stamped.append(StimulusDelivered(it.mission_ms, it.agent_id, agent_ms, it.stimulus))
         return stamped
 
-    def _advance_alone(self, now_ms: int) -> list[SeaResult]:
+    def _advance_alone(self, now_ms: MissionMs) -> list[SeaResult]:
         results: list[SeaResult] = [NotRanged(now_ms, it) for it in self._pinged]
         self._pinged = []
         for it in self._coordinator.advance(now_ms):
@@ -269,10 +274,10 @@ class RemoteStation:
         """Replaces the topology of the whole sea from now on."""
         self._ask("set_topology", topology)
 
-    def wifi_reaches(self, agent_id: int, now_ms: int) -> bool:
+    def wifi_reaches(self, agent_id: int, now_ms: MissionMs) -> bool:
         """True if a Wi-Fi packet that is sent to an aMussel now gets through, from this aPad or from another."""
         apads = {**self._apads, self.apad: self._place}
-        at_ms = self._coordinator.theta * now_ms
+        at_ms = self._coordinator.scale.agent_ms(now_ms)
         reached = self.config.any_radio_reaches(apads, agent_id, self._places.get(agent_id), at_ms)
         if not reached:
             self._dropped[LOST_IN_THE_AIR] += 1

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from agents.coordinator import Died, Heard
 from agents.mussel.stimuli import Stimulus
+from agents.time_scale import MissionMs
 from agents.water.medium import PacketEnded
 
 APAD = 0
@@ -27,7 +28,7 @@ class SoundReached:
     In a shared sea they may be those of another fleet's aMussel, or of another aPad, whose number is not positive.
     """
 
-    mission_ms: int
+    mission_ms: MissionMs
     agent_id: int
     data: bytes
 
@@ -36,7 +37,7 @@ class SoundReached:
 class Ranged:
     """An aMussel answered a ping of the aPad."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     agent_id: int
     range_m: float
 
@@ -45,7 +46,7 @@ class Ranged:
 class NotRanged:
     """An aMussel did not answer a ping of the aPad in time."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     agent_id: int
 
 
@@ -53,7 +54,7 @@ class NotRanged:
 class StimulusDelivered:
     """An agent received a stimulus from the water, at agent time `agent_ms`."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     agent_id: int
     agent_ms: int
     stimulus: Stimulus
@@ -63,7 +64,7 @@ class StimulusDelivered:
 class Printed:
     """An opened modem printed this on its serial line."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     agent_id: int
     data: bytes
 
@@ -72,7 +73,7 @@ class Printed:
 class LeftWater:
     """An aPad's modem and its aMussels are out of the water that several flights share, though its flight has not ended."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     name: str
     reason: str
 
@@ -81,7 +82,7 @@ class LeftWater:
 class SeaLost:
     """The process that owns the sea is gone, and the sea with it."""
 
-    mission_ms: int
+    mission_ms: MissionMs
     reason: str
 
 

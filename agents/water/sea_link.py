@@ -23,6 +23,7 @@ from agents.coordinator import Died, Heard
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery import protocol
+from agents.time_scale import AgentMs, MissionMs
 from agents.water.places import Place
 from agents.water.sea_codec import Codec
 from agents.water.sea_events import SeaResult
@@ -50,7 +51,7 @@ class Hello:
 class Welcome:
     """`now_ms` is the mission time that the flights have come to; None before they begin."""
 
-    now_ms: int | None
+    now_ms: MissionMs | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ class Begin:
     `clock_ms` is the clock at mission time 0, which is the same for all flights.
     """
 
-    now_ms: int | None
+    now_ms: MissionMs | None
     clock_ms: int
 
 
@@ -91,7 +92,7 @@ class Call:
 class Tick:
     """The flight has come to mission time `now_ms`, with what it did since its last tick."""
 
-    now_ms: int
+    now_ms: MissionMs
     calls: tuple[Call, ...]
     truths: tuple[Truth, ...]
     due_ms: int | None
@@ -102,8 +103,8 @@ class Tick:
 class Window:
     """Grants the fleet agent time up to `until_ms`. At the end of the rounds it is the tick at mission time `tick_ms`."""
 
-    until_ms: int
-    tick_ms: int | None
+    until_ms: AgentMs
+    tick_ms: MissionMs | None
     stimuli: tuple[tuple[int, int, Stimulus], ...]
     """(aMussel, agent time, stimulus), in order."""
 

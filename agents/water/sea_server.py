@@ -18,6 +18,7 @@ from agents.coordinator import Died, Heard
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery.protocol import is_of_our_user
+from agents.time_scale import AgentMs, MissionMs
 from agents.water.sea import Sea, Station
 from agents.water.sea_events import APAD, LeftWater
 from agents.water.sea_link import (
@@ -75,7 +76,7 @@ class RemoteFleet:
             dues_ms.append(self._due_ms)
         return min(dues_ms, default=None)
 
-    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int:
+    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> int:
         """Keeps the stimulus for the next window. The flight's coordinator stamps it; see `sea_client.py`."""
         self._stimuli.append((agent_id, agent_ms, stimulus))
         return agent_ms
@@ -84,10 +85,10 @@ class RemoteFleet:
         stimuli, self._stimuli = self._stimuli, []
         return tuple(stimuli)
 
-    def advance(self, now_ms: int) -> Iterable[Heard | Died]:
-        return self._ask(now_ms, now_ms)
+    def advance(self, now_ms: MissionMs) -> Iterable[Heard | Died]:
+        return self._ask(AgentMs(now_ms), now_ms)
 
-    def grant(self, until_ms: int) -> Iterable[Heard | Died]:
+    def grant(self, until_ms: AgentMs) -> Iterable[Heard | Died]:
         due_ms = self.due_agent_ms
         if due_ms is None or due_ms > until_ms:
             return ()
@@ -97,7 +98,7 @@ class RemoteFleet:
         truths, self._truths = self._truths, []
         return truths
 
-    def _ask(self, until_ms: int, tick_ms: int | None) -> Iterable[Heard | Died]:
+    def _ask(self, until_ms: AgentMs, tick_ms: MissionMs | None) -> Iterable[Heard | Died]:
         window = Window(until_ms, tick_ms, self.take_stimuli())
         try:
             if self.gone is None:
@@ -157,7 +158,7 @@ class SeaServer:
     _flights: list[_Flight] = field(init=False)
     _zero_clock_ms: int | None = field(default=None, init=False)
     """The flights' clock at mission time 0; None before they begin."""
-    _now_ms: int | None = field(default=None, init=False)
+    _now_ms: MissionMs | None = field(default=None, init=False)
     """The mission time of the last tick."""
     _waits_since_s: float | None = field(default=None, init=False)
     """Since when a flight waits for another one."""
@@ -254,7 +255,7 @@ class SeaServer:
                 link.send(Refused(reason))
             for other in self._flights:
                 if other.station is not None:
-                    other.station.results.append(LeftWater(self._now_ms or 0, flight.name, reason))
+                    other.station.results.append(LeftWater(self._now_ms or MissionMs(0), flight.name, reason))
         link.close()
 
     # Beginning, and time.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from agents.time_scale import MissionMs
 from apad_bridge.acoustics.least_squares import Floats, NoFix, Solution, mirrored, solve
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.water import Localisation
@@ -28,7 +29,7 @@ class RangeTaken:
     modem hangs.
     """
 
-    at_ms: int
+    at_ms: MissionMs
     agent_id: int
     range_m: float
     north_m: float
@@ -43,7 +44,7 @@ class PositionFix:
     `hdop` is the geometry's dilution of precision, `residual_m` the root mean square of the ranges' residuals.
     """
 
-    at_ms: int
+    at_ms: MissionMs
     agent_id: int
     north_m: float
     east_m: float

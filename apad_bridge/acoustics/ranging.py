@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
+from agents.time_scale import MissionMs
 from apad_bridge.acoustics.locator import Locator, PositionFix, RangeTaken
 from apad_bridge.acoustics.schedule import AcousticScheduler
 from apad_bridge.beliefs import modes
@@ -114,7 +115,7 @@ class RangingService:
                 case RangeTaken() as taken:
                     self._locator.remember(taken)
 
-    def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
+    def advance(self, beliefs: Sequence[Belief], now_ms: MissionMs) -> list[SupervisorAction]:
         away = frozenset(it.agent_id for it in beliefs if _is_away(it))
         cannot_hear, self._to_ping = self._to_ping & away, self._to_ping - away
         unanswered = [Note("range", {"id": it, "range_m": None}) for it in sorted(cannot_hear)]
@@ -135,17 +136,19 @@ class RangingService:
         """Called for each short status of an aMussel, requested or not."""
         self._scheduler.short_status_received(agent_id)
 
-    def schedule_sends(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
+    def schedule_sends(
+        self, actions: Sequence[SupervisorAction], now_ms: MissionMs
+    ) -> list[SupervisorAction]:
         return self._scheduler.schedule_sends(actions, now_ms)
 
-    def moved(self, agent_id: int, now_ms: int) -> None:
+    def moved(self, agent_id: int, now_ms: MissionMs) -> None:
         """Called when a dock closed around an aMussel or released it."""
         self._scheduler.moved(agent_id, now_ms)
         if self._locator is not None:
             self._locator.forget(agent_id)
             self._changes.append(Moved(agent_id))
 
-    def start_serving(self, agent_id: int, now_ms: int) -> None:
+    def start_serving(self, agent_id: int, now_ms: MissionMs) -> None:
         """Called when this aPad serves an aMussel that another one served."""
         self._scheduler.start_serving(agent_id, now_ms)
 
@@ -155,7 +158,7 @@ class RangingService:
         self._to_ping.discard(agent_id)
 
     def hear(
-        self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: int
+        self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: MissionMs
     ) -> list[SupervisorAction]:
         """Takes a ping's outcome, which may give a timeslot, and a place or range that `beliefs` learn."""
         if fact.range_m is None:
@@ -202,7 +205,7 @@ class NoRanging:
     def apply_updates(self, updates: dict[str, Any]) -> None:
         pass
 
-    def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
+    def advance(self, beliefs: Sequence[Belief], now_ms: MissionMs) -> list[SupervisorAction]:
         return []
 
     def ping(self, agent_id: int) -> None:
@@ -212,20 +215,22 @@ class NoRanging:
     def short_status_received(self, agent_id: int) -> None:
         pass
 
-    def schedule_sends(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
+    def schedule_sends(
+        self, actions: Sequence[SupervisorAction], now_ms: MissionMs
+    ) -> list[SupervisorAction]:
         return list(actions)
 
-    def moved(self, agent_id: int, now_ms: int) -> None:
+    def moved(self, agent_id: int, now_ms: MissionMs) -> None:
         pass
 
-    def start_serving(self, agent_id: int, now_ms: int) -> None:
+    def start_serving(self, agent_id: int, now_ms: MissionMs) -> None:
         pass
 
     def stop_serving(self, agent_id: int) -> None:
         pass
 
     def hear(
-        self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: int
+        self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: MissionMs
     ) -> list[SupervisorAction]:
         return []
 

@@ -20,6 +20,7 @@ from typing import Any
 
 from agents.modem.frames import SHORT_MS, duration_ms
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs, TimeScale
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from apad_bridge.mission.events import Ping, Send, SupervisorAction
 from apad_bridge.mission.orders import Note
@@ -28,13 +29,15 @@ from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import Codec
 
+_START_MS = MissionMs(0)
+
 ASK_AGAIN_MS = 600_000
 """The time before an aMussel that did not answer, or that is still too uncertain, is asked again."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScheduleConfig:
-    theta: int
+    scale: TimeScale
     water: Water
     """The scenario's block, with the aPad's `talk`."""
     longest_delay_ms: int
@@ -55,7 +58,7 @@ class AcousticScheduler:
         codec: Codec,
         slots: Timeslots | None,
         agent_ids: Iterable[int],
-        now_ms: int = 0,
+        now_ms: MissionMs = _START_MS,
         served: Iterable[int] | None = None,
     ) -> None:
         """`agent_ids` are the whole fleet's: an aMussel's place among them is its timeslot. This aPad serves those in
@@ -74,18 +77,18 @@ class AcousticScheduler:
         self._guard_ms = 0 if slots is None else slots.guard_ms
         if talk.waits and slots is not None:
             self._window = TdmaWindow(slots.frame_ms, len(self._agent_ids) * slots.slot_ms, talk.turn)
-        agent_ms = config.theta * now_ms
-        self._free_from_ms = agent_ms
+        agent_ms = config.scale.agent_ms(now_ms)
+        self._free_from_ms: int = agent_ms
         """The time from which nothing is scheduled yet."""
         self._assigns = talk.assigns and slots is not None
-        self._measure_at_ms = dict.fromkeys(served_ids if self._assigns else (), agent_ms)
+        self._measure_at_ms: dict[int, int] = dict.fromkeys(served_ids if self._assigns else (), agent_ms)
         """The times at which propagation delays are to be measured (again)."""
         self.delays_ms: dict[int, int] = {}
         """The propagation delay of each aMussel that has a timeslot made for it."""
         self._scheduled: dict[tuple[int, bytes], int] = {}
         """The send times of the mission's packets, by receiver and bytes."""
-        self._beacon_due_ms = agent_ms
-        self._ping_due_ms = now_ms
+        self._beacon_due_ms: int = agent_ms
+        self._ping_due_ms: int = now_ms
         self._ping_order = deque(served_ids)
         self.unanswered = 0
         """The number of status requests without an answer in time."""
@@ -116,12 +119,14 @@ class AcousticScheduler:
         self._pings.restore(state["ranged_ms"])
         self._status_requests.restore(state["asked_ms"])
 
-    def schedule_sends(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
+    def schedule_sends(
+        self, actions: Sequence[SupervisorAction], now_ms: MissionMs
+    ) -> list[SupervisorAction]:
         """The same actions, with send times in the acoustic packets.
 
         A packet that is already waiting to be sent is left out.
         """
-        agent_ms = self._config.theta * now_ms
+        agent_ms = self._config.scale.agent_ms(now_ms)
         self._scheduled = {key: at_ms for key, at_ms in self._scheduled.items() if at_ms >= agent_ms}
         scheduled: list[SupervisorAction] = []
         for it in actions:
@@ -135,7 +140,7 @@ class AcousticScheduler:
 
     def advance(
         self,
-        now_ms: int,
+        now_ms: MissionMs,
         away: frozenset[int],
         whereabouts: Sequence[int] = (),
         charges: Sequence[int] = (),
@@ -145,12 +150,12 @@ class AcousticScheduler:
         aMussels in `away` are believed unable to receive: they are afloat, or in a dock. `whereabouts` lists aMussels to
         ping for their place, `charges` aMussels to ask for their status: one of each list, the first that may be asked.
         """
-        config, agent_ms = self._config, self._config.theta * now_ms
+        config, agent_ms = self._config, self._config.scale.agent_ms(now_ms)
         actions: list[SupervisorAction] = [
             Note("unanswered", {"id": agent_id}) for agent_id in self._status_requests.given_up(agent_ms)
         ]
         self.unanswered += len(actions)
-        if self._free_from_ms > agent_ms + config.theta * 1000:
+        if self._free_from_ms > agent_ms + config.scale.agent_span(1000):
             return actions  # earlier packets are still to be sent
         for agent_id, due_ms in self._measure_at_ms.items():
             if due_ms <= agent_ms and agent_id not in away:
@@ -173,7 +178,7 @@ class AcousticScheduler:
         """Called for each short status, which answers a request if one was pending."""
         self._status_requests.answered(agent_id)
 
-    def ping_answered(self, agent_id: int, range_m: float, now_ms: int) -> list[SupervisorAction]:
+    def ping_answered(self, agent_id: int, range_m: float, now_ms: MissionMs) -> list[SupervisorAction]:
         """Takes an answered ping; the first answer of an aMussel gives it its timeslot."""
         if agent_id not in self._measure_at_ms:
             return []
@@ -181,10 +186,10 @@ class AcousticScheduler:
         self.delays_ms[agent_id] = round(1000 * range_m / self._config.water.sound.sound_speed_m_s)
         return [self._assignment(agent_id, now_ms)]
 
-    def start_serving(self, agent_id: int, now_ms: int) -> None:
+    def start_serving(self, agent_id: int, now_ms: MissionMs) -> None:
         """Called when this aPad takes an aMussel over from another one: its delay to this aPad is measured anew."""
         if self._assigns:
-            self._measure_at_ms[agent_id] = self._config.theta * now_ms
+            self._measure_at_ms[agent_id] = self._config.scale.agent_ms(now_ms)
         if agent_id not in self._ping_order:
             self._ping_order.append(agent_id)
 
@@ -194,19 +199,19 @@ class AcousticScheduler:
         if agent_id in self._ping_order:
             self._ping_order.remove(agent_id)
 
-    def moved(self, agent_id: int, now_ms: int) -> None:
+    def moved(self, agent_id: int, now_ms: MissionMs) -> None:
         """Called when an aMussel was moved: its delay is measured again, after it has had time to sink."""
         if self.delays_ms.pop(agent_id, None) is not None:
-            self._measure_at_ms[agent_id] = self._config.theta * now_ms + ASK_AGAIN_MS
+            self._measure_at_ms[agent_id] = self._config.scale.agent_ms(now_ms) + ASK_AGAIN_MS
 
-    def _next_ping(self, now_ms: int, away: frozenset[int]) -> list[SupervisorAction]:
+    def _next_ping(self, now_ms: MissionMs, away: frozenset[int]) -> list[SupervisorAction]:
         for _ in range(len(self._ping_order)):
             self._ping_order.rotate(-1)
             if self._ping_order[-1] not in away:
                 return [self._ping(self._ping_order[-1], now_ms)]
         return []
 
-    def _assignment(self, agent_id: int, now_ms: int) -> Send:
+    def _assignment(self, agent_id: int, now_ms: MissionMs) -> Send:
         slots, delay_ms = self._slots, self.delays_ms[agent_id]
         assert slots is not None  # delays are measured for timeslots only
         offset_ms = -2 * delay_ms if self._beacon_period_ms else -delay_ms
@@ -214,17 +219,17 @@ class AcousticScheduler:
         assignment = SlotAssignment(agent_id, slots.frame_ms, slots.slot_ms, slots.guard_ms, index, offset_ms)
         return self._with_send_time(Send(Medium.SOUND, agent_id, self._codec.encode(assignment)), now_ms)
 
-    def _beacon(self, now_ms: int) -> Send:
+    def _beacon(self, now_ms: MissionMs) -> Send:
         # A beacon's length does not depend on the time in it.
         lasting_ms = self._duration_ms(self._codec.encode(Beacon(EVERYONE, 0)))
         at_ms = self._reserve(now_ms, lasting_ms)
         data = self._codec.encode(Beacon(EVERYONE, at_ms + lasting_ms))
         return Send(Medium.SOUND, EVERYONE, data, at_ms)
 
-    def _ping(self, agent_id: int, now_ms: int) -> Ping:
+    def _ping(self, agent_id: int, now_ms: MissionMs) -> Ping:
         return Ping(agent_id, self._reserve(now_ms, SHORT_MS[self._config.water.modems] + ANSWER_TIMEOUT_MS))
 
-    def _status_request(self, agent_id: int, now_ms: int) -> Send:
+    def _status_request(self, agent_id: int, now_ms: MissionMs) -> Send:
         """A request for a short status; nothing else is scheduled until the answer has arrived."""
         data = self._codec.encode(CommandPacket(Kind.PING, agent_id))
         lasting_ms = self._duration_ms(data) + self._config.answer_ms + 2 * self._config.longest_delay_ms
@@ -232,15 +237,15 @@ class AcousticScheduler:
         self._status_requests.await_answer(agent_id, at_ms + lasting_ms)
         return Send(Medium.SOUND, agent_id, data, at_ms)
 
-    def _with_send_time(self, send: Send, now_ms: int, after_ms: int = 0) -> Send:
+    def _with_send_time(self, send: Send, now_ms: MissionMs, after_ms: int = 0) -> Send:
         return replace(send, not_before_ms=self._reserve(now_ms, self._duration_ms(send.data), after_ms))
 
     def _duration_ms(self, data: bytes) -> int:
         return duration_ms(self._config.water.modems, len(data))
 
-    def _reserve(self, now_ms: int, lasting_ms: int, after_ms: int = 0) -> int:
+    def _reserve(self, now_ms: MissionMs, lasting_ms: int, after_ms: int = 0) -> int:
         """Reserves the next free time of this length, at least `after_ms` after the last packet. Returns its beginning."""
-        from_ms = max(self._config.theta * now_ms, self._free_from_ms + after_ms)
+        from_ms = max(self._config.scale.agent_ms(now_ms), self._free_from_ms + after_ms)
         # It must have arrived everywhere by then, and the owner of the first timeslot may be early by its guard.
         needed_ms = lasting_ms + self._config.longest_delay_ms + self._guard_ms
         at_ms = self._window.first_ms(from_ms, needed_ms)

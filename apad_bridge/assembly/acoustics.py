@@ -37,7 +37,7 @@ def acoustics_config(scenario: Scenario, water: Water, firmware: FullFirmware | 
     longest_m, talk = min(across_m, water.sound.range_limit_m), water.talk
     return AcousticsConfig(
         ScheduleConfig(
-            scenario.theta,
+            scenario.time_scale,
             water,
             longest_delay_ms=ceil(1000 * longest_m / water.sound.sound_speed_m_s),
             answer_ms=0 if firmware is None else firmware.turnaround_ms + firmware.answer_ms,
@@ -62,7 +62,7 @@ def status_request_policy(
         candidate_below(scenario.mission.pool_threshold),
         wrong_plan_charge(firmware),
         answer * worth_answers,
-        not_before_ms=readings_apart_ms(scenario.theta) // scenario.theta,
+        not_before_ms=scenario.time_scale.mission_span(readings_apart_ms(scenario.time_scale)),
         spare_charge=answer,
         answer_deviation=hypot(model.sensor_noise, model.bias_deviation),
     )

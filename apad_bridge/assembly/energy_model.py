@@ -20,12 +20,12 @@ def energy_model(scenario: Scenario) -> EnergyModel:
     """Builds the model of nominal boards. What a whole board draws from its charger in a dock is left out."""
     mission = scenario.mission
     board, ids = board_config(scenario.board), scenario.fleet.all_ids
-    per_s = 1000 * scenario.theta / FULL
+    per_s = scenario.time_scale.agent_span(1000) / FULL
     segments = board.charge.segments_by_two or board.charge.segments
     drain_per_min = drain_per_min_of(board, ids) if ids else 0.0
     return EnergyModel(
         # An aMussel that draws nothing is never low; the planner divides by its drain.
-        drain_per_s=max(1e-12, drain_per_min * scenario.theta / 60),
+        drain_per_s=max(1e-12, scenario.time_scale.agent_time(drain_per_min) / 60),
         curve=tuple((end / FULL, rate * per_s) for end, rate in segments),
         pool_threshold=mission.pool_threshold,
         again_threshold=mission.again_threshold,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from agents.mussel.body import BodyConfig
 from agents.mussel.reporter import ReportConfig
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import (
     Calls,
@@ -102,19 +103,19 @@ def schedules(
 def twin_parameters(
     scenario: Scenario, model: TwinModel, board: BoardConfig, body: BodyConfig, reports: ReportConfig
 ) -> TwinParameters:
-    theta, firmware = scenario.theta, board.whole
+    scale, firmware = scenario.time_scale, board.whole
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
     return TwinParameters(
-        theta=theta,
+        scale=scale,
         drain=_drain(board),
         charger=_charger(board.charge),
         sensor=Sensor(
             model.sensor_noise,
             (0.0,) * 4,
             deviations,
-            readings_apart_ms(theta),
+            readings_apart_ms(scale),
             _offsets(firmware),
             saturates=firmware is not None and firmware.power.metering is not None,
         ),
@@ -134,20 +135,20 @@ def twin_parameters(
             _STEADY_CURRENT_S,
             model.fix_deviation_m,
             is_ground_truth=scenario.hearing.positioning is Positioning.GROUND_TRUTH,
-            way_down_s=body.sinking.sinking_ms / (1000 * theta),
+            way_down_s=body.sinking.sinking_ms / scale.agent_span(1000),
         ),
         drain_deviation=math.hypot(model.drain_deviation, _CAPACITY_DEVIATION),
         ageing_per_day=_AGEING_PER_DAY,
-        clock=ClockParameters(1000.0, 20.0, 1000.0 * theta),
+        clock=ClockParameters(1000.0, 20.0, scale.agent_time(1000.0)),
         board=board,
         sinking=body.sinking,
         calls=None if scenario.water is None else Calls(reports.period_ms, _MISSED),
     )
 
 
-def readings_apart_ms(theta: int) -> int:
+def readings_apart_ms(scale: TimeScale) -> int:
     """Returns the least agent time between two used readings of one aMussel; of nearer readings only one is used."""
-    return max(_READING_APART_MS, _MISSION_APART_MS * theta)
+    return max(_READING_APART_MS, scale.agent_span(_MISSION_APART_MS))
 
 
 def _drain(board: BoardConfig) -> Drain:

@@ -12,6 +12,7 @@ from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.host import Host
 from agents.mussel.body import gps_fix_um
 from agents.mussel.physical import Physical
+from agents.time_scale import MissionMs
 from agents.water.patches import CALM
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
@@ -21,6 +22,8 @@ from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, WithoutWater
+
+_START_MS = MissionMs(0)
 
 
 def fleet_config(config: FlightConfig) -> FleetConfig:
@@ -66,7 +69,7 @@ def fleet_of(
     config: FlightConfig,
     host: Host,
     granted_ms: Mapping[int, int],
-    now_ms: int = 0,
+    now_ms: MissionMs = _START_MS,
     opened: Collection[int] = (),
     sea: Sea | RemoteSea | None = None,
 ) -> Fleet:
@@ -77,15 +80,15 @@ def fleet_of(
     """
     scenario = config.scenario
     host = FaultyHost(host, scenario.seed)
-    coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
+    coordinator = Coordinator(host, granted_ms, scenario.time_scale, now_ms)
     if config.sea is None or scenario.water is None:
         return Fleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
     if sea is None:
-        sea = Sea(config.sea, scenario.theta, granted_ms, now_ms=now_ms, opened=opened)
+        sea = Sea(config.sea, scenario.time_scale, granted_ms, now_ms=now_ms, opened=opened)
     station = sea.join(coordinator, host)
     if scenario.water.links_file is None:
         return Fleet(coordinator, host, InSea(station), config.timeslots)
-    links = LinksFile(Path(scenario.water.links_file), scenario.theta)
+    links = LinksFile(Path(scenario.water.links_file), scenario.time_scale)
     station.set_topology(links.read())
     return Fleet(coordinator, host, InSea(station), config.timeslots, links)
 
@@ -95,4 +98,4 @@ def shared_sea(scenario: Scenario, apads: int) -> Sea | None:
     config = flight_config(scenario).sea
     if config is None or apads == 1:
         return None
-    return Sea(config, scenario.theta, scenario.fleet.all_ids, apads)
+    return Sea(config, scenario.time_scale, scenario.fleet.all_ids, apads)

@@ -47,7 +47,7 @@ class FlightConfig:
 
 def flight_config(scenario: Scenario) -> FlightConfig:
     """Resolves the scenario. Reads no file: the current's file is read when a fleet starts."""
-    water, drift, theta = scenario.water, scenario.fleet.drift, scenario.theta
+    water, drift = scenario.water, scenario.fleet.drift
     modems = Generation.V3 if water is None else water.modems
     board = board_config(scenario.board, scenario.seed, modems)
     body = BodyConfig(
@@ -60,7 +60,7 @@ def flight_config(scenario: Scenario) -> FlightConfig:
         surfacing_failure_ppm=round(scenario.board.surfacing_failure_probability * 1e6),
     )
     reports = ReportConfig(
-        round(scenario.hearing.report_period_s * 1000) * theta,
+        scenario.time_scale.agent_span(round(scenario.hearing.report_period_s * 1000)),
         heard_always=scenario.hearing.mode is HearingMode.PAPER,
         modem=modems,
     )

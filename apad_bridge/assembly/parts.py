@@ -61,7 +61,7 @@ def fault_injection(
     later = [
         (at_ms, it) for at_ms, it in due if at_ms > after_ms and (it.agent_id is None or it.agent_id in ids)
     ]
-    return FaultInjection(host, scenario.theta, later, ongoing, real_hull=real_hull)
+    return FaultInjection(host, scenario.time_scale, later, ongoing, real_hull=real_hull)
 
 
 def misses(scenario: Scenario) -> Misses:
@@ -88,13 +88,13 @@ def initial_learned_state(config: FlightConfig, has_modem: bool = True) -> Learn
 
 def fleet_beliefs(config: FlightConfig) -> FleetBeliefs:
     """Builds the scenario's estimator. Only twins import filterpy, which takes half a second."""
-    twin, theta = config.twin, config.scenario.theta
+    twin, scale = config.twin, config.scenario.time_scale
     if twin is None:
-        return HoldLast(config.ids, theta)
+        return HoldLast(config.ids, scale)
     from apad_bridge.beliefs.twin import Twin
 
-    due_every_ms = config.reports.period_ms // theta
-    return FleetBeliefs(Twin(twin.parameters, twin.schedules), config.ids, due_every_ms, theta)
+    due_every_ms = scale.mission_span(config.reports.period_ms)
+    return FleetBeliefs(Twin(twin.parameters, twin.schedules), config.ids, due_every_ms, scale)
 
 
 def ranging_service(config: FlightConfig) -> RangingService | NoRanging:

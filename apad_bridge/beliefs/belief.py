@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from enum import IntFlag
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.mixture import Part, below, interval
 from apad_bridge.beliefs.modes import Mode, mode_of
 from firmware_model.states import State
@@ -49,7 +50,7 @@ class Belief:
     """
 
     agent_id: int
-    heard_ms: int
+    heard_ms: MissionMs
     state: State
     primary: float
     secondary: float
@@ -76,7 +77,7 @@ class Belief:
     def at_ms(self) -> int:
         return self.heard_ms + self.predicted_ms
 
-    def age_s(self, now_ms: int) -> float:
+    def age_s(self, now_ms: MissionMs) -> float:
         """Mission seconds since the newest packet."""
         return (now_ms - self.heard_ms) / 1000
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, Protocol
 
+from agents.time_scale import AgentMs, MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.beliefs.measurement import ClockSet, Heard, HeardShort, Measurement, Rejected
@@ -16,7 +17,7 @@ from firmware_model.packets import ShortStatus, StatusPacket
 class Estimator(Protocol):
     """Pure functions from belief to belief. They are called at events only; an estimator has no clock of its own."""
 
-    def predict(self, belief: Belief, to_ms: int) -> Belief:
+    def predict(self, belief: Belief, to_ms: MissionMs) -> Belief:
         """The belief for mission time `to_ms` without new measurements (ValueError if that is before the belief's time)."""
         ...
 
@@ -53,9 +54,9 @@ class FleetBeliefs:
         estimator: Estimator,
         agent_ids: Iterable[int],
         due_every_ms: int | None = None,
-        theta: int | None = None,
+        scale: TimeScale | None = None,
     ) -> None:
-        """`due_every_ms` is the mission time between two packets that are due; `theta` is the rate of the agents' clocks.
+        """`due_every_ms` is the mission time between two packets that are due; `scale` is that of the agents' clocks.
 
         Either is None when it is unknown.
         """
@@ -65,14 +66,14 @@ class FleetBeliefs:
         self._beliefs: dict[int, Belief] = {}
         self._depths_m: dict[int, float] = {}
         """By aMussel, the depth in its newest packet with a place. No estimator needs it, and no checkpoint keeps it."""
-        self._stamp_checker = StampChecker(theta)
-        self._now_ms = 0
+        self._stamp_checker = StampChecker(scale)
+        self._now_ms = MissionMs(0)
         self._at_now: dict[int, Belief] = {}
         self._all_now: list[Belief] | None = None
         """All of them at this time, by id; None after a change."""
         self.belief_log: BeliefLog | None = None
 
-    def advance(self, now_ms: int) -> None:
+    def advance(self, now_ms: MissionMs) -> None:
         """ValueError if time went back."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
@@ -109,7 +110,7 @@ class FleetBeliefs:
             return belief
         return replace(belief, silent_timeslots=silent, learned_from=belief.learned_from | Source.SILENCE)
 
-    def hear(self, packet: StatusPacket, at_ms: int) -> str | None:
+    def hear(self, packet: StatusPacket, at_ms: MissionMs) -> str | None:
         """Takes in a packet received at mission time `at_ms`; or returns the reason why not, and changes nothing."""
         if packet.agent_id not in self._known:
             return "a status of an unknown aMussel"
@@ -128,10 +129,10 @@ class FleetBeliefs:
             case StampVerdict.IMPOSSIBLE:
                 return "a status of a time that its clock cannot show, unless another agrees"
             case StampVerdict.CLOCK_SET:
-                self.learn(packet.agent_id, ClockSet(at_ms, packet.agent_ms))
+                self.learn(packet.agent_id, ClockSet(at_ms, AgentMs(packet.agent_ms)))
         return self.learn(packet.agent_id, Heard(at_ms, packet))
 
-    def hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+    def hear_short(self, packet: ShortStatus, at_ms: MissionMs) -> str | None:
         """Does the work of `hear` for a status without place and time: both stay as believed."""
         before = self._beliefs.get(packet.agent_id)
         if before is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement
@@ -57,5 +58,5 @@ class LastPacket:
 
 
 class HoldLast(FleetBeliefs):
-    def __init__(self, agent_ids: Iterable[int], theta: int | None = None) -> None:
-        super().__init__(LastPacket(), agent_ids, theta=theta)
+    def __init__(self, agent_ids: Iterable[int], scale: TimeScale | None = None) -> None:
+        super().__init__(LastPacket(), agent_ids, scale=scale)

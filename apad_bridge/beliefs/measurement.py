@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from agents.time_scale import AgentMs, MissionMs
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 from firmware_model.value import value
@@ -16,7 +17,7 @@ from firmware_model.value import value
 class Heard:
     """A decoded status packet."""
 
-    at_ms: int
+    at_ms: MissionMs
     packet: StatusPacket
 
 
@@ -24,7 +25,7 @@ class Heard:
 class HeardShort:
     """A decoded short status: it contains neither place nor time, and counts as sent when it was received."""
 
-    at_ms: int
+    at_ms: MissionMs
     state: State
     primary: float
     secondary: float
@@ -34,28 +35,28 @@ class HeardShort:
 class TimeslotSilent:
     """A timeslot in which a packet was due ended without one."""
 
-    at_ms: int
+    at_ms: MissionMs
 
 
 @dataclass(frozen=True, slots=True)
 class Permitted:
     """The aPad sent the permission to surface."""
 
-    at_ms: int
+    at_ms: MissionMs
 
 
 @dataclass(frozen=True, slots=True)
 class Docked:
     """The aPad closed a dock around the aMussel, and stands at the same place."""
 
-    at_ms: int
+    at_ms: MissionMs
 
 
 @dataclass(frozen=True, slots=True)
 class Released:
     """The aPad opened the dock that held the aMussel, at this place."""
 
-    at_ms: int
+    at_ms: MissionMs
     north_m: float
     east_m: float
 
@@ -64,7 +65,7 @@ class Released:
 class Fixed:
     """A measured place, from GPS at the surface or from an acoustic fix. `variance_m2` is that of either axis."""
 
-    at_ms: int
+    at_ms: MissionMs
     north_m: float
     east_m: float
     variance_m2: float
@@ -74,7 +75,7 @@ class Fixed:
 class Ranged:
     """A measured distance from a place, along the bottom."""
 
-    at_ms: int
+    at_ms: MissionMs
     range_m: float
     from_north_m: float
     from_east_m: float
@@ -85,8 +86,8 @@ class Ranged:
 class ClockSet:
     """The aMussel's clock was set and shows `agent_ms` now: after a reset, or by somebody's beacon."""
 
-    at_ms: int
-    agent_ms: int
+    at_ms: MissionMs
+    agent_ms: AgentMs
 
 
 Measurement = Heard | HeardShort | TimeslotSilent | Permitted | Docked | Released | Fixed | Ranged | ClockSet

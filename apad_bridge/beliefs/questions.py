@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.modes import DOCKED, Mode
@@ -30,9 +31,9 @@ def full_above(threshold: float) -> Question:
     return lambda belief: 1 - belief.probability_at_most(threshold)
 
 
-def probability_at(estimator: Estimator, belief: Belief, question: Question, at_ms: int) -> float:
+def probability_at(estimator: Estimator, belief: Belief, question: Question, at_ms: MissionMs) -> float:
     """The probability at mission time `at_ms`, if nothing more is received until then."""
-    return question(estimator.predict(belief, max(at_ms, belief.at_ms)))
+    return question(estimator.predict(belief, MissionMs(max(at_ms, belief.at_ms))))
 
 
 def sure_at_ms(
@@ -49,7 +50,7 @@ def sure_at_ms(
     while question(before) < share:
         if before.at_ms >= until_ms:
             return None
-        after = estimator.predict(before, min(until_ms, before.at_ms + step_ms))
+        after = estimator.predict(before, MissionMs(min(until_ms, before.at_ms + step_ms)))
         if after.at_ms <= before.at_ms:
             return None  # the estimator does not predict
         if question(after) >= share:
@@ -63,7 +64,7 @@ def _within_a_second(
 ) -> int:
     low_ms, high_ms = before.at_ms, after_ms
     while high_ms - low_ms > 1000:
-        middle_ms = (low_ms + high_ms) // 2
+        middle_ms = MissionMs((low_ms + high_ms) // 2)
         if question(estimator.predict(before, middle_ms)) >= share:
             high_ms = middle_ms
         else:

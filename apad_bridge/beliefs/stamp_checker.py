@@ -9,6 +9,7 @@ from __future__ import annotations
 from enum import Enum, auto
 from typing import NamedTuple
 
+from agents.time_scale import TimeScale
 from firmware_model.packets import StatusPacket
 
 _MAX_DELAY_MS = 60_000
@@ -33,10 +34,10 @@ class Stamp(NamedTuple):
 
 
 class StampChecker:
-    """Keeps the newest stamp of each aMussel. `theta` is None if it is unknown: then any time may follow another."""
+    """Keeps the newest stamp of each aMussel. `scale` is None if it is unknown: then any time may follow another."""
 
-    def __init__(self, theta: int | None) -> None:
-        self._theta = theta
+    def __init__(self, scale: TimeScale | None) -> None:
+        self._scale = scale
         self.newest: dict[int, Stamp] = {}
         self._doubted: dict[int, tuple[int, Stamp]] = {}
 
@@ -61,8 +62,8 @@ class StampChecker:
         newest, stamp = self.newest.get(packet.agent_id), Stamp(packet.agent_ms, at_ms)
         if self._doubted:
             self._doubted.pop(packet.agent_id, None)
-        if self._theta is not None and newest is not None and self._is_delayed(newest, stamp):
-            shown_ms = newest.at_ms + (stamp.agent_ms - newest.agent_ms) // self._theta
+        if self._scale is not None and newest is not None and self._is_delayed(newest, stamp):
+            shown_ms = newest.at_ms + self._scale.mission_span(stamp.agent_ms - newest.agent_ms)
             stamp = Stamp(stamp.agent_ms, shown_ms)
         self.newest[packet.agent_id] = stamp
 
@@ -72,17 +73,17 @@ class StampChecker:
 
     def _ahead_ms(self, before: Stamp, after: Stamp) -> int:
         """The agent time by which the clock advanced more than mission time times theta."""
-        assert self._theta is not None
-        return after.agent_ms - before.agent_ms - self._theta * (after.at_ms - before.at_ms)
+        assert self._scale is not None
+        return after.agent_ms - before.agent_ms - self._scale.agent_span(after.at_ms - before.at_ms)
 
     def _is_delayed(self, before: Stamp, after: Stamp) -> bool:
         """True if the clock advanced, but by less than it should have: the packet waited."""
-        if self._theta is None or after.agent_ms < before.agent_ms:
+        if self._scale is None or after.agent_ms < before.agent_ms:
             return False
         return self._ahead_ms(before, after) < 0 and self._disagree(before, after)
 
     def _disagree(self, before: Stamp, after: Stamp) -> bool:
-        if self._theta is None:
+        if self._scale is None:
             return False
         doubt_ms = _MAX_DELAY_MS + abs(after.at_ms - before.at_ms) * _MAX_DRIFT_PPM // 1_000_000
-        return abs(self._ahead_ms(before, after)) > self._theta * doubt_ms
+        return abs(self._ahead_ms(before, after)) > self._scale.agent_span(doubt_ms)

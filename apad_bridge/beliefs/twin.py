@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
 from apad_bridge.beliefs.belief import Belief, Clock, Source
@@ -84,7 +85,7 @@ class Twin:
         self._schedules = schedules
         self._weigher = HypothesisWeigher(parameters)
 
-    def predict(self, belief: Belief, to_ms: int) -> Belief:
+    def predict(self, belief: Belief, to_ms: MissionMs) -> Belief:
         if to_ms < belief.at_ms:
             raise ValueError(f"time went back: {to_ms} before {belief.at_ms}")
         twin_state = self._propagated(belief, to_ms)
@@ -97,7 +98,7 @@ class Twin:
             return None
         if isinstance(measurement, HeardShort):
             return self._short_status_received(belief, measurement)
-        at_ms = max(measurement.at_ms, belief.at_ms)
+        at_ms = MissionMs(max(measurement.at_ms, belief.at_ms))
         twin_state = self._propagated(belief, at_ms)
         match measurement:
             case TimeslotSilent():
@@ -107,7 +108,7 @@ class Twin:
                 twin_state = self._permitted(twin_state)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
             case ClockSet(_, agent_ms):
-                clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.parameters.theta * at_ms
+                clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.parameters.scale.agent_ms(at_ms)
                 twin_state = replace(shifted_to_clock(twin_state, agent_ms), clock=clock, clock_ms=nominal_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
             case Docked():
@@ -160,11 +161,11 @@ class Twin:
     def _schedule(self, agent_id: int) -> Schedule:
         return self._schedules.get(agent_id, UNKNOWN)
 
-    def _agent_ms(self, twin_state: TwinState, at_ms: int) -> int:
+    def _agent_ms(self, twin_state: TwinState, at_ms: MissionMs) -> int:
         """The time on the aMussel's own clock at mission time `at_ms`, as estimated."""
-        return self.parameters.theta * at_ms + round(twin_state.clock.offset_ms)
+        return self.parameters.scale.agent_ms(at_ms) + round(twin_state.clock.offset_ms)
 
-    def _propagated(self, belief: Belief, to_ms: int) -> TwinState:
+    def _propagated(self, belief: Belief, to_ms: MissionMs) -> TwinState:
         twin_state = belief.estimator_state
         assert isinstance(twin_state, TwinState), "a belief of another estimator"
         schedule = self._schedule(belief.agent_id)
@@ -198,7 +199,7 @@ class Twin:
                 return twin_state
             twin_state = replace(twin_state, load=twin_state.unobeyed[0], unobeyed=None, pending=None)
         drain, at_ms, load = self.parameters.drain, twin_state.at_ms, load_of_all(twin_state, self.parameters)
-        runs_ms = self.parameters.theta * _HEARD_WITHIN_MS + self.parameters.motor_run_ms
+        runs_ms = self.parameters.scale.agent_span(_HEARD_WITHIN_MS) + self.parameters.motor_run_ms
         return replace(
             twin_state,
             load=load,
@@ -226,7 +227,7 @@ class Twin:
 
     # Packets.
 
-    def _packet_received(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
+    def _packet_received(self, belief: Belief | None, packet: StatusPacket, at_ms: MissionMs) -> Belief:
         reading = Reading.stated(packet.state, packet.primary, packet.secondary)
         schedule = self._schedule(packet.agent_id)
         if schedule.cycle is not None:
@@ -239,7 +240,7 @@ class Twin:
             raise Rejected("a status that came already")
         if packet.agent_ms < twin_state.packet[1]:
             raise Rejected("a status that a newer one overtook")
-        at_ms = max(at_ms, belief.at_ms)
+        at_ms = MissionMs(max(at_ms, belief.at_ms))
         twin_state = replace(self._propagated(belief, at_ms), packet=(packet.sequence, packet.agent_ms))
         is_independent = self._is_independent(twin_state, belief.agent_id, reading.mode)
         if is_independent or not self.parameters.water.is_ground_truth:
@@ -256,7 +257,7 @@ class Twin:
 
         An answer to a request may fall into a short wake of a sleeping aMussel, which still counts as asleep.
         """
-        at_ms = max(heard.at_ms, belief.at_ms)
+        at_ms = MissionMs(max(heard.at_ms, belief.at_ms))
         twin_state = self._propagated(belief, at_ms)
         schedule = self._schedule(belief.agent_id)
         reading = Reading.stated(heard.state, heard.primary, heard.secondary)
@@ -266,7 +267,7 @@ class Twin:
         return self._belief_after_status(belief, twin_state, reading, at_ms)
 
     def _belief_after_status(
-        self, belief: Belief, twin_state: TwinState, reading: Reading, at_ms: int
+        self, belief: Belief, twin_state: TwinState, reading: Reading, at_ms: MissionMs
     ) -> Belief:
         heard = replace(belief, heard_ms=at_ms, predicted_ms=0, state=reading.state, silent_timeslots=0)
         return self._to_belief(heard, twin_state, at_ms, Source.PACKET)
@@ -279,10 +280,10 @@ class Twin:
         stagger_ms = agent_id * _STAGGER_MS % apart_ms
         return (twin_state.at_ms + stagger_ms) // apart_ms > (twin_state.measured_ms + stagger_ms) // apart_ms
 
-    def _first_belief(self, packet: StatusPacket, reading: Reading, at_ms: int) -> Belief:
+    def _first_belief(self, packet: StatusPacket, reading: Reading, at_ms: MissionMs) -> Belief:
         parameters = self.parameters
         mean, cov = charge.prior_state(parameters)
-        nominal_ms = parameters.theta * at_ms
+        nominal_ms = parameters.scale.agent_ms(at_ms)
         ahead_ms, usual = packet.agent_ms - nominal_ms, parameters.clock
         clock = clocks.corrected(
             clocks.prior_clock(usual.offset_ms, usual.drift_ppm), ahead_ms, usual.reading_ms
@@ -311,12 +312,14 @@ class Twin:
             twin_state, parameters, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
         )
 
-    def _clock_set(self, agent_ms: int, at_ms: int) -> Clock:
+    def _clock_set(self, agent_ms: int, at_ms: MissionMs) -> Clock:
         known = self.parameters.clock
-        return clocks.set_to(agent_ms - self.parameters.theta * at_ms, known.reading_ms, known.drift_ppm)
+        return clocks.set_to(
+            agent_ms - self.parameters.scale.agent_ms(at_ms), known.reading_ms, known.drift_ppm
+        )
 
-    def _read_clock(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
-        nominal_ms = self.parameters.theta * at_ms
+    def _read_clock(self, twin_state: TwinState, packet: StatusPacket, at_ms: MissionMs) -> TwinState:
+        nominal_ms = self.parameters.scale.agent_ms(at_ms)
         clock = clocks.propagated(twin_state.clock, nominal_ms - twin_state.clock_ms)
         clock = clocks.corrected(clock, packet.agent_ms - nominal_ms, self.parameters.clock.reading_ms)
         return replace(twin_state, clock=clock, clock_ms=nominal_ms)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY
 from apad_bridge.beliefs.mixture import Part, below, clamped
@@ -19,7 +20,7 @@ def belief_from_state(
     twin_state: TwinState,
     parameters: TwinParameters,
     agent_id: int,
-    heard_ms: int,
+    heard_ms: MissionMs,
     state: State,
     at_ms: int,
     learned_from: Source,

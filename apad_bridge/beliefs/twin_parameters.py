@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import fsum
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from firmware_model.config import BoardConfig
 from firmware_model.sinking import Sinking
@@ -178,7 +179,7 @@ class Calls:
 
 @dataclass(frozen=True, slots=True)
 class TwinParameters:
-    theta: int
+    scale: TimeScale
     drain: Drain
     charger: Charger
     sensor: Sensor

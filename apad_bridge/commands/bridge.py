@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting import interrupts
+from agents.time_scale import MissionMs
 from apad_bridge.commands.help_text import ending
 from apad_bridge.doctor.finding import Status
 from apad_bridge.runs.exits import Exit, UserError
@@ -71,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         with interrupts.received_by(stop.set):
             tell("ready", f"{finding.found}; claims aMussels {', '.join(map(str, ids))} as real")
             while not stop.is_set():
-                bridge.advance(round(1000 * (time.monotonic() - begun_s)))
+                bridge.advance(MissionMs(round(1000 * (time.monotonic() - begun_s))))
     finally:
         bridge.close()
     if arguments.json:

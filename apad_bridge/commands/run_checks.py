@@ -174,7 +174,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
 
 
 def _check_physical(options: RunOptions, scenario: Scenario) -> None:
-    if scenario.theta != 1:
+    if not scenario.time_scale.is_real:
         raise UserError(
             f"--modem: real sound cannot be accelerated, and theta is {scenario.theta}: say --theta 1"
         )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting.descriptors import SHORT_OF_FILES
+from agents.time_scale import MissionMs
 from apad_bridge.analysis.replay.series import (
     COLUMNS,
     MAX_PACKETS,
@@ -94,7 +95,7 @@ class Feed:
         self._journal.close()
 
     def _new_sample(self) -> dict[str, Any] | None:
-        now_ms = self._view.end_ms // _TICK_MS * _TICK_MS
+        now_ms = MissionMs(self._view.end_ms // _TICK_MS * _TICK_MS)
         if now_ms <= self._view.times_ms[-1]:
             return None
         before = self._view.counts

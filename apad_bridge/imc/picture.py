@@ -80,7 +80,7 @@ class Picture:
         self._directory = RunDirectory.open(run_dir)
         self._journal = JournalTail(self._directory.journal)
         begun = self._journal.read_new()
-        self._history = History(begun, scenario.theta, charge_models(scenario), scenario.apad.docks)
+        self._history = History(begun, scenario.time_scale, charge_models(scenario), scenario.apad.docks)
         self._samples: LineTail | None = None
         self._track: tuple[Line, ...] = ()
         """The newest two lines of the aPad."""

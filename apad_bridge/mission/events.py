@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import Note, VehicleOrder
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
@@ -14,13 +15,13 @@ from firmware_model.value import value
 
 @value
 class WifiHeard:
-    at_ms: int
+    at_ms: MissionMs
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class SoundHeard:
-    at_ms: int
+    at_ms: MissionMs
     data: bytes
 
 
@@ -28,7 +29,7 @@ class SoundHeard:
 class RangeHeard:
     """An aMussel answered a ping from `range_m`; None without an answer in time."""
 
-    at_ms: int
+    at_ms: MissionMs
     agent_id: int
     range_m: float | None
 
@@ -37,7 +38,7 @@ class RangeHeard:
 class EndRequested:
     """The mission shall end."""
 
-    at_ms: int
+    at_ms: MissionMs
     end: MissionEnd
 
 
@@ -45,7 +46,7 @@ class EndRequested:
 class StandDownRequested:
     """One of several aPads must leave its aMussels to the others."""
 
-    at_ms: int
+    at_ms: MissionMs
     reason: str
 
 

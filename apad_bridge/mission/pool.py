@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
 from apad_bridge.mission.sources import BeliefSource
@@ -104,7 +105,7 @@ class ChargingPool:
 
 def placeholder_belief(agent_id: int, place_m: tuple[float, float]) -> Belief:
     """A placeholder for a docked, never heard aMussel: it is let go at the aPad's place, which frees its dock."""
-    return Belief(agent_id, 0, State.CHARGING, 0.0, 0.0, *place_m)
+    return Belief(agent_id, MissionMs(0), State.CHARGING, 0.0, 0.0, *place_m)
 
 
 def situation_of(

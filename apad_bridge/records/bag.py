@@ -24,6 +24,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, decompressors, read_bytes, read_uint32
 from rosbags.rosbag1.writer import MAXSIZE, WriteChunk, Writer, WriterError
 
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, definition
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
@@ -176,10 +177,10 @@ class _ChunkedWriter(Writer):
 class BagWriter:
     """Writes a new bag; `path` must not exist. `close` makes the bag valid; after a kill `repair_bag` does."""
 
-    def __init__(self, path: Path, theta: int, stamp_ms: Callable[[int], int] = int) -> None:
+    def __init__(self, path: Path, scale: TimeScale, stamp_ms: Callable[[int], int] = int) -> None:
         """`stamp_ms` returns the stamp of a message about a mission time; by default the same."""
         self.path = path
-        self._messages = Messages(theta, stamp_ms)
+        self._messages = Messages(scale, stamp_ms)
         self._writer = new_bag(path)
         self._connections = {}
         for name, topic in _TOPICS.items():
@@ -190,7 +191,11 @@ class BagWriter:
         self._chunk_ms = 0
 
     def sample(
-        self, now_ms: int, truths: list[TruthSample], beliefs: list[BeliefSample], apad: APadSample | None
+        self,
+        now_ms: MissionMs,
+        truths: list[TruthSample],
+        beliefs: list[BeliefSample],
+        apad: APadSample | None,
     ) -> None:
         """Writes the samples of one instant; nothing for empty lists and None."""
         if truths:

@@ -13,6 +13,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 
@@ -87,8 +88,8 @@ def _nested(name: str) -> Iterator[str]:
 class Messages:
     """Serializes samples as ROS 1 messages. `stamp_ms` returns the header's stamp for a mission time."""
 
-    def __init__(self, theta: int, stamp_ms: Callable[[int], int] = int) -> None:
-        self._theta = theta
+    def __init__(self, scale: TimeScale, stamp_ms: Callable[[int], int] = int) -> None:
+        self._scale = scale
         self._stamp_ms = stamp_ms
         self._store = typestore()
         types = self._store.types
@@ -99,18 +100,18 @@ class Messages:
         self._mission_event: Any = types[EVENT]
         self._transmission: Any = types[SOUND]
 
-    def truth(self, now_ms: int, agents: list[TruthSample]) -> bytes:
+    def truth(self, now_ms: MissionMs, agents: list[TruthSample]) -> bytes:
         return self._fleet(now_ms, [_TRUTH_ROW(*agent) for agent in agents])
 
-    def beliefs(self, now_ms: int, agents: list[BeliefSample]) -> bytes:
+    def beliefs(self, now_ms: MissionMs, agents: list[BeliefSample]) -> bytes:
         return self._fleet(now_ms, map(_belief_row, agents))
 
-    def _fleet(self, now_ms: int, rows: Iterable[bytes]) -> bytes:
+    def _fleet(self, now_ms: MissionMs, rows: Iterable[bytes]) -> bytes:
         """FleetTruth or FleetBeliefs, which begin alike.
 
         The library serializes the beginning. The rows are most of a run's bag, and it packs each field by itself.
         """
-        empty = self._fleet_truth(self._head(now_ms), now_ms, self._theta * now_ms, [])
+        empty = self._fleet_truth(self._head(now_ms), now_ms, self._scale.agent_ms(now_ms), [])
         all_rows = list(rows)
         head = self._serialize(empty, TRUTH)[: -_COUNT.size]
         return b"".join((head, _COUNT.pack(len(all_rows)), *all_rows))

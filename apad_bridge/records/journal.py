@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from agents.time_scale import MissionMs
 from apad_bridge.records.event_kinds import EventKind, fault_of, refuse_wrong
 from apad_bridge.records.line_file import Line, LineFile, LineTail, numbered_lines, read_lines
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -54,9 +55,9 @@ class JournalContents:
     """Lines that could not be read: a torn last one after a kill, or damage."""
 
     @property
-    def last_ms(self) -> int:
+    def last_ms(self) -> MissionMs:
         """The newest mission time that a line names; 0 for an empty journal."""
-        return max((line["t"] for line in self.lines), default=0)
+        return MissionMs(max((line["t"] for line in self.lines), default=0))
 
     def first(self, kind: EventKind) -> Line | None:
         return next((line for line in self.lines if line["kind"] == kind), None)

@@ -10,6 +10,7 @@ from functools import wraps
 from typing import Any, TypeVar, cast
 
 from agents.mussel.outputs import Truth
+from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.events import PlacedSample
@@ -112,10 +113,10 @@ class Recorder:
         """Returns the counts of the recorded flight so far."""
         self._directory = directory
         self.has_failed = False
-        self._scenario = scenario
+        self._scenario, self._scale = scenario, scenario.time_scale
         self._agent_ids = frozenset(agent_ids)
         self._water = Water(scenario)
-        self.meter = UptimeMeter(scenario.theta, self._water.charge_of)
+        self.meter = UptimeMeter(self._scale, self._water.charge_of)
         self._newest: dict[int, Truth] = {}
         self._journaled: dict[int, Truth] = {}
         self._beliefs: Sequence[Belief] = ()
@@ -130,8 +131,8 @@ class Recorder:
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
         self._checkpoint: Checkpoint | None = None
         self._journal = Journal(directory.journal, resumed_ms)
-        self._bag = BagWriter(directory.next_bag, scenario.theta, stamp_ms)
-        self._samples = SampleFile(directory.samples, scenario.theta)
+        self._bag = BagWriter(directory.next_bag, self._scale, stamp_ms)
+        self._samples = SampleFile(directory.samples, self._scale)
 
     @classmethod
     def resume(
@@ -170,7 +171,7 @@ class Recorder:
         return recorder, Resumed(contents, torn_bytes, None if repair is None else bags[-1].name, lost_ms)
 
     @_on_disk
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None:
         """Records an event at mission time `at_ms`; plain data only."""
         self._journal.append(at_ms, kind, data)
         self._failures.take(at_ms, kind, data)
@@ -210,13 +211,13 @@ class Recorder:
             elif not has_moved(truth, journaled):
                 continue
             self._journaled[agent_id] = truth
-            at_ms = max(-(-truth.at_ms // self._scenario.theta), self._journal.flushed_ms)
+            at_ms = max(self._scale.mission_ms(AgentMs(truth.at_ms)), self._journal.flushed_ms)
             data = truth_data(truth)
             self._journal.append(at_ms, EventKind.TRUTH, data)
             self._digest.take(at_ms, EventKind.TRUTH, data)
 
     @_on_disk
-    def begin_checkpoint(self, learned: LearnedState, now_ms: int) -> None:
+    def begin_checkpoint(self, learned: LearnedState, now_ms: MissionMs) -> None:
         """Writes the checkpoint from mission time `now_ms` on, so that another supervisor can resume the run."""
         self._checkpoint = Checkpoint(
             self._directory.checkpoint, learned.beliefs, now_ms, learned.ranging, self._dropped_so_far
@@ -235,7 +236,7 @@ class Recorder:
     @_on_disk
     def tick(
         self,
-        now_ms: int,
+        now_ms: MissionMs,
         beliefs: Sequence[Belief],
         pose: PoseReported | None,
         battery: BatteryReported | None,
@@ -261,14 +262,14 @@ class Recorder:
             self._checkpoint.flush(now_ms)
         self._journal.flush()
 
-    def truths_at(self, now_ms: int) -> list[TruthSample]:
+    def truths_at(self, now_ms: MissionMs) -> list[TruthSample]:
         """Every aMussel's newest truth, extrapolated to mission time `now_ms`, by id."""
-        agent_ms = self._scenario.theta * now_ms
+        agent_ms = self._scale.agent_ms(now_ms)
         return [
             self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(self._newest.items())
         ]
 
-    def finish(self, at_ms: int, ending: Ending) -> Line:
+    def finish(self, at_ms: MissionMs, ending: Ending) -> Line:
         """Ends the run at mission time `at_ms`: writes ends.csv and summary.json, closes all files, returns the summary."""
         scenario = self._scenario
         self._write_ends(at_ms)
@@ -287,7 +288,7 @@ class Recorder:
             "cost_m": ending.cost_m,
             "planned_m": ending.planned_m,
             "services": ending.services,
-            **apad_energy(ending, scenario.theta),
+            **apad_energy(ending, self._scale),
             **self._sample_figures(ending, at_ms),
             "gave_up": len(self._given_up),
             "amussels": amussel_figures(
@@ -330,7 +331,7 @@ class Recorder:
         )
 
     @_on_disk
-    def _write_ends(self, at_ms: int) -> None:
+    def _write_ends(self, at_ms: MissionMs) -> None:
         """Writes ends.csv. Without it the run has its summary all the same, which counts the loss with its reason."""
         ends = self._ends(at_ms)
         if not ends:
@@ -354,14 +355,14 @@ class Recorder:
         unreadable = Counter({"a line of samples.jsonl that cannot be read": self._samples.unreadable})
         return self.dropped_before + Counter(ending.dropped) + self.dropped + unreadable
 
-    def _sample_figures(self, ending: Ending, at_ms: int) -> Line:
+    def _sample_figures(self, ending: Ending, at_ms: MissionMs) -> Line:
         if not takes_samples(self._scenario.board):
             return dict.fromkeys(SAMPLE_KEYS)
         taken = {agent_id: truth.physical.samples for agent_id, truth in self._newest.items()}
         apart = {uptime.agent_id: uptime.apart for uptime in self.meter.at(at_ms)}
         return sample_figures(taken, self._samples.kept, ending.samples_gone, apart)
 
-    def _is_sampled(self, now_ms: int) -> bool:
+    def _is_sampled(self, now_ms: MissionMs) -> bool:
         """True at every tick of the first day of mission time, then at the scenario's period."""
         last_ms = self._sampled_ms
         if now_ms > DAY_MS and last_ms is not None and now_ms < last_ms + self._record_period_ms:
@@ -377,8 +378,8 @@ class Recorder:
         if released["full"]:
             self._services[released["agent"]] += 1
 
-    def _note_presence(self, at_ms: int, presence: Line) -> None:
-        self.meter.set_presence(presence["id"], Presence(presence["is"]), self._scenario.theta * at_ms)
+    def _note_presence(self, at_ms: MissionMs, presence: Line) -> None:
+        self.meter.set_presence(presence["id"], Presence(presence["is"]), self._scale.agent_ms(at_ms))
 
     def _replay(self, contents: JournalContents) -> None:
         """Rebuilds the uptimes, the newest truths and the counts of failures from the lines of the journal."""
@@ -398,7 +399,7 @@ class Recorder:
                 self._count_service(line)
         self._sampled_ms = contents.last_ms
 
-    def _ends(self, at_ms: int) -> list[Start]:
+    def _ends(self, at_ms: MissionMs) -> list[Start]:
         """The aMussels' places and charges: from the truth, or from the beliefs where there is none."""
         ends = {
             belief.agent_id: Start(

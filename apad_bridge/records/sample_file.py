@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from agents.time_scale import TimeScale
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.line_file import Line, LineFile, read_lines
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
@@ -23,9 +24,9 @@ SAMPLE_KEYS = ("samples_taken", "samples_uploaded", "samples_lost", "samples_wai
 class SampleFile:
     """The file with a run's samples. The first sample creates it; a last line that a kill tore is cut off."""
 
-    def __init__(self, path: Path, theta: int) -> None:
+    def __init__(self, path: Path, scale: TimeScale) -> None:
         self._path = path
-        self._theta = theta
+        self._scale = scale
         self._file: LineFile | None = None
         self.kept: dict[int, set[int]] = {}
         """The sequence numbers in the file, by aMussel."""
@@ -49,7 +50,7 @@ class SampleFile:
             self._file = LineFile(self._path)
             _sync_directory(self._path.parent)
         for sample in new:
-            self._file.append(sample_line(agent_id, sample, self._theta))
+            self._file.append(sample_line(agent_id, sample, self._scale))
         self._file.flush()
         self._file.sync()
         kept.update(sample.record.sequence for sample in new)
@@ -69,7 +70,7 @@ def _sync_directory(path: Path) -> None:
         os.close(descriptor)
 
 
-def sample_line(agent_id: int, sample: PlacedSample, theta: int) -> Line:
+def sample_line(agent_id: int, sample: PlacedSample, scale: TimeScale) -> Line:
     """A sample's line: times, place, values in their units, raw counts, and the readings outside their sensor's range.
 
     `agent_ms` is the reading of the board's clock, and `mission_ms` its mission time if the clock was right.
@@ -82,7 +83,7 @@ def sample_line(agent_id: int, sample: PlacedSample, theta: int) -> Line:
         "id": agent_id,
         "sequence": record.sequence,
         "agent_ms": record.agent_ms,
-        "mission_ms": round(record.agent_ms / theta),
+        "mission_ms": round(scale.mission_time(record.agent_ms)),
         "north_m": None if north_m is None else round(north_m, 2),
         "east_m": None if east_m is None else round(east_m, 2),
         **{sensor.key: round(value, 4) for sensor, value in readings},

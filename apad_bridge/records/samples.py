@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.scenario.firmware_config import charge_models, sinking_of
 from apad_bridge.scenario.schema import Scenario
@@ -96,7 +97,7 @@ class Water:
         return self._sinking.depth_um(physical.depth_um, physical.buoyancy, physical.hover_um, elapsed_ms)
 
 
-def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
+def belief_sample(belief: Belief, now_ms: MissionMs) -> BeliefSample:
     """The belief at mission time `now_ms`, as the bag and /musselbed/beliefs publish it."""
     newest = (
         belief.agent_id,

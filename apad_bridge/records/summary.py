@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
+from agents.time_scale import TimeScale
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.event_kinds import BOOLEAN, INTEGER, NUMBER, TEXT, EventKind, Field, Type
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
@@ -282,10 +283,11 @@ def _figures_of(uptime: AgentUptime | None, ticks: int) -> dict[str, Any]:
     }
 
 
-def apad_energy(ending: Ending, theta: int) -> dict[str, Any]:
+def apad_energy(ending: Ending, scale: TimeScale) -> dict[str, Any]:
     """The keys of summary.json of the aPad's energy; None where it compares with nothing, and then the reason."""
     reason = None
-    if theta != 1:
+    if not scale.is_real:
+        theta = scale.theta
         reason = f"it compares at theta 1 alone: at {theta} the aMussels charge {theta} times as fast as the aPad spends"
     elif ending.apad_energy_fraction is None:
         reason = "the aPad did not report its battery"

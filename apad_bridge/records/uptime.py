@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from agents.mussel.outputs import Truth
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.supervisor.roster import Presence
 from firmware_model.power.charge import Battery, ChargeModel
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP
@@ -63,12 +64,14 @@ class _Ledger:
 class UptimeMeter:
     """Takes every Truth, for each aMussel in order of time; gives the counts for any mission time from the last one on."""
 
-    def __init__(self, theta: int, charge_of: Callable[[int], ChargeModel], tick_ms: int = 1000) -> None:
+    def __init__(
+        self, scale: TimeScale, charge_of: Callable[[int], ChargeModel], tick_ms: int = 1000
+    ) -> None:
         """`charge_of` returns the charge model of an aMussel's batteries."""
-        self._theta = theta
+        self._scale = scale
         self.charge_of = charge_of
         self._tick_ms = tick_ms
-        self._step_ms = theta * tick_ms
+        self._step_ms = scale.agent_span(tick_ms)
         self._ledgers: dict[int, _Ledger] = {}
         self._presences: dict[int, Presence] = {}
 
@@ -118,9 +121,9 @@ class UptimeMeter:
         until_ms = self.ticks(now_ms) * self._step_ms + 1
         return [self._count(self._ledgers[agent_id], until_ms) for agent_id in self.agent_ids]
 
-    def active_now(self, now_ms: int) -> int:
+    def active_now(self, now_ms: MissionMs) -> int:
         """The number of active aMussels at mission time `now_ms`, in the paper's meaning, by their newest truths."""
-        agent_ms = self._theta * now_ms
+        agent_ms = self._scale.agent_ms(now_ms)
         active = 0
         for agent_id, ledger in self._ledgers.items():
             physical, is_simulated = ledger.truth.physical, self._presence(agent_id) is Presence.SIMULATED

@@ -11,6 +11,7 @@ import rosgraph
 import rospy
 
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
 from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, RoutedPacket, Sent
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
@@ -64,7 +65,7 @@ class AMusselBridge:
             raise PeerFailed(f"no ROS master answers at {master_uri} ({error})") from error
         return cls(ids, codec, modem, tell)
 
-    def advance(self, now_ms: int) -> None:
+    def advance(self, now_ms: MissionMs) -> None:
         """Waits until the modem has bytes, for some 30 ms at most; then carries what has come both ways."""
         if now_ms - self._claimed_ms >= 1000 * PERIOD_S:
             self._claimed_ms = now_ms
@@ -88,7 +89,7 @@ class AMusselBridge:
         self._topics.close()
         self._claims.unregister()
 
-    def _take(self, results: list[Result], now_ms: int) -> None:
+    def _take(self, results: list[Result], now_ms: MissionMs) -> None:
         for result in results:
             match result:
                 case Heard(_, packet):
@@ -100,7 +101,7 @@ class AMusselBridge:
                 case Reported(_, what):
                     self._tell("modem", what)
 
-    def _hear(self, packet: RoutedPacket, now_ms: int) -> None:
+    def _hear(self, packet: RoutedPacket, now_ms: MissionMs) -> None:
         read = self._codec.decode(packet.data)
         if packet.direction is not Direction.FROM_AMUSSEL:
             self._drop("heard: another bridge's packet to an aMussel")

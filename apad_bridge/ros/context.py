@@ -197,7 +197,7 @@ def _gateway(
     ids = scenario.fleet.ids
     return open_gateway(
         shown,
-        scenario.theta,
+        scenario.time_scale,
         node_name=f"{_NODES[options.part]}_{ids[0] if ids else scenario.fleet.first_id}",
         xmlrpc_port=options.xmlrpc_port,
         remappings=_remappings(scenario, options),
@@ -300,7 +300,7 @@ def _open_relay(
         channels = (AMusselServices(ids, codec), topics)
     elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
         legacy = AMusselTopics(
-            ids, codec, scenario.theta, vehicle.holds, topics.senders, charge_model(scenario.board)
+            ids, codec, scenario.time_scale, vehicle.holds, topics.senders, charge_model(scenario.board)
         )
         channels = (topics, legacy)
     if options.part is not Part.MISSION:

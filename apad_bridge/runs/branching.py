@@ -21,6 +21,7 @@ from agents.coordinator import Heard
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import WasReset, from_json
+from agents.time_scale import MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
@@ -86,7 +87,7 @@ class NoBranch(ValueError):
 class Turn:
     """The moment of a branch, and what changes there."""
 
-    at_ms: int
+    at_ms: MissionMs
     rules: Mapping[str, Any] = field(default_factory=dict)
     """New values by key of `mission`; see `CHANGEABLE`."""
     lost_apad: str | None = None
@@ -197,9 +198,9 @@ def _turn(opened: _Opened, changed: Scenario, turn: Turn) -> None:
             supervisor.receive(StandDownRequested(it.flight.now_ms, LOST_APAD))
 
 
-def _again(scenario: Scenario, at_ms: int, journals: Mapping[str, JournalContents]) -> _Opened | None:
+def _again(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, JournalContents]) -> _Opened | None:
     """The flights of a run in virtual time, flown again up to the moment; None if their stimuli are not those recorded."""
-    meter = UptimeMeter(scenario.theta, charge_models(scenario))
+    meter = UptimeMeter(scenario.time_scale, charge_models(scenario))
     opened = open_lockstep(
         members(scenario, starts_of(scenario)), scenario.sharing, lambda it: _Recorder(it, meter)
     )
@@ -211,7 +212,7 @@ def _again(scenario: Scenario, at_ms: int, journals: Mapping[str, JournalContent
     return _Opened(opened.runner, opened.flights, meter, takes_samples(scenario.board))
 
 
-def _stimuli(lines: Sequence[Line], at_ms: int) -> list[tuple[int, int, int, str]]:
+def _stimuli(lines: Sequence[Line], at_ms: MissionMs) -> list[tuple[int, int, int, str]]:
     """The stimuli of the journal's lines before the moment, in one order."""
     return sorted(
         (line["t"], line["id"], line["agent_ms"], json.dumps(line.get("wire", "died")))
@@ -220,14 +221,14 @@ def _stimuli(lines: Sequence[Line], at_ms: int) -> list[tuple[int, int, int, str
     )
 
 
-def _from_records(scenario: Scenario, at_ms: int, journals: Mapping[str, JournalContents]) -> _Opened:
+def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, JournalContents]) -> _Opened:
     """The flight of a single aPad, continued from its records at the tick of the moment."""
     if len(journals) > 1:
         raise NoBranch("a run of several aPads branches if it was flown in virtual time and repeats")
     if scenario.water is not None:
         raise NoBranch("a run by sound branches if it was flown in virtual time and repeats")
     ((name, journal),) = journals.items()
-    at_ms = at_ms // TICK_MS * TICK_MS
+    at_ms = MissionMs(at_ms // TICK_MS * TICK_MS)
     lines = [line for line in journal.lines if line["t"] <= at_ms]
     if any(line["kind"] == EventKind.PRESENCE for line in lines):
         raise NoBranch("real aMussels, or retired ones, cannot go on in virtual time")
@@ -236,7 +237,7 @@ def _from_records(scenario: Scenario, at_ms: int, journals: Mapping[str, Journal
         raise NoBranch(
             f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
         )
-    meter = UptimeMeter(scenario.theta, charge_models(scenario))
+    meter = UptimeMeter(scenario.time_scale, charge_models(scenario))
     recorder, config = _Recorder(scenario, meter), flight_config(scenario)
     relived = _relive(scenario, config, lines, at_ms, recorder)
     vehicle = InProcessVehicle(_apad_at(scenario, lines, point.state, at_ms))
@@ -255,14 +256,14 @@ def _from_records(scenario: Scenario, at_ms: int, journals: Mapping[str, Journal
         gate=context.safety.gate,
     )
     supervisor.port.first_failure = point.first_failure
-    flight = Flight(supervisor, context, recorder, at_ms + TICK_MS)
+    flight = Flight(supervisor, context, recorder, MissionMs(at_ms + TICK_MS))
     flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
     runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
     return _Opened(runner, flights, meter, takes_samples(scenario.board))
 
 
 def _relive(
-    scenario: Scenario, config: FlightConfig, lines: Sequence[Line], at_ms: int, recorder: _Recorder
+    scenario: Scenario, config: FlightConfig, lines: Sequence[Line], at_ms: MissionMs, recorder: _Recorder
 ) -> _Relived:
     """Has each aMussel live through its recorded stimuli, tick by tick up to the moment, and hears what they send."""
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
@@ -279,7 +280,7 @@ def _relive(
         if line["kind"] in (EventKind.STIMULUS, EventKind.DIED):
             felt[-(-line["t"] // TICK_MS) * TICK_MS].append(line)
     newest: dict[int, Truth] = {}
-    for now_ms in range(0, at_ms + 1, TICK_MS):
+    for now_ms in map(MissionMs, range(0, at_ms + 1, TICK_MS)):
         for result in fleet.advance(now_ms):
             match result:
                 case Heard(heard_ms, _, WifiSent(_, data)):
@@ -300,7 +301,9 @@ def _relive(
     return _Relived(fleet, learned, docked)
 
 
-def _apad_at(scenario: Scenario, lines: Sequence[Line], state: MissionState, at_ms: int) -> SimulatedAPad:
+def _apad_at(
+    scenario: Scenario, lines: Sequence[Line], state: MissionState, at_ms: MissionMs
+) -> SimulatedAPad:
     """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
     seen = next((line for line in reversed(lines) if line["kind"] == EventKind.APAD), None)
     if seen is None:

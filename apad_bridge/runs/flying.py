@@ -17,6 +17,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.hosting.nursery_client import NurseryDied
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, StartedNursery
+from agents.time_scale import MissionMs
 from agents.water.sea import Sea
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
@@ -60,7 +61,7 @@ objects and no cycle. Python's own 700 cost a tenth of a flight."""
 class ResumePoint:
     """The point at which a resumed flight continues, from the newest lines of the journal."""
 
-    now_ms: int
+    now_ms: MissionMs
     state: MissionState
     epoch: int
     apad_fraction_at_start: float | None
@@ -84,9 +85,9 @@ class RunSpec:
     """The flight ends with the first plan instead of the mission."""
 
     @property
-    def start_ms(self) -> int:
+    def start_ms(self) -> MissionMs:
         """The mission time of the flight's first tick."""
-        return 0 if self.resume_point is None else self.resume_point.now_ms + TICK_MS
+        return MissionMs(0 if self.resume_point is None else self.resume_point.now_ms + TICK_MS)
 
 
 FROM_START = RunSpec()
@@ -123,7 +124,7 @@ def open_in_process(
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:
     """Writes the journal's first line, which a reader needs before anything else."""
     recorder.event(
-        0,
+        MissionMs(0),
         EventKind.RUN,
         format=FORMAT_VERSION,
         scenario=scenario.name,
@@ -241,7 +242,7 @@ def prepare(
 
     forecaster = Forecaster(config.scenario.mission, round(config.scenario.duration_s * 1000))
 
-    def show_tick(now_ms: int) -> None:
+    def show_tick(now_ms: MissionMs) -> None:
         def forecast() -> Forecast:
             return supervisor.forecast(forecaster, now_ms)
 
@@ -255,7 +256,7 @@ def prepare(
         if spec.until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
-    def print_failure(at_ms: int, kind: str, **data: Any) -> None:
+    def print_failure(at_ms: MissionMs, kind: str, **data: Any) -> None:
         if (line := failure_line(at_ms, kind, data)) is not None:
             progress.print_message(line)
 
@@ -335,7 +336,7 @@ class _AnnouncingRecorder:
         self._recorder = recorder
         self._listeners = listeners
 
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None:
         self._recorder.event(at_ms, kind, **data)
         for listener in self._listeners:
             listener(at_ms, kind, **data)

@@ -7,6 +7,7 @@ from typing import Any
 
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
+from agents.time_scale import MissionMs
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import fleet_parts, parts
@@ -35,19 +36,19 @@ class MemoryRecorder:
     """Keeps the events and the uploaded samples, and counts uptimes from the truths."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._theta = scenario.theta
-        self.meter = UptimeMeter(scenario.theta, charge_models(scenario))
+        self._scale = scenario.time_scale
+        self.meter = UptimeMeter(self._scale, charge_models(scenario))
         self.events: list[tuple[int, str, dict[str, Any]]] = []
         self.taken: dict[int, int] = {}
         """The number of samples that each aMussel has ever taken, by id."""
         self.uploaded: dict[int, list[SampleRecord]] = {}
         """The uploaded samples by aMussel, in the order of their arrival."""
 
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None:
         refuse_wrong(kind, data)
         self.events.append((at_ms, kind, data))
         if kind == EventKind.PRESENCE:
-            self.meter.set_presence(data["id"], Presence(data["is"]), self._theta * at_ms)
+            self.meter.set_presence(data["id"], Presence(data["is"]), self._scale.agent_ms(at_ms))
 
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:
@@ -59,7 +60,7 @@ class MemoryRecorder:
 
     def tick(
         self,
-        now_ms: int,
+        now_ms: MissionMs,
         beliefs: list[Belief],
         pose: PoseReported | None,
         battery: BatteryReported | None,

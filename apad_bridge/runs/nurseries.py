@@ -12,6 +12,7 @@ from agents.hosting.interrupts import held_back
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, StartedNursery, prepare
+from agents.time_scale import MissionMs
 from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.division import Member
@@ -89,7 +90,7 @@ def adopt(
     config: FlightConfig,
     run_dir: Path,
     epoch: int,
-    now_ms: int,
+    now_ms: MissionMs,
     opened_modems: tuple[int, ...] = (),
     sea: RemoteSea | None = None,
 ) -> Fleet:

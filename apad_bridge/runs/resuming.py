@@ -10,6 +10,7 @@ from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, Stimulus, from_json
+from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.mission.state import MissionState
@@ -59,7 +60,7 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
         elif line["kind"] == EventKind.END:
             raise PeerFailed("this run has ended: nothing to resume")
     # Ticks are at whole seconds; the journal's last line may lie between two ticks.
-    now_ms = (journal.last_ms + gap_ms) // 1000 * 1000
+    now_ms = MissionMs((journal.last_ms + gap_ms) // 1000 * 1000)
     return ResumePoint(now_ms, state, epoch, fraction, first_failure(journal))
 
 
@@ -135,7 +136,7 @@ class StartState:
         """Queues the stimuli that the fleet has not received, at their own times: the journal has their lines already."""
         waiting = undelivered(self.journal, coordinator.granted_ms)
         for it in waiting:
-            coordinator.receive_at(it.agent_id, it.stimulus, it.agent_ms)
+            coordinator.receive_at(it.agent_id, it.stimulus, AgentMs(it.agent_ms))
         return replace(self, undelivered=tuple(waiting))
 
     @property
@@ -161,8 +162,8 @@ class StartState:
         return tuple(sorted(felt)) + tuple(sorted(others))
 
     @property
-    def start_ms(self) -> int:
-        return 0 if self.resume_point is None else self.resume_point.now_ms
+    def start_ms(self) -> MissionMs:
+        return MissionMs(0) if self.resume_point is None else self.resume_point.now_ms
 
 
 def begin_run(
@@ -238,7 +239,9 @@ def _nothing_learned(config: FlightConfig, options: RunOptions) -> LearnedState:
     return parts.initial_learned_state(config, has_modem=options.part is not Part.MISSION)
 
 
-def restore_learned(checkpoint: Path, learned: LearnedState, now_ms: int) -> tuple[str, Counter[str] | None]:
+def restore_learned(
+    checkpoint: Path, learned: LearnedState, now_ms: MissionMs
+) -> tuple[str, Counter[str] | None]:
     """Restores the former supervisor's learned state into `learned`.
 
     Returns a line for a person on the result as of `now_ms`, and the former supervisor's counts of dropped items by

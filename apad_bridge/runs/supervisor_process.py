@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting.interrupts import held_back, let_in
+from agents.time_scale import MissionMs
 from agents.water.sea_client import RemoteSea, SeaRefused
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.assembly import parts
@@ -124,7 +125,7 @@ def _open_run(run_dir: Path, *, resume: bool, keeps: bool) -> _Run:
     if resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         start_state = replace(start_state, resume_point=resume_point)
-        at_ms = max(start_state.start_ms, start_state.journal.last_ms)
+        at_ms = MissionMs(max(start_state.start_ms, start_state.journal.last_ms))
         start_state.recorder.event(at_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
     return _Run(run_dir, config, options, start_state, sea)
 
@@ -158,7 +159,7 @@ def _begin_with_others(run: _Run, context: FlightContext) -> _Run:
         if begin.now_ms is not None:
             raise PeerFailed("it was not ready when the other aPads began: the sea does not go back")
         return run
-    before_ms = -TICK_MS if begin.now_ms is None else begin.now_ms
+    before_ms = MissionMs(-TICK_MS) if begin.now_ms is None else begin.now_ms
     resume_point = replace(resume_point, now_ms=before_ms)
     return replace(run, start_state=replace(run.start_state, resume_point=resume_point))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from agents.time_scale import TimeScale
 from agents.water.sea_events import APAD
 from agents.water.topology import Topology, parse_topology
 from apad_bridge.scenario.text_file import read_text
@@ -12,14 +13,14 @@ APAD_NAME = "apad"
 """The name of the aPad in a file of links."""
 
 
-def read_links(path: Path, theta: int) -> Topology:
+def read_links(path: Path, scale: TimeScale) -> Topology:
     """Reads a file whose seconds are mission time. Raises OSError, or ValueError, `line N: ...`."""
-    return parse_topology(read_text(path), {APAD_NAME: APAD}, 1000 * theta)
+    return parse_topology(read_text(path), {APAD_NAME: APAD}, scale.agent_span(1000))
 
 
 def problem_with_links(path: Path) -> str:
     try:
-        read_links(path, 1)
+        read_links(path, TimeScale(1))
     except OSError as error:
         return f"{error.strerror}: {path}"
     except ValueError as error:  # not UTF-8, or not links

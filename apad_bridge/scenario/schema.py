@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
+from agents.time_scale import TimeScale
 from agents.water.bounds import Count
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.board import Board
@@ -492,3 +493,7 @@ class Scenario:
     """Faults of simulated aMussels and of the simulated aPad, at their times; None for none."""
     water: Water | None = None
     """None: every message arrives at once and whole, as in the paper's experiments."""
+
+    @property
+    def time_scale(self) -> TimeScale:
+        return TimeScale(self.theta)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TypeVar, cast
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.questions import (
@@ -154,7 +155,7 @@ class Queries:
         The scenario's thresholds define low and full. A question may also be a function of a belief.
         """
         now_ms, belief, estimator, resolved = self._forecast_inputs(id, question)
-        return chance(estimator, belief, resolved, now_ms if at is None else _ms(at), now_ms)
+        return chance(estimator, belief, resolved, MissionMs(now_ms) if at is None else _ms(at), now_ms)
 
     def sure_at(
         self, id: int, question: str | Question, share: float = 0.9, within: float = 3600.0
@@ -246,10 +247,10 @@ class Queries:
         )
 
 
-def _ms(seconds: float) -> int:
+def _ms(seconds: float) -> MissionMs:
     if not 0 <= seconds <= FOR_EVER_S:
         raise Refused(f"a time of {seconds:g} s cannot be foretold")
-    return round(seconds * 1000)
+    return MissionMs(round(seconds * 1000))
 
 
 def question_of(question: str | Question, config: Mission) -> Question:
@@ -269,7 +270,7 @@ def question_of(question: str | Question, config: Mission) -> Question:
     return named[question]
 
 
-def chance(estimator: Estimator, belief: Belief, question: Question, at_ms: int, now_ms: int) -> float:
+def chance(estimator: Estimator, belief: Belief, question: Question, at_ms: MissionMs, now_ms: int) -> float:
     """The probability at mission time `at_ms`, which is `now_ms` or later.
 
     It is 0 or 1 for a belief that repeats the last packet.

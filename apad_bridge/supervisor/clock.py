@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from agents.time_scale import MissionMs
+
 
 class StopFlag(Protocol):
     """A stop sign as a waiting thread sees it."""
@@ -49,7 +51,7 @@ class ClockLost(TimeoutError):
     """Mission time comes no further: a participant does not confirm it, or nobody publishes it. The text names who."""
 
 
-OnTimeReached = Callable[[int], None]
+OnTimeReached = Callable[[MissionMs], None]
 """Called with a mission time that has come, between two ticks."""
 
 POLL_PERIOD_S = 0.03
@@ -129,7 +131,7 @@ class WallClock:
                 min(due_s - now_s, POLL_PERIOD_S) if between else due_s - now_s
             ):
                 now_s = self._clock()
-                reached_ms = start_ms + int((now_s - start_s) * 1000 * self._speed)
+                reached_ms = MissionMs(start_ms + int((now_s - start_s) * 1000 * self._speed))
                 if between is not None and reached_ms < now_ms:
                     between(reached_ms)
                     now_s = self._clock()

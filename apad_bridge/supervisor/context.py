@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.supervisor.clock import Pace
@@ -20,15 +21,15 @@ from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.guards.gate import Safety, plain_safety
 from apad_bridge.vehicle.link import VehicleLink
 
-Watcher = Callable[[int], None]
+Watcher = Callable[[MissionMs], None]
 """Called after each tick with the mission time: progress, publishing."""
 
 
 class Announce(Protocol):
-    def __call__(self, at_ms: int, kind: str, **data: Any) -> None: ...
+    def __call__(self, at_ms: MissionMs, kind: str, **data: Any) -> None: ...
 
 
-def _announce_to_nobody(at_ms: int, kind: str, **data: Any) -> None:
+def _announce_to_nobody(at_ms: MissionMs, kind: str, **data: Any) -> None:
     pass
 
 

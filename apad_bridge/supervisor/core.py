@@ -6,6 +6,7 @@ from collections import Counter, deque
 from dataclasses import dataclass
 
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
@@ -160,7 +161,7 @@ class Supervisor:
         self._ranging = learned.ranging
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0
-        self._now_ms = 0
+        self._now_ms = MissionMs(0)
         self._named: dict[int, Primitive] = {}
 
     @property
@@ -182,7 +183,7 @@ class Supervisor:
         self._counter += 1
         self._facts.append((fact.at_ms, _PRIORITY[type(fact)], self._counter, fact))
 
-    def advance(self, now_ms: int) -> list[SupervisorAction]:
+    def advance(self, now_ms: MissionMs) -> list[SupervisorAction]:
         """Acts at the tick `now_ms` on everything stamped up to it (ValueError if time went back)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
@@ -206,7 +207,7 @@ class Supervisor:
             *self._ranging.advance(self.allocation.all(), now_ms),
         ]
 
-    def _tell_if_late(self, now_ms: int) -> list[SupervisorAction]:
+    def _tell_if_late(self, now_ms: MissionMs) -> list[SupervisorAction]:
         """Tells once that the time to be home passes while the aPad may not move."""
         held = self._gate.awaits_person
         if self._end_by_ms is None or now_ms < self._end_by_ms or not held or self.has_ended:
@@ -214,7 +215,7 @@ class Supervisor:
         self._end_by_ms = None
         return [Note("stuck", {"reason": f"mission.end_by passes while it is stopped: {held}"})]
 
-    def forecast(self, forecaster: Forecaster, now_ms: int) -> Forecast:
+    def forecast(self, forecaster: Forecaster, now_ms: MissionMs) -> Forecast:
         """The forecast of this flight at the tick `now_ms`."""
         pose, elsewhere = self.pose, self.allocation.served_elsewhere
         return forecaster.look(
@@ -225,7 +226,7 @@ class Supervisor:
             None if self.battery is None else self.battery.fraction,
         )
 
-    def schedule_sends(self, send: Send, now_ms: int) -> Send | None:
+    def schedule_sends(self, send: Send, now_ms: MissionMs) -> Send | None:
         """Another supervisor's packet to an aMussel, with the time at which the modem may send it.
 
         None if the same packet waits already.
@@ -233,7 +234,7 @@ class Supervisor:
         schedule_sends = self._ranging.schedule_sends([send], now_ms)
         return next((it for it in schedule_sends if isinstance(it, Send)), None)
 
-    def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
+    def _handle(self, fact: Fact, now_ms: MissionMs) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
                 packet = self._codec.decode(data)
@@ -301,7 +302,7 @@ class Supervisor:
         acks = self.samples.acknowledgements()
         return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
 
-    def _believe_status(self, packet: Packet | None, at_ms: int) -> str | None:
+    def _believe_status(self, packet: Packet | None, at_ms: MissionMs) -> str | None:
         """Updates the beliefs from the packet; returns the reason when it is dropped."""
         if isinstance(packet, ShortStatus):
             return self._believe_short_status(packet, at_ms)
@@ -314,11 +315,11 @@ class Supervisor:
             self.samples.note_place(belief, basic.agent_ms)
         return reason
 
-    def _believe_short_status(self, packet: ShortStatus, at_ms: int) -> str | None:
+    def _believe_short_status(self, packet: ShortStatus, at_ms: MissionMs) -> str | None:
         self._ranging.short_status_received(packet.agent_id)
         return self.beliefs.hear_short(packet, at_ms)
 
-    def _reason_to_end(self, now_ms: int) -> EndReason | None:
+    def _reason_to_end(self, now_ms: MissionMs) -> EndReason | None:
         if now_ms >= self._duration_ms:
             return EndReason.MISSION_TIME
         return self._stands_down.reason_to_end(self._battery_ends)
@@ -351,7 +352,7 @@ class Supervisor:
         if agent_id not in self.allocation.own:
             self.beliefs.dismiss(agent_id)
 
-    def _pass_on(self, items: list[VehicleCommand | Outcome], now_ms: int) -> list[SupervisorAction]:
+    def _pass_on(self, items: list[VehicleCommand | Outcome], now_ms: MissionMs) -> list[SupervisorAction]:
         """Passes commands out and outcomes to the mission, and the mission's orders to the port, until none is left."""
         actions: list[SupervisorAction] = []
         waiting = deque(items)
@@ -365,7 +366,7 @@ class Supervisor:
                 actions.append(item)
         return actions
 
-    def _carry_out(self, orders: list[Order], now_ms: int) -> list[SupervisorAction]:
+    def _carry_out(self, orders: list[Order], now_ms: MissionMs) -> list[SupervisorAction]:
         actions: list[SupervisorAction] = []
         for order in orders:
             match order:
@@ -396,11 +397,12 @@ class Supervisor:
         """Updates the belief of the aMussel in a dock that opened or closed, without a packet from it."""
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
-        self._ranging.moved(outcome.agent_id, outcome.at_ms)
+        at_ms = MissionMs(outcome.at_ms)
+        self._ranging.moved(outcome.agent_id, at_ms)
         if outcome.closed:
-            self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
+            self.beliefs.learn(outcome.agent_id, Docked(at_ms))
         else:
-            released = Released(outcome.at_ms, self.pose.north_m, self.pose.east_m)
+            released = Released(at_ms, self.pose.north_m, self.pose.east_m)
             self.beliefs.learn(outcome.agent_id, released)
 
     def _note_outcome(self, outcome: Outcome) -> list[SupervisorAction]:

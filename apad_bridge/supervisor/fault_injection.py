@@ -22,6 +22,7 @@ from agents.mussel.stimuli import (
     Stimulus,
     WasReset,
 )
+from agents.time_scale import TimeScale
 from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.timed_faults import Injection, TimedFault
 from apad_bridge.vehicle.faulty_link import FaultyLink
@@ -55,7 +56,7 @@ class FaultInjection:
     def __init__(
         self,
         host: FaultyHost | None,
-        theta: int,
+        scale: TimeScale,
         planned: Sequence[tuple[int, Injection]] = (),
         ongoing: Iterable[Ongoing] = (),
         *,
@@ -66,7 +67,7 @@ class FaultInjection:
         With a `real_hull` every fault is refused.
         """
         self._host = host
-        self._theta = theta
+        self._scale = scale
         self._planned = list(planned)
         self._real_hull = real_hull
         self._link: FaultyLink | None = None
@@ -180,7 +181,7 @@ class FaultInjection:
             case TimedFault.MODEM_DEAF if host is not None:
                 host.set_defect(agent_id, LinkDefect.DEAF)
             case TimedFault.LINK_DELAY if host is not None:
-                host.set_defect(agent_id, LinkDefect.DELAY, round(1000 * value) * self._theta)
+                host.set_defect(agent_id, LinkDefect.DELAY, self._scale.agent_span(round(1000 * value)))
             case TimedFault.BIT_FLIP if host is not None:
                 host.set_defect(agent_id, LinkDefect.FLIPS, value)
             case _:

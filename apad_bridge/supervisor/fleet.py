@@ -14,6 +14,7 @@ from agents.hosting.host import Host
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs, TimeScale
 from agents.water.medium import PacketEnded
 from agents.water.sea import Station
 from agents.water.sea_client import RemoteStation
@@ -41,14 +42,14 @@ class LinksFile:
     A change shows in the file's time and size; a file that cannot be read leaves the links as they were.
     """
 
-    def __init__(self, path: Path, theta: int) -> None:
+    def __init__(self, path: Path, scale: TimeScale) -> None:
         self.path = path
-        self._theta = theta
+        self._scale = scale
         self._seen = self._stamp()
 
     def read(self) -> Topology:
         """Reads the links. OSError, or ValueError with `line N: ...`."""
-        return read_links(self.path, self._theta)
+        return read_links(self.path, self._scale)
 
     def look(self) -> Changed | None:
         """The change since the last look; None without one."""
@@ -92,13 +93,13 @@ class Water(Protocol):
     @property
     def sound_speed_m_s(self) -> float: ...
 
-    def advance(self, now_ms: int) -> Sequence[SeaResult]:
+    def advance(self, now_ms: MissionMs) -> Sequence[SeaResult]:
         """Advances the agents to mission time `now_ms`; returns what they did and what arrived."""
         ...
 
     def take_truths(self) -> list[Truth]: ...
 
-    def send(self, send: Send, now_ms: int) -> Stimulus | None:
+    def send(self, send: Send, now_ms: MissionMs) -> Stimulus | None:
         """Sends the aPad's packet. Returns the aMussel's stimulus if the packet arrives at once, or else None."""
         ...
 
@@ -110,7 +111,7 @@ class Water(Protocol):
         """Drops what waits for the aPad's modem to be sent to an aMussel."""
         ...
 
-    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
+    def carry_apad(self, north_m: float, east_m: float, at_ms: MissionMs) -> None:
         """Places the aPad's modem."""
         ...
 
@@ -152,7 +153,7 @@ class InSea:
     def dropped(self) -> Counter[str]:
         return self._station.all_dropped
 
-    def send(self, send: Send, now_ms: int) -> Stimulus | None:
+    def send(self, send: Send, now_ms: MissionMs) -> Stimulus | None:
         if send.medium is Medium.SOUND:
             agent_id = None if send.agent_id == EVERYONE else send.agent_id
             self._station.send_sound(agent_id, send.data, send.not_before_ms)
@@ -174,7 +175,7 @@ class NoModems:
     def cancel_sends(self, agent_id: int) -> None:
         pass
 
-    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
+    def carry_apad(self, north_m: float, east_m: float, at_ms: MissionMs) -> None:
         pass
 
     def write(self, agent_id: int, data: bytes) -> None:
@@ -194,7 +195,7 @@ class WithoutWater(NoModems):
         self.advance = coordinator.advance
         self.take_truths = host.take_truths
 
-    def send(self, send: Send, now_ms: int) -> Stimulus:
+    def send(self, send: Send, now_ms: MissionMs) -> Stimulus:
         return SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
 
     def set_topology(self, topology: Topology) -> None:
@@ -239,7 +240,7 @@ class Fleet:
         """Counts of losses that are not the outcome of a packet."""
         return self._water.dropped + self._dropped
 
-    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> int | None:
+    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> int | None:
         """Passes a stimulus to an agent; returns its agent time, or None, counted, for an agent of another fleet."""
         agent_ms = self.coordinator.receive(agent_id, stimulus, now_ms)
         if agent_ms is None:
@@ -276,16 +277,16 @@ class NoFleet(NoModems):
 
     lost: MissionEnd | None = None
 
-    def advance(self, now_ms: int) -> Sequence[SeaResult]:
+    def advance(self, now_ms: MissionMs) -> Sequence[SeaResult]:
         return ()
 
     def take_truths(self) -> list[Truth]:
         return []
 
-    def send(self, send: Send, now_ms: int) -> None:
+    def send(self, send: Send, now_ms: MissionMs) -> None:
         return None
 
-    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
+    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> None:
         return None
 
     def update_links(self) -> None:

@@ -23,6 +23,7 @@ from agents.mussel.stimuli import (
     to_json,
 )
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs
 from agents.water.medium import PacketEnded
 from agents.water.sea_events import (
     LeftWater,
@@ -99,6 +100,7 @@ class Contacts:
         return DockMoved(*place) if place != before else None
 
 
+_START_MS = MissionMs(0)
 _ROUNDS = 8
 """Rounds of acting within one tick; further answers wait for the next tick."""
 
@@ -114,7 +116,7 @@ class Flight:
         supervisor: Supervisor,
         context: FlightContext,
         recorder: Recorder,
-        start_ms: int = 0,
+        start_ms: MissionMs = _START_MS,
         watchers: tuple[Watcher, ...] = (),
     ) -> None:
         self.supervisor = supervisor
@@ -183,10 +185,10 @@ class Flight:
         if self.supervisor.has_ended:
             self._fleet.leave_water()
             return True
-        self.now_ms += TICK_MS
+        self.now_ms = MissionMs(self.now_ms + TICK_MS)
         return False
 
-    def tick(self, now_ms: int) -> None:
+    def tick(self, now_ms: MissionMs) -> None:
         """Runs one tick of mission time: handles everything stamped up to `now_ms`."""
         self._receive_from_fleet(now_ms)
         self._receive_from_modem(now_ms)
@@ -214,11 +216,11 @@ class Flight:
         for watch in self._watchers:
             watch(now_ms)
 
-    def _record_noticed(self, now_ms: int) -> None:
+    def _record_noticed(self, now_ms: MissionMs) -> None:
         for kind, data in [*self._vehicle.gate.take_events(), *self._context.take_events(now_ms)]:
             self._recorder.event(now_ms, kind, **data)
 
-    def _act(self, now_ms: int) -> bool:
+    def _act(self, now_ms: MissionMs) -> bool:
         """Lets the supervisor act, and passes its actions on; True if a docking mechanism was commanded.
 
         A mechanism answers within the tick in which it is commanded, so that docking takes the scenario's time and not a
@@ -252,13 +254,13 @@ class Flight:
                     self._vehicle.command(action, now_ms)
         return mechanism_commanded
 
-    def _between(self, now_ms: int) -> None:
+    def _between(self, now_ms: MissionMs) -> None:
         """Advances the fleet to a time before the next tick, for the serial lines' sake, and looks at a real vehicle."""
         if self._serial_lines.any_open and now_ms > self._fleet_ms:
             self._fleet_results += self._advance_fleet(now_ms)
         self._vehicle.look_between(now_ms)
 
-    def _advance_fleet(self, now_ms: int) -> list[SeaResult]:
+    def _advance_fleet(self, now_ms: MissionMs) -> list[SeaResult]:
         """Advances the fleet's time, and reads and writes the serial lines."""
         self._fleet_ms = now_ms
         for burst in self._serial_lines.poll(now_ms):
@@ -268,7 +270,7 @@ class Flight:
             return list(results)
         return [it for it in results if not self._serial_lines.route(it, now_ms)]
 
-    def _receive_from_modem(self, now_ms: int) -> None:
+    def _receive_from_modem(self, now_ms: MissionMs) -> None:
         """Handles packets that a physical modem has received or sent."""
         for item in self._serial_lines.take():
             match item:
@@ -283,7 +285,7 @@ class Flight:
                     if "dropped" in fields:
                         self.dropped[fields["dropped"]] += 1
 
-    def _receive_from_fleet(self, now_ms: int) -> None:
+    def _receive_from_fleet(self, now_ms: MissionMs) -> None:
         self._update_links(now_ms)
         results_before, self._fleet_results = self._fleet_results, []
         for result in [*results_before, *self._advance_fleet(now_ms)]:
@@ -336,14 +338,14 @@ class Flight:
         self._contacts.see(truths)
         self._recorder.truths(truths)
 
-    def _update_links(self, now_ms: int) -> None:
+    def _update_links(self, now_ms: MissionMs) -> None:
         changed = self._fleet.update_links()
         if changed is None:
             return
         rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
         self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
-    def _receive_from_relay(self, now_ms: int) -> None:
+    def _receive_from_relay(self, now_ms: MissionMs) -> None:
         for item in self._relay.advance(now_ms):
             if isinstance(item, Send):
                 send = self.supervisor.schedule_sends(item, now_ms)
@@ -354,7 +356,7 @@ class Flight:
             else:
                 self.supervisor.receive(item)
 
-    def _apply_requests(self, now_ms: int) -> None:
+    def _apply_requests(self, now_ms: MissionMs) -> None:
         """Applies requests to make aMussels simulated, real or retired; begins and ends faults."""
         beliefs, is_simulated = self.supervisor.beliefs, self._roster.is_simulated
         asked = self._roster.advance(beliefs, now_ms)
@@ -364,15 +366,15 @@ class Flight:
             else:
                 self._stimulate(*action, now_ms)
 
-    def _send(self, send: Send, now_ms: int) -> None:
+    def _send(self, send: Send, now_ms: MissionMs) -> None:
         stimulus = self._fleet.send(send, now_ms)
         if stimulus is not None:
             self._stimulate(send.agent_id, stimulus, now_ms)
 
-    def _receive_from_vehicle(self, now_ms: int) -> None:
+    def _receive_from_vehicle(self, now_ms: MissionMs) -> None:
         for fact in self._vehicle.advance(now_ms):
             if isinstance(fact, PoseReported | APadSeen):
-                self._fleet.carry_apad(fact.north_m, fact.east_m, fact.at_ms)
+                self._fleet.carry_apad(fact.north_m, fact.east_m, MissionMs(fact.at_ms))
             if isinstance(fact, APadSeen):
                 continue
             if isinstance(fact, (Carried, LetGo)):
@@ -392,10 +394,10 @@ class Flight:
             return None
         return self._contacts.distance_m(agent_id, pose.north_m, pose.east_m)
 
-    def _stimulate(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
+    def _stimulate(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> None:
         agent_ms = self._fleet.receive(agent_id, stimulus, now_ms)
         if agent_ms is not None:
             self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
 
-    def _note_stimulus(self, now_ms: int, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
+    def _note_stimulus(self, now_ms: MissionMs, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
         self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=to_json(stimulus))

@@ -16,6 +16,7 @@ from functools import cache
 
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus, from_wire, to_wire
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.allocation import Allocation
@@ -161,7 +162,7 @@ class RelayedPacket:
     agent_id: int
     medium: Medium | None
     data: bytes
-    at_ms: int
+    at_ms: MissionMs
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,12 +178,12 @@ class _Told:
     """A contact that an aMussel of another process was told of, and has not confirmed by a report."""
 
     stimulus: ContactClosed | ContactOpened
-    at_ms: int
+    at_ms: MissionMs
     tellings: int
 
 
 RelayedEvent = WifiHeard | SoundHeard | Send | RemoteContact
-Inlet = Callable[[int], Sequence[RelayedPacket]]
+Inlet = Callable[[MissionMs], Sequence[RelayedPacket]]
 """Returns the packets that arrived since the last call, at a mission time."""
 Outlet = Callable[[RelayedPacket], None]
 
@@ -205,7 +206,7 @@ class PacketRelay:
         silent.dropped = self.dropped
         return silent
 
-    def advance(self, now_ms: int) -> list[RelayedEvent]:
+    def advance(self, now_ms: MissionMs) -> list[RelayedEvent]:
         """Returns the events for this flight up to mission time `now_ms`."""
         received: list[RelayedEvent] = []
         for inlet in self._inlets:
@@ -213,16 +214,16 @@ class PacketRelay:
                 received += self._route(packet)
         return received
 
-    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: MissionMs) -> None:
         """Routes a packet that an aMussel of this process sent."""
         if self._outlets:
             self._route(RelayedPacket(Source.LOCAL_AMUSSEL, agent_id, medium, data, now_ms))
 
-    def forward(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: MissionMs) -> None:
         """Routes a packet that the supervisor of this process sent."""
         self._route(RelayedPacket(Source.LOCAL_SUPERVISOR, send.agent_id, send.medium, send.data, now_ms))
 
-    def send_contact(self, felt: RemoteContact, now_ms: int) -> None:
+    def send_contact(self, felt: RemoteContact, now_ms: MissionMs) -> None:
         """Routes a contact of this process's docks with an aMussel."""
         outlets = outcomes(Source.LOCAL_DOCK, self._division.standing(felt.agent_id), None)
         if self._outlets.keys().isdisjoint(outlets):
@@ -234,7 +235,7 @@ class PacketRelay:
             case DockMoved(north_um, east_um) if (told := self._told.get(felt.agent_id)) is not None:
                 self._told[felt.agent_id] = replace(told, stimulus=ContactClosed(north_um, east_um))
 
-    def repeat_contacts(self, belief_of: Callable[[int], Belief | None], now_ms: int) -> None:
+    def repeat_contacts(self, belief_of: Callable[[int], Belief | None], now_ms: MissionMs) -> None:
         """Tells an aMussel again that reports to be in no dock though one holds it, or in one though it was let go.
 
         The link to its process was cut when the dock moved. Otherwise it would stand docked for ever.
@@ -250,7 +251,7 @@ class PacketRelay:
                 self._publish_contact(RemoteContact(agent_id, told.stimulus), now_ms)
                 self._told[agent_id] = _Told(told.stimulus, now_ms, told.tellings + 1)
 
-    def _publish_contact(self, felt: RemoteContact, now_ms: int) -> None:
+    def _publish_contact(self, felt: RemoteContact, now_ms: MissionMs) -> None:
         data = json.dumps(to_wire(felt.stimulus)).encode()
         self._route(RelayedPacket(Source.LOCAL_DOCK, felt.agent_id, None, data, now_ms))
 

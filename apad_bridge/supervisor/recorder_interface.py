@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from agents.mussel.outputs import Truth
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 
 
 class Recorder(Protocol):
-    def event(self, at_ms: int, kind: str, **data: Any) -> None: ...
+    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None: ...
 
     def truths(self, truths: list[Truth]) -> None: ...
 
@@ -22,7 +23,7 @@ class Recorder(Protocol):
 
     def tick(
         self,
-        now_ms: int,
+        now_ms: MissionMs,
         beliefs: list[Belief],
         pose: PoseReported | None,
         battery: BatteryReported | None,

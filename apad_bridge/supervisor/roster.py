@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from agents.coordinator import Coordinator
 from agents.mussel.stimuli import Placed
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.timed_faults import TimedFault, injection
@@ -56,7 +57,7 @@ TABLE: dict[tuple[Presence, Trigger], Presence] = {
 class PresenceChange:
     """A change of an aMussel's presence at mission time `at_ms`, from a run's journal; `by` names the caller."""
 
-    at_ms: int
+    at_ms: MissionMs
     agent_id: int
     presence: Presence
     by: str
@@ -174,7 +175,7 @@ class Presences:
         return self._now.get(agent_id)
 
     def do(
-        self, request: PresenceRequest, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
+        self, request: PresenceRequest, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: MissionMs
     ) -> list[Action] | str:
         """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change."""
         before = self._now.get(request.agent_id)
@@ -253,7 +254,7 @@ class Roster:
     def is_simulated(self, agent_id: int) -> bool:
         return agent_id in self.presences.simulated
 
-    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[Action]:
+    def advance(self, beliefs: FleetBeliefs, now_ms: MissionMs) -> list[Action]:
         """Applies the requests since the last tick. No caller gets an answer before `answer`."""
         actions: list[Action] = []
         for request in self._requests.take():
@@ -267,7 +268,7 @@ class Roster:
             self._answers.append((request, refusal))
         return actions
 
-    def _cause(self, request: FaultRequest, beliefs: FleetBeliefs, now_ms: int) -> list[Action] | str:
+    def _cause(self, request: FaultRequest, beliefs: FleetBeliefs, now_ms: MissionMs) -> list[Action] | str:
         """Begins a fault, or returns the reason for a refusal."""
         if request.agent_id is not None:
             presence = self.presences.of(request.agent_id)
@@ -301,7 +302,7 @@ class NoRoster:
     def is_simulated(self, agent_id: int) -> bool:
         return True
 
-    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[Action]:
+    def advance(self, beliefs: FleetBeliefs, now_ms: MissionMs) -> list[Action]:
         return []
 
     def answer(self) -> None:

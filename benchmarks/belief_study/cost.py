@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
@@ -56,7 +57,7 @@ def tick_ms(agents: int, theta: int) -> dict[str, float]:
     sensor = replace(
         NOMINAL.sensor, apart_ms=max(NOMINAL.sensor.apart_ms, 20_000 * theta)
     )  # as missions have it
-    twin = Twin(replace(NOMINAL, theta=theta, sensor=sensor), {})
+    twin = Twin(replace(NOMINAL, scale=TimeScale(theta), sensor=sensor), {})
     fleet = FleetBeliefs(twin, range(1, agents + 1), due_every_ms=1000)
     took_ms = []
     for tick in range(_TICKS + 5):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, TimeslotSilent
@@ -41,7 +42,7 @@ _STATES = {
     Doing.EMPTY: State.EMPTY,
 }
 NOMINAL = TwinParameters(
-    theta=1,
+    scale=TimeScale(1),
     drain=Drain(
         # Asleep, idle, high load, surfacing, floating, docked three times, lost: what the nominal kind draws.
         (0.0000674, 0.0010427, 0.0018, 0.0010427, 0.0031824, 0.0000674, 0.0000674, 0.0000674, 0.0),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import Water
@@ -34,7 +35,7 @@ def coverage(theta: int, currents: bool, seed: int = 11) -> dict[str, Any]:
     rng = np.random.default_rng(seed)
     water = Water(AMPLITUDE_M**2 / 3, CURRENT_M_S if currents else 0.0, LASTS_S, FIX_M)
     board = replace(NOMINAL.board, float_timeout_ms=10**12)
-    twin = Twin(replace(NOMINAL, theta=theta, water=water, board=board), {})
+    twin = Twin(replace(NOMINAL, scale=TimeScale(theta), water=water, board=board), {})
     state = State.FLOATING if currents else State.SLEEPING
     step_s = REPORT_AGENT_MS / 1000 / theta
     inside, error = [], []

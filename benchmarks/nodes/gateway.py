@@ -13,6 +13,7 @@ import time
 
 import rospy
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.ros.gateway.gateway import Gateway, open_gateway
 from firmware_model.packets import StatusPacket
@@ -66,7 +67,7 @@ def tick(gateway: Gateway, supervisor: Supervisor, first: int, count: int) -> No
 def main() -> None:
     agents = int(sys.argv[1])
     began_s = time.monotonic()
-    gateway = open_gateway(range(1, agents + 1), THETA, node_name=NODE)
+    gateway = open_gateway(range(1, agents + 1), TimeScale(THETA), node_name=NODE)
     print("open", time.monotonic() - began_s, rospy.get_node_uri(), flush=True)
     supervisor = Supervisor(agents)
     topics, ticks = gateway.agent_topics, 0

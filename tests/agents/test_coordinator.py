@@ -15,6 +15,7 @@ from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus
+from agents.time_scale import TimeScale
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.stimuli import ResetCause
@@ -29,7 +30,7 @@ def fly(
     """The outputs up to 40 s of mission time, and each aMussel's truths."""
     initial_states = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
     host = InProcessHost(FLEET, initial_states)
-    coordinator = Coordinator(host, dict.fromkeys(IDS, 0), FLEET.theta)
+    coordinator = Coordinator(host, dict.fromkeys(IDS, 0), FLEET.time_scale)
     came: list[Heard | Died] = []
     for now_ms in sorted({40_000, *cuts, *(fact[0] for fact in facts)}):
         for _, agent_id, stimulus in (fact for fact in facts if fact[0] == now_ms):
@@ -94,7 +95,7 @@ class NotingHost:
 
 def test_only_what_is_due_is_granted() -> None:
     host = NotingHost(next_due_ms=300_000)
-    coordinator = Coordinator(host, {1: 0, 2: 0}, theta=30)
+    coordinator = Coordinator(host, {1: 0, 2: 0}, TimeScale(30))
     coordinator.advance(0)
     assert coordinator.next_due_ms == 10_000
     assert coordinator.advance(9_999) == []
@@ -105,13 +106,13 @@ def test_only_what_is_due_is_granted() -> None:
 
 
 def test_an_agents_time_is_rounded_up_to_mission_time() -> None:
-    coordinator = Coordinator(NotingHost(), {1: 0}, theta=30)
+    coordinator = Coordinator(NotingHost(), {1: 0}, TimeScale(30))
     assert coordinator.advance(5) == [Heard(3, 1, WifiSent(61, b"x"))]
 
 
 def test_a_death_takes_the_window_again_after_a_boot_at_its_start() -> None:
     host = NotingHost(next_due_ms=60_000)
-    coordinator = Coordinator(host, {1: 0}, theta=30)
+    coordinator = Coordinator(host, {1: 0}, TimeScale(30))
     coordinator.advance(1_000)
     host.deaths = [1]
     came = coordinator.advance(2_000)
@@ -122,7 +123,7 @@ def test_a_death_takes_the_window_again_after_a_boot_at_its_start() -> None:
 
 def test_an_agent_that_is_given_up_is_out_of_the_fleet() -> None:
     host = NotingHost(next_due_ms=None)
-    coordinator = Coordinator(host, {1: 0, 2: 0}, theta=30)
+    coordinator = Coordinator(host, {1: 0, 2: 0}, TimeScale(30))
     coordinator.advance(1_000)
     host.deaths, host.gave_up = [1], "it died too often"
     coordinator.receive(1, ContactOpened(), 2_000)
@@ -134,7 +135,7 @@ def test_an_agent_that_is_given_up_is_out_of_the_fleet() -> None:
 
 def test_an_adopted_agent_that_is_ahead_is_never_sent_back() -> None:
     host = NotingHost()
-    coordinator = Coordinator(host, {1: 60_000}, theta=30, now_ms=1_000)
+    coordinator = Coordinator(host, {1: 60_000}, TimeScale(30), now_ms=1_000)
     coordinator.receive(1, ContactOpened(), 1_000)
     coordinator.advance(1_000)
     assert host.granted == [{1: Grant(60_000, ((60_000, ContactOpened()),))}]
@@ -142,4 +143,4 @@ def test_an_adopted_agent_that_is_ahead_is_never_sent_back() -> None:
 
 def test_theta_is_a_positive_integer() -> None:
     with pytest.raises(ValueError, match="theta"):
-        Coordinator(NotingHost(), {}, theta=0)
+        Coordinator(NotingHost(), {}, TimeScale(0))

@@ -75,7 +75,7 @@ def joined(
     """A flight with aMussels at these metres to the north, and its aPad's modem as deep as they are."""
     states = {n: resting_on_bottom(metres, 0, 3.0, 0.9, 1.0) for n, metres in norths_m.items()}
     host = InProcessHost(replace(fleet, agent_ids=(1, 2, 3, 4)), states)
-    coordinator = Coordinator(host, dict.fromkeys(states, 0), fleet.theta)
+    coordinator = Coordinator(host, dict.fromkeys(states, 0), fleet.time_scale)
     flown = Flown(sea.join(coordinator, host), coordinator)
     if apad_m is not None:
         flown.station.carry_apad(apad_m, 0.0, 0)

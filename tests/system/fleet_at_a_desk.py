@@ -74,7 +74,7 @@ def main() -> None:
     initial_states = fleet_parts.initial_states(flown, starts_of(flown))
     before = [PresenceChange(0, first_id + 2, Presence.REAL, name) for name in claimant]
     presences = Presences(initial_states, flown.area.depth_m, before)
-    gateway = open_gateway([], flown.theta, node_name=node)
+    gateway = open_gateway([], flown.time_scale, node_name=node)
     claims = ClaimBoard(f"/{node}", lambda: presences.simulated)
     try:
         if before:
@@ -92,8 +92,8 @@ def main() -> None:
     topics = PacketTopics(initial_states, division.peers)
     relay = PacketRelay(division, [topics.take], {Outcome.PUBLISH: topics.publish})
     host = InProcessHost(fleet_parts.fleet_config(flight_config(flown)), initial_states)
-    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta)
-    faults = FaultInjection(FaultyHost(host, flown.seed), flown.theta)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.time_scale)
+    faults = FaultInjection(FaultyHost(host, flown.seed), flown.time_scale)
     supervisor = parts.supervisor(flight_config(flown))
     flight = Flight(
         supervisor,

@@ -70,14 +70,14 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
     decisions = Decisions()
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
-    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     supervisor = parts.supervisor(flight_config(scenario))
     with ExitStack() as stack:
         vehicle: VehicleLink
         if over_ros:
             battery = scenario.apad.battery
-            gateway = open_gateway(initial_states, scenario.theta, node_name="musselbed")
+            gateway = open_gateway(initial_states, scenario.time_scale, node_name="musselbed")
             stack.callback(gateway.close)
             battery_v = (battery.empty_v, battery.full_v)
             safety = safety_of(scenario)

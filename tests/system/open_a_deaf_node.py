@@ -15,12 +15,13 @@ import time
 import rospy
 from rospy.impl import tcpros_base
 
+from agents.time_scale import TimeScale
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.system import handshakes
 
 
 def main() -> None:
-    gateway = open_gateway(range(1, 3), 1, node_name="hearing")
+    gateway = open_gateway(range(1, 3), TimeScale(1), node_name="hearing")
     print(json.dumps(handshakes.deaf()), flush=True)
     refused = threading.Event()
 

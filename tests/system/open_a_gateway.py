@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import time
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.gateway import GatewayFailed, open_gateway
@@ -41,7 +42,7 @@ def main() -> None:
     node, first_id, count = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     begun_s = time.monotonic()
     try:
-        gateway = open_gateway(range(first_id, first_id + count), 30, node_name=node)
+        gateway = open_gateway(range(first_id, first_id + count), TimeScale(30), node_name=node)
     except (SecondFleet, GatewayFailed) as refused:
         print(refused, flush=True)
         return

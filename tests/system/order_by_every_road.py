@@ -22,6 +22,7 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import Float32, Int32, String
 from std_srvs.srv import Trigger
 
+from agents.time_scale import TimeScale
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.links.generation_b import GenerationBLink
 from apad_bridge.ros.system.ros_pace import OwnMasterClock
@@ -209,7 +210,7 @@ def go_by_action(bench: Bench, north_m: float, east_m: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    gateway = open_gateway([7], 1, node_name="bench")
+    gateway = open_gateway([7], TimeScale(1), node_name="bench")
     bench = Bench(Path(sys.argv[1]))
     north_m, east_m = bench.start_m
     outcomes: dict[str, Any] = {"action": go_by_action(bench, north_m, east_m)}

@@ -19,6 +19,7 @@ from agents.mussel.body import BodyConfig
 from agents.mussel.outputs import WifiSent
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, WifiArrived
+from agents.time_scale import TimeScale
 from apad_bridge.records.sample_file import SampleFile
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.config import BoardConfig, FullFirmware, LastResort
@@ -71,8 +72,8 @@ def main(run_dir: Path, epoch: int, until_s: int) -> None:
     )
     granted_ms = host.granted_ms or dict.fromkeys(IDS, 0)
     now_s = max(granted_ms.values()) // 1000
-    clock = Coordinator(host, granted_ms, 1, 1000 * now_s)
-    file = SampleFile(run_dir / "samples.jsonl", FLEET.theta)
+    clock = Coordinator(host, granted_ms, TimeScale(1), 1000 * now_s)
+    file = SampleFile(run_dir / "samples.jsonl", FLEET.time_scale)
     collection = SampleCollection(IDS, file.kept)
     taken = dict.fromkeys(IDS, 0)
     while now_s < until_s:

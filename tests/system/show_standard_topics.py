@@ -11,6 +11,7 @@ import sys
 from types import SimpleNamespace
 from typing import Any
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
@@ -77,7 +78,7 @@ def supervisor() -> SimpleNamespace:
 
 
 def main() -> None:
-    gateway = open_gateway([], 30, node_name="shower")
+    gateway = open_gateway([], TimeScale(30), node_name="shower")
     frame = LocalFrame(43.9330937, 15.4443468)
     standard = StandardTopics(
         (1, 2, 3), "apad1", frame, Limits(silence_s=3600.0, pool_threshold=0.8), ball_m=0.5

@@ -16,6 +16,7 @@ from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.recorder import Recorder
@@ -126,7 +127,7 @@ def test_rosbag_check_finds_nothing_to_migrate(bag: Path, messages: Path) -> Non
 
 
 def test_rosbag_reindex_mends_a_bag_that_was_never_closed(tmp_path: Path, messages: Path) -> None:
-    writer = BagWriter(tmp_path / "run.bag", theta=30)
+    writer = BagWriter(tmp_path / "run.bag", TimeScale(30))
     for now_ms in range(0, 30_000, 1000):
         truth = TruthSample(7, State.ACTIVE, 0.25, 1.0, 1.0 + now_ms, 2.0, 3.0, False, 30 * now_ms)
         writer.sample(now_ms, [truth], [], None)

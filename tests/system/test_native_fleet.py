@@ -27,6 +27,7 @@ from agents.hosting.process_host import ProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
 from agents.nursery.fleet_file import RestartPolicy
+from agents.time_scale import TimeScale
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -76,7 +77,7 @@ Story = list[tuple[int, int, Stimulus | str]]
 def fly(
     host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
 ) -> tuple[list[Heard | Died], list[Truth]]:
-    clock = Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
     came: list[Heard | Died] = []
     told: list[Truth] = []
     now_ms = 0
@@ -121,7 +122,7 @@ def children(pid: int) -> list[int]:
 
 def flying(host: ProcessHost) -> tuple[Coordinator, dict[int, int]]:
     """The fleet at 10 s of mission time, and the process of each board's firmware; aMussel 8 charges in a dock."""
-    clock = Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
     clock.receive(8, command(Kind.PERMISSION, 8), 1_000)
     clock.advance(1_000)
     clock.receive(8, ContactClosed(7_000_000, 8_000_000), 5_000)

@@ -28,6 +28,7 @@ from agents.nursery import protocol
 from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
 from agents.nursery.launch import NurseryFailed, StartedNursery, launch_nursery, prepare
 from agents.nursery.state_file import RING_BYTES
+from agents.time_scale import TimeScale
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge import Flow
@@ -49,7 +50,7 @@ def command(kind: Kind, agent_id: int) -> SoundArrived:
 
 
 def coordinator(host: Host) -> Coordinator:
-    return Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+    return Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
 
 
 @pytest.fixture
@@ -377,11 +378,12 @@ def test_a_nursery_that_died_while_it_wrote_the_first_states_leaves_a_fleet_that
 SUPERVISOR = """
 import sys
 from agents.coordinator import Coordinator
+from agents.time_scale import TimeScale
 from agents.hosting.process_host import ProcessHost
 print("ready", flush=True)
 sys.stdin.readline()
 host = ProcessHost.adopt(sys.argv[1], 1)
-clock = Coordinator(host, host.granted_ms, 30)
+clock = Coordinator(host, host.granted_ms, TimeScale(30))
 for second in range(1, 11):
     clock.advance(second * 1000)
 print(*host.pids.values(), flush=True)
@@ -432,7 +434,7 @@ def test_a_new_supervisor_adopts_the_fleet_of_a_killed_one(
     present = last_truths(reference.take_truths())
     told = host.take_truths()
     assert last_truths(told) == {agent_id: present[agent_id] for agent_id in IDS}
-    mine = Coordinator(host, host.granted_ms, THETA, now_ms=10_000)
+    mine = Coordinator(host, host.granted_ms, TimeScale(THETA), now_ms=10_000)
     mine.advance(10_000)
     assert mine.advance(15_000) == theirs.advance(15_000)
     assert host.take_truths() == reference.take_truths()
@@ -450,7 +452,7 @@ def test_an_old_supervisor_is_fenced_off(host: ProcessHost, tmp_path: Path) -> N
         clock.advance(2_000)
     with pytest.raises(Fenced, match="epoch 2"):
         host.restart(3, 30_000, ResetCause.BROWN_OUT)
-    theirs = Coordinator(newer, newer.granted_ms, THETA, now_ms=1_000)
+    theirs = Coordinator(newer, newer.granted_ms, TimeScale(THETA), now_ms=1_000)
     theirs.advance(1_000)
     assert len(theirs.advance(2_000)) == 3
     # Its links still lead to the agents, which refuse it.
@@ -507,7 +509,7 @@ def test_a_whole_crash_is_resumed_from_the_file(orphans: subprocess.Popen[bytes]
     host = ProcessHost.adopt(tmp_path, 2)
     try:
         assert host.granted_ms == dict.fromkeys(IDS, 300_000)
-        clock = Coordinator(host, host.granted_ms, THETA, now_ms=10_000)
+        clock = Coordinator(host, host.granted_ms, TimeScale(THETA), now_ms=10_000)
         came = clock.advance(11_000)
         assert sorted(it.agent_id for it in came if isinstance(it, Died)) == list(IDS)
         assert sorted(it.agent_id for it in came if isinstance(it, Heard)) == list(IDS)

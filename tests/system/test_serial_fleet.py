@@ -22,6 +22,7 @@ from agents.hosting.process_host import ProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived
 from agents.nursery.fleet_file import RestartPolicy
+from agents.time_scale import TimeScale
 from firmware_model.packets import CommandPacket, Kind
 
 pytestmark = pytest.mark.system
@@ -67,7 +68,7 @@ def fly(
     host: InProcessHost | ProcessHost, until_s: int
 ) -> tuple[list[Heard | Died], list[Truth], Coordinator]:
     """A permission for each aMussel, a dock for each, and again the water; the agents of two are killed."""
-    clock = Coordinator(host, dict.fromkeys(IDS, 0), 1)
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(1))
     came: list[Heard | Died] = []
     told: list[Truth] = []
     for now_s in range(0, until_s, 10):

@@ -16,6 +16,7 @@ from agents.hosting.process_host import ProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus
 from agents.nursery.fleet_file import RestartPolicy
+from agents.time_scale import TimeScale
 from firmware_model.config import FullFirmware, LastResort, Timekeeping
 from firmware_model.packets import (
     Beacon,
@@ -81,7 +82,7 @@ def story(agent_id: int) -> list[tuple[int, Stimulus | None]]:
 
 
 def fly(host: InProcessHost | ProcessHost) -> tuple[list[Heard | Died], list[Truth]]:
-    clock = Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
     came, told = list(clock.advance(0)), host.take_truths()
     for now_s in range(1, 301):
         for agent_id in IDS:

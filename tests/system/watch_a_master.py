@@ -13,12 +13,13 @@ import rosgraph
 import rospy
 from std_msgs.msg import String
 
+from agents.time_scale import TimeScale
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.system.master_watch import MasterWatch
 
 
 def main() -> None:
-    gateway = open_gateway(range(1, 3), 1, node_name="watcher")
+    gateway = open_gateway(range(1, 3), TimeScale(1), node_name="watcher")
     rospy.Subscriber("/words", String, lambda message: print(json.dumps(["heard", message.data]), flush=True))
     watch = MasterWatch(rosgraph.get_master_uri(), period_s=0.2)
     print("ready", flush=True)

@@ -15,6 +15,7 @@ from agents import coordinator
 from agents.mussel.outputs import SoundSent
 from agents.packet_medium import Medium
 from agents.serial_port import SerialPort
+from agents.time_scale import MissionMs
 from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
 from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, Sent
@@ -94,7 +95,7 @@ def _action_of(result: Result) -> SoundHeard | Send | Note:
     match result:
         case Heard(at_ms, packet) | Sent(at_ms, packet):
             if packet.direction is Direction.FROM_AMUSSEL:
-                return SoundHeard(at_ms, packet.data)
+                return SoundHeard(MissionMs(at_ms), packet.data)
             return Send(Medium.SOUND, packet.agent_id, packet.data)
         case Dropped(_, reason, of):
             return Note("modem", {"dropped": reason, "id": None if of is None else of.agent_id})

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.beliefs.modes import Mode, mode_of
 from apad_bridge.records.bag_samples import BagUnreadable, Instant, has_deviations, instants
@@ -101,10 +102,10 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Co
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     history = History(
-        read_journal(directory.journal), scenario.theta, charge_models(scenario), scenario.apad.docks
+        read_journal(directory.journal), scenario.time_scale, charge_models(scenario), scenario.apad.docks
     )
     water = Water(scenario)
-    for now_ms in range(0, history.end_ms + 1, period_ms):
+    for now_ms in map(MissionMs, range(0, history.end_ms + 1, period_ms)):
         try:
             history.advance(now_ms)
         except (KeyError, TypeError, ValueError) as error:
@@ -117,20 +118,19 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Co
 
 def _in_bag_at(instant: Instant) -> Iterator[Comparison]:
     truths = {truth.agent_id: truth for truth in instant.truths}
-    # Agent time per second of mission time.
-    theta = round(instant.agent_ms / instant.at_ms) if instant.at_ms else 1
+    scale = TimeScale(round(instant.agent_ms / instant.at_ms) if instant.at_ms else 1)
     for belief in instant.beliefs:
         truth = truths.get(belief.agent_id)
         if truth is not None:
-            yield compared(belief, truth, instant.at_ms, theta)
+            yield compared(belief, truth, instant.at_ms, scale)
 
 
-def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, theta: int) -> Comparison:
+def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, scale: TimeScale) -> Comparison:
     """Compares the samples of one aMussel at mission time `at_ms`."""
     return Comparison(
         belief.agent_id,
         at_ms,
-        theta * belief.age_s / 3600,
+        scale.agent_time(belief.age_s) / 3600,
         (mode := _true_mode(truth)),
         truth.state == State.RELEASED,
         _believed_mode(belief) is mode,
@@ -204,18 +204,20 @@ def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
     return (east * d_north**2 - 2 * across * d_north * d_east + north * d_east**2) / determinant
 
 
-def _in_journal_at(history: History, water: Water, scenario: Scenario, now_ms: int) -> Iterator[Comparison]:
+def _in_journal_at(
+    history: History, water: Water, scenario: Scenario, now_ms: MissionMs
+) -> Iterator[Comparison]:
     for agent_id, line in sorted(history.now.beliefs.items()):
         truth = history.now.truths.get(agent_id)
         if truth is None:
             continue
-        sample = water.sample(truth, max(scenario.theta * now_ms, truth.at_ms))
+        sample = water.sample(truth, max(scenario.time_scale.agent_ms(now_ms), truth.at_ms))
         mode = _true_mode(sample)
         interval = line.get("low", math.nan), line.get("high", math.nan)
         yield Comparison(
             agent_id,
             now_ms,
-            scenario.theta * (now_ms - line["heard"]) / 3_600_000,
+            scenario.time_scale.agent_span(now_ms - line["heard"]) / 3_600_000,
             mode,
             sample.state == State.RELEASED,
             _mode_in(line) is mode,

@@ -16,6 +16,7 @@ from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import WasReset, from_json
+from agents.time_scale import TimeScale
 from apad_bridge.assembly.fleet_parts import fleet_config, initial_states
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.event_kinds import EventKind
@@ -74,7 +75,7 @@ def energy_of(directory: RunDirectory, agent_ids: Sequence[int] = ()) -> list[Ag
         )
     journal = read_journal(directory.journal)
     chosen = {agent_id: starts[agent_id] for agent_id in agent_ids or starts}
-    return [it.agent.energy(it) for it in _run_again(fleet, chosen, journal, scenario.theta)]
+    return [it.agent.energy(it) for it in _run_again(fleet, chosen, journal, scenario.time_scale)]
 
 
 def rails_of(scenario: Scenario, journal: JournalContents) -> dict[int, list[tuple[int, int]]]:
@@ -86,7 +87,7 @@ def rails_of(scenario: Scenario, journal: JournalContents) -> dict[int, list[tup
     if config.board.whole is None:
         return {}
     starts = initial_states(scenario, starts_of(scenario))
-    again = _run_again(fleet_config(config), starts, journal, scenario.theta)
+    again = _run_again(fleet_config(config), starts, journal, scenario.time_scale)
     return {it.agent.config.board.agent_id: it.agent.switched for it in again if it.is_exact}
 
 
@@ -111,7 +112,7 @@ class _SecondRun(NamedTuple):
 
 
 def _run_again(
-    fleet: FleetConfig, starts: Mapping[int, Physical], journal: JournalContents, theta: int
+    fleet: FleetConfig, starts: Mapping[int, Physical], journal: JournalContents, scale: TimeScale
 ) -> Iterator[_SecondRun]:
     """Runs each aMussel with one of these starts."""
     lines: dict[int, list[Line]] = {agent_id: [] for agent_id in starts}
@@ -122,7 +123,7 @@ def _run_again(
     for agent_id, own in lines.items():
         agent = _Metered(maker.config(agent_id), codec, starts[agent_id], MemoryFlash(fleet.flash_pages))
         recorded = [truth_of(line) for line in own if line["kind"] == EventKind.TRUTH]
-        until_ms = _replay(agent, own, recorded, theta * journal.last_ms)
+        until_ms = _replay(agent, own, recorded, scale.agent_ms(journal.last_ms))
         truths = agent.take_truths()
         yield _SecondRun(agent, truths, until_ms, _is_same_course(truths, recorded))
 

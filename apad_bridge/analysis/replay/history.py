@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from agents.mussel.outputs import Truth
+from agents.time_scale import TimeScale
 from agents.water.medium import Outcome
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.event_texts import event_text
@@ -103,7 +104,7 @@ class History:
     def __init__(
         self,
         journal: JournalContents,
-        theta: int,
+        scale: TimeScale,
         charge_of: Callable[[int], ChargeModel],
         dock_count: int,
     ) -> None:
@@ -126,8 +127,8 @@ class History:
         self._stops: list[StopView] = []
         """The stops that nobody's `continue` has ended, by their numbers."""
         self.now = RunState(docks=(None,) * dock_count)
-        self._theta = theta
-        self.meter = UptimeMeter(theta, charge_of)
+        self._scale = scale
+        self.meter = UptimeMeter(scale, charge_of)
         self._handlers: dict[str, Callable[[Line], None]] = {
             EventKind.TRUTH: self._take_truth,
             EventKind.BELIEF: self._take_belief,
@@ -190,7 +191,7 @@ class History:
             self.meter.ended(line["id"], line["agent_ms"])
 
     def _take_presence(self, line: Line) -> None:
-        self.meter.set_presence(line["id"], Presence(line["is"]), self._theta * line["t"])
+        self.meter.set_presence(line["id"], Presence(line["is"]), self._scale.agent_ms(line["t"]))
 
     def _take_apad(self, line: Line) -> None:
         self.now.apad = line
@@ -219,7 +220,7 @@ class History:
         near = tuple((listener, outcome) for listener, outcome in heard if outcome not in _TOO_FAR)
         self.packets.append(
             PacketView(
-                line["began_ms"] // self._theta,
+                self._scale.mission_span(line["began_ms"]),
                 line["lasted_ms"],
                 line["from"],
                 line["what"],

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.analysis.replay.history import History, PlanView
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
@@ -81,13 +82,12 @@ class _Agent:
     """Mission seconds of its newest packet."""
 
 
-def sample_times(end_ms: int, agents: int) -> list[int]:
+def sample_times(end_ms: int, agents: int) -> list[MissionMs]:
     """The times of the samples: whole ticks from 0 on, always with the last one."""
     last_ms = end_ms // _TICK_MS * _TICK_MS
     samples = min(MAX_SAMPLES, max(60, MAX_VALUES // max(1, agents)))
     step_ms = max(1, -(-last_ms // _TICK_MS // (samples - 1))) * _TICK_MS
-    times = list(range(0, last_ms, step_ms))
-    return [*times, last_ms]
+    return [MissionMs(ms) for ms in (*range(0, last_ms, step_ms), last_ms)]
 
 
 def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, Any] | None) -> dict[str, Any]:
@@ -103,13 +103,14 @@ def add_rails(data: dict[str, Any], rails: Mapping[int, Sequence[tuple[int, int]
 
     `rails` has (agent ms, set of rails) after each switch; an aMussel without has no such column.
     """
+    scale = TimeScale(data["theta"])
     for agent in data["agents"]:
         if agent["id"] not in rails:
             continue
         switches, column, at, on = rails[agent["id"]], [], 0, 0
         for now_ms in data["times_ms"]:
             seen = on
-            while at < len(switches) and switches[at][0] <= data["theta"] * now_ms:
+            while at < len(switches) and switches[at][0] <= scale.agent_ms(now_ms):
                 on = switches[at][1]
                 seen |= on
                 at += 1
@@ -131,7 +132,7 @@ class RunView:
         self._scenario = scenario
         self._starts: list[dict[str, Any]] = start["agents"]
         self._dropped = journal.dropped
-        self._history = History(journal, scenario.theta, charge_models(scenario), scenario.apad.docks)
+        self._history = History(journal, scenario.time_scale, charge_models(scenario), scenario.apad.docks)
         ids = [agent["id"] for agent in self._starts]
         self._sampler = _Sampler(scenario, self._history, ids, run_ms or self._history.end_ms)
 
@@ -157,7 +158,7 @@ class RunView:
         self._dropped += journal.dropped
         self._history.add(journal)
 
-    def sample(self, now_ms: int) -> None:
+    def sample(self, now_ms: MissionMs) -> None:
         """Takes a sample at this time, which is after the last one."""
         self._sampler.sample(now_ms)
 
@@ -231,7 +232,7 @@ class _Sampler:
         self._stages: list[dict[str, Any]] = []
         self._stage: list[int] = []
 
-    def sample(self, now_ms: int) -> None:
+    def sample(self, now_ms: MissionMs) -> None:
         history, now = self._history, self._history.now
         history.advance(now_ms)
         self.times_ms.append(now_ms)
@@ -259,14 +260,14 @@ class _Sampler:
             self._stages.append(stage)
         self._stage.append(len(self._stages) - 1)
 
-    def _sample_agent(self, agent: _Agent, now_ms: int, *, lost: bool) -> None:
+    def _sample_agent(self, agent: _Agent, now_ms: MissionMs, *, lost: bool) -> None:
         """Samples an aMussel from the truth, or from the belief where there is no truth."""
         now, agent_id = self._history.now, agent.agent_id
         truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
         docked = agent_id in now.docks
         if truth is not None:
             physical, charge = truth.physical, self._history.meter.charge_of(agent_id)
-            at_ms = max(self._scenario.theta * now_ms, truth.at_ms)
+            at_ms = max(self._scenario.time_scale.agent_ms(now_ms), truth.at_ms)
             left: float | None = fraction(charge.charge_at(physical.primary, at_ms))
             other: float | None = fraction(charge.charge_at(physical.secondary, at_ms))
             state: int | None = int(truth.state)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from agents.time_scale import TimeScale
 from apad_bridge.analysis.energy.energy import AgentEnergy, summed
 from apad_bridge.analysis.report.contents import RunReport
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, fraction, grains
@@ -121,7 +122,8 @@ def _meets(model: ChargeModel, battery: Battery, charge: float) -> int:
 def _courses(report: RunReport, flow: Flow) -> Iterator[list[tuple[int, float]]]:
     """The spans of (agent ms, charge) in which an aMussel's samples fall, or rise."""
     data = report.data
-    times_ms = [data["theta"] * ms for ms in data["times_ms"]]
+    scale = TimeScale(data["theta"])
+    times_ms = [scale.agent_ms(ms) for ms in data["times_ms"]]
     for agent in data["agents"]:
         course: list[tuple[int, float]] = []
         for ms, charge in zip(times_ms, agent["charge"], strict=True):

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from math import dist, fsum, sqrt
 from typing import Any
 
+from agents.time_scale import MissionMs
 from apad_bridge.analysis.field_log.facts import (
     AmusselCharged,
     AmusselPlaced,
@@ -116,7 +117,7 @@ class _Pending:
     Our choice waits for all that was said at the same time as their order.
     """
 
-    at_ms: int
+    at_ms: MissionMs
     goal_m: Place | None = None
     theirs: Move | None = None
     ours: Move | None = None
@@ -132,7 +133,7 @@ class Shadow:
         config = flight_config(scenario)
         self.decisions: list[Decision] = []
         self._mission = mission
-        self._theta = scenario.theta
+        self._scale = scenario.time_scale
         self._codec = load_codec(scenario.hearing.codec)
         self._beliefs = fleet_beliefs(config)
         self._ids = frozenset(config.ids)
@@ -154,7 +155,7 @@ class Shadow:
         self._ordered: set[int] = set()
         """aMussels of which the shadow heard an order to dock, or knew the dock before: their dockings are new ones."""
         self._begin_s: float | None = None
-        self._now_ms = 0
+        self._now_ms = MissionMs(0)
         self._pending: _Pending | None = None
         self._plan: tuple[Step, ...] = ()
         """The rest of our plan, as long as they follow it."""
@@ -174,7 +175,7 @@ class Shadow:
         if self._begin_s is None:
             self._begin_s = fact.at_s
         done = len(self.decisions)
-        now_ms = max(self._now_ms, round(1000 * (fact.at_s - self._begin_s)))
+        now_ms = MissionMs(max(self._now_ms, round(1000 * (fact.at_s - self._begin_s))))
         if now_ms > self._now_ms:
             if self._pending is not None and now_ms > self._pending.at_ms + _SETTLED_MS:
                 self._choose()
@@ -275,7 +276,7 @@ class Shadow:
         self._topics[agent_id] = place_m, charge, self._now_ms if is_due else told_ms
         if is_due and place_m is not None and charge is not None:
             state = State.CHARGING if agent_id in self._docked else State.FLOATING
-            stamp_ms = self._now_ms * self._theta
+            stamp_ms = self._scale.agent_ms(self._now_ms)
             self._hear(StatusPacket(agent_id, 0, state, charge, 1.0, *place_m, 0.0, stamp_ms))
 
     def _of_others(self, told: BeliefsTold) -> None:
@@ -284,7 +285,7 @@ class Shadow:
             self._believed.add(row.id)
             if row.id in self._sends or row.age_s > _FRESH_S:
                 continue
-            stamp_ms = round(self._theta * (told.mission_ms - 1000 * float(row.age_s)))
+            stamp_ms = round(self._scale.agent_time(told.mission_ms - 1000 * float(row.age_s)))
             charge, secondary = (min(1.0, max(0.0, float(it))) for it in (row.charge, row.secondary))
             place_m = row.north, row.east
             self._hear(StatusPacket(row.id, 0, State(row.state), charge, secondary, *place_m, 0.0, stamp_ms))

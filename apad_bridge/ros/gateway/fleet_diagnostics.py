@@ -7,6 +7,7 @@ from math import sqrt
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.supervisor.core import Supervisor
@@ -25,7 +26,7 @@ def diagnose(
     supervisor: Supervisor,
     agent_ids: tuple[int, ...],
     limits: Limits,
-    now_ms: int,
+    now_ms: MissionMs,
     apad: str = "",
     namespace: str = "",
 ) -> DiagnosticArray:
@@ -43,7 +44,7 @@ def diagnose(
     return array
 
 
-def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) -> DiagnosticStatus:
+def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: MissionMs) -> DiagnosticStatus:
     status = DiagnosticStatus(name=f"musselbed: aMussel {agent_id}", hardware_id=f"amussel{agent_id}")
     if belief is None:
         status.level, status.message = DiagnosticStatus.STALE, "no report yet"

@@ -26,6 +26,7 @@ import rosgraph
 import rospy
 
 from agents.hosting.descriptors import raise_descriptor_limit
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
@@ -62,7 +63,7 @@ _FLEET_QUEUE = 10
 _EVENT_QUEUE = 1000
 """Events are not repeated: a slow reader should still receive those of a whole mission."""
 
-TruthSource = Callable[[int], Mapping[int, AgentReport]]
+TruthSource = Callable[[MissionMs], Mapping[int, AgentReport]]
 """The truth of each aMussel at a mission time, which `records.truth_on_agent_topics` publishes instead of the beliefs."""
 
 
@@ -72,7 +73,7 @@ class GatewayFailed(Exception):
 
 def open_gateway(
     agent_ids: Iterable[int],
-    theta: int,
+    scale: TimeScale,
     *,
     node_name: str,
     xmlrpc_port: int = 0,
@@ -108,7 +109,7 @@ def open_gateway(
         ) from error
     except rospy.ROSException as error:
         raise GatewayFailed(f"the ROS node {node_name} could not start: {error}") from error
-    return Gateway(ids, theta, truth, simulated, frame)
+    return Gateway(ids, scale, truth, simulated, frame)
 
 
 class Gateway:
@@ -117,13 +118,13 @@ class Gateway:
     def __init__(
         self,
         agent_ids: Iterable[int],
-        theta: int,
+        scale: TimeScale,
         truth: TruthSource | None = None,
         simulated: Callable[[], frozenset[int]] | None = None,
         frame: LocalFrame | None = None,
     ) -> None:
         """Only `simulated` aMussels get topics of their own: a real one publishes its own position."""
-        self._theta = theta
+        self._scale = scale
         self._simulated = simulated
         self._truth = truth
         self._shown: Mapping[int, AgentReport] = MappingProxyType({})
@@ -143,7 +144,7 @@ class Gateway:
     def watcher(self, supervisor: Supervisor) -> Watcher:
         """Publishes the supervisor's beliefs at each tick."""
 
-        def watch(now_ms: int) -> None:
+        def watch(now_ms: MissionMs) -> None:
             beliefs = supervisor.beliefs.all()
             if self._truth is None:
                 depth_m = supervisor.beliefs.depth_m
@@ -189,10 +190,10 @@ class Gateway:
         self.agent_topics.close()
         rospy.signal_shutdown("the flight is over")
 
-    def _show_beliefs(self, beliefs: list[Belief], now_ms: int) -> None:
+    def _show_beliefs(self, beliefs: list[Belief], now_ms: MissionMs) -> None:
         if self._beliefs.get_num_connections() == 0:
             return
-        message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._theta * now_ms)
+        message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._scale.agent_ms(now_ms))
         message.header.stamp = stamp(now_ms)
         message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
         self._beliefs.publish(message)

@@ -24,6 +24,7 @@ from sensor_msgs.msg import BatteryState, NavSatFix
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
+from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.ros.gateway import standard_messages as make
@@ -88,7 +89,7 @@ class StandardTopics:
     def watcher(self, supervisor: Supervisor) -> Watcher:
         """Publishes the supervisor's beliefs at each tick."""
 
-        def watch(now_ms: int) -> None:
+        def watch(now_ms: MissionMs) -> None:
             beliefs = [belief for belief in supervisor.beliefs.all() if belief.agent_id in self._agents]
             self._show_agents(beliefs)
             self._show_apad(supervisor, now_ms)

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from typing import Protocol, runtime_checkable
 
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs
 from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
 from apad_bridge.scenario.lab_interface.messages import (
     DockReport,
@@ -69,7 +70,7 @@ class Laboratory:
             Outcome.TELL_COMMAND: self._tell_command,
         }
 
-    def take(self, now_ms: int) -> list[RelayedPacket]:
+    def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         """The packets for aMussels. It also publishes which aMussels have left the Wi-Fi."""
         messages, self.messages = self.messages, []
         for agent_id, last_ms in list(self._on_wifi.items()):
@@ -95,7 +96,7 @@ class Laboratory:
         if isinstance(command, CommandPacket) and (what := _WHATS.get(command.kind)) is not None:
             self.publishers.publish(what, packet.agent_id, packet.at_ms, data=packet.data)
 
-    def _packets(self, message: LaboratoryMessage, now_ms: int) -> list[RelayedPacket]:
+    def _packets(self, message: LaboratoryMessage, now_ms: MissionMs) -> list[RelayedPacket]:
         if isinstance(message, DockReport):
             return []
         ids = self._ids if message.agent_id is None else (message.agent_id,)

@@ -18,6 +18,7 @@ from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
 from agents.packet_medium import Medium
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import stamp
@@ -73,7 +74,7 @@ class PacketTopics:
     def dropped(self) -> Counter[str]:
         return self._dropped + self._inbox.dropped
 
-    def take(self, now_ms: int) -> list[RelayedPacket]:
+    def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         """The packets since the last call, stamped `now_ms`, because the clocks of other processes are not ours."""
         packets = []
         for source, agent_id, medium, data in self._inbox.take():
@@ -124,7 +125,7 @@ class AMusselServices:
     def dropped(self) -> Counter[str]:
         return self._called.dropped
 
-    def take(self, now_ms: int) -> list[RelayedPacket]:
+    def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         return [RelayedPacket(Source.REMOTE_SUPERVISOR, *called, now_ms) for called in self._called.take()]
 
     def close(self) -> None:
@@ -170,7 +171,7 @@ class LegacyOrders:
     def dropped(self) -> Counter[str]:
         return self._dropped + self._inbox.dropped
 
-    def take(self, now_ms: int) -> list[RelayedPacket]:
+    def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         packets = []
         for agent_id, permission in self._inbox.take():
             if agent_id not in self._simulated():
@@ -221,17 +222,17 @@ class AMusselTopics:
         self,
         agent_ids: Iterable[int],
         codec: Codec,
-        theta: int,
+        scale: TimeScale,
         is_held: Callable[[int], bool],
         senders: Set[int],
         charge: ChargeModel,
     ) -> None:
         self._codec = codec
-        self._theta = theta
+        self._scale = scale
         self._is_held = is_held
         self._senders = senders
         self._charge = charge
-        self._charging_since_ms: dict[int, int] = {}
+        self._charging_since_ms: dict[int, MissionMs] = {}
         """By aMussel in a dock, the mission time up to which its charging is published."""
         self._places: dict[int, PublishedPlace] = {}
         self._charges: dict[int, float] = {}
@@ -258,7 +259,7 @@ class AMusselTopics:
     def dropped(self) -> Counter[str]:
         return self._dropped + self._inbox.dropped
 
-    def take(self, now_ms: int) -> list[RelayedPacket]:
+    def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
         published: set[int] = set()
         for agent_id, values in self._inbox.take():
             if (reason := out_of_range(**values._asdict())) is not None:
@@ -291,7 +292,7 @@ class AMusselTopics:
         while (left := self._left.get()) is not None:
             left.unregister()
 
-    def _publish_charging(self, now_ms: int) -> None:
+    def _publish_charging(self, now_ms: MissionMs) -> None:
         for agent_id, charge in self._charges.items():
             if agent_id in self._senders or not self._is_held(agent_id):
                 self._charging_since_ms.pop(agent_id, None)
@@ -300,15 +301,17 @@ class AMusselTopics:
             if since_ms == now_ms:
                 continue
             self._charging_since_ms[agent_id] = now_ms
-            before = Battery(since_ms * self._theta, round(charge * FULL), Flow.CHARGING)
-            gained = self._charge.charge_at(before, now_ms * self._theta) - before.charge
+            before = Battery(self._scale.agent_ms(since_ms), round(charge * FULL), Flow.CHARGING)
+            gained = self._charge.charge_at(before, self._scale.agent_ms(now_ms)) - before.charge
             self._charging[agent_id].publish(Float64(100 * fraction(gained)))
 
-    def _status(self, agent_id: int, now_ms: int) -> RelayedPacket:
+    def _status(self, agent_id: int, now_ms: MissionMs) -> RelayedPacket:
         state = State.CHARGING if self._is_held(agent_id) else State.FLOATING
         north_m, east_m = self._places[agent_id]
         charge = self._charges[agent_id]
-        packet = StatusPacket(agent_id, 0, state, charge, 1.0, north_m, east_m, 0.0, now_ms * self._theta)
+        packet = StatusPacket(
+            agent_id, 0, state, charge, 1.0, north_m, east_m, 0.0, self._scale.agent_ms(now_ms)
+        )
         data = self._codec.encode(packet)
         return RelayedPacket(Source.REMOTE_AMUSSEL, agent_id, Medium.WIFI, data, now_ms)
 

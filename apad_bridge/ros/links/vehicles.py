@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import rosgraph
 
+from agents.time_scale import MissionMs
 from apad_bridge.assembly.stacks import load, stack_of
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
@@ -22,7 +23,7 @@ from apad_bridge.vehicle.guards.gate import Gate
 READY_S = 15.0
 _AFLOAT_M = 0.1
 """A body less deep than this floats."""
-TruthsAt = Callable[[int], list[TruthSample]]
+TruthsAt = Callable[[MissionMs], list[TruthSample]]
 
 
 def reports_contact(scenario: Scenario) -> bool:
@@ -65,7 +66,7 @@ def open_apad(
     def sight(at_ms: int) -> Mapping[int, tuple[float, float]]:
         return {
             it.agent_id: (it.north_m, it.east_m)
-            for it in truths_at(at_ms)
+            for it in truths_at(MissionMs(at_ms))
             if it.depth_m < _AFLOAT_M and not it.docked
         }
 

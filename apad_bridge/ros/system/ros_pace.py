@@ -17,6 +17,7 @@ from typing import Any, Protocol
 import rospy
 from rosgraph_msgs.msg import Clock
 
+from agents.time_scale import MissionMs
 from apad_bridge.ros.system.ros_time import follow_master, to_ms, to_ros
 from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED
 from apad_bridge.supervisor.clock import (
@@ -116,7 +117,7 @@ class OwnMasterClock:
             if self._in_fine_steps and step_ms < now_ms:
                 self._wait_until_done(step_ms, stopped)
             if between is not None and step_ms < now_ms:
-                between(step_ms)
+                between(MissionMs(step_ms))
         if self._wait_until_done(now_ms, stopped):
             self._link.wait_until_heard(now_ms, SETTLE_S)
 
@@ -187,7 +188,7 @@ class FollowedClock:
             elif time.monotonic() - moved_s > self._patience_s:
                 raise ClockLost(self._why_gone() or why)
             if between is not None and self._start_ms < reached_ms < now_ms:
-                between(reached_ms)
+                between(MissionMs(reached_ms))
         with self._advanced:
             self.behind_s = max(0.0, (self._now_ms - now_ms) / 1000)
 

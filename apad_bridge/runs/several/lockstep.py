@@ -18,6 +18,7 @@ from types import MappingProxyType
 
 from agents.hosting import interrupts
 from agents.nursery.launch import StartedNursery
+from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.mission.breakdown import Breakdown
@@ -149,7 +150,9 @@ class LockstepRunner:
             if self._assignment is not None and now_ms % ASSIGNMENT_PERIOD_MS == 0:
                 self._reassign(self._assignment, running, now_ms)
 
-    def _reassign(self, assignment: Assignment, running: Mapping[str, MemberFlight], now_ms: int) -> None:
+    def _reassign(
+        self, assignment: Assignment, running: Mapping[str, MemberFlight], now_ms: MissionMs
+    ) -> None:
         views = [view_of(name, it.start_m, it.flight.supervisor) for name, it in running.items()]
         for move in assignment.plan_moves(views):
             giver, taker = self._flights[move.giver], self._flights[move.taker]

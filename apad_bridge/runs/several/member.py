@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from agents.time_scale import MissionMs
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
 from apad_bridge.records.event_kinds import EventKind
@@ -57,7 +58,7 @@ class MemberLink:
         self._events: list[Event] = []
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
-        def watch(now_ms: int) -> None:
+        def watch(now_ms: MissionMs) -> None:
             orders = self._new_orders()
             if orders is not None:
                 self._apply_orders(orders, supervisor, now_ms)
@@ -84,7 +85,7 @@ class MemberLink:
         self._stamp = stamp
         return Orders.load(self._run_dir)
 
-    def _apply_orders(self, orders: Orders, supervisor: Supervisor, now_ms: int) -> None:
+    def _apply_orders(self, orders: Orders, supervisor: Supervisor, now_ms: MissionMs) -> None:
         if orders.stands_down is not None and not self._stood_down:
             self._stood_down = True
             supervisor.receive(StandDownRequested(now_ms, orders.stands_down))

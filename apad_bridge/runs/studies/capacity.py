@@ -124,7 +124,7 @@ def bounds_of(
     fleets = [rates_of(scenario) for scenario in scenarios]
     scenario, amussels, docks = scenarios[0], len(fleets[0]), _docks_of(scenarios[0]) - failed_docks
     mission_s = scenario.duration_s if duration_s is None else duration_s
-    minutes = mission_s * scenario.theta / 60
+    minutes = scenario.time_scale.agent_time(mission_s) / 60
     if not amussels or not minutes:
         return Bounds(amussels, docks, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, None)
     active = fmean(active_minutes(fleet, minutes, docks) for fleet in fleets) / minutes
@@ -152,7 +152,7 @@ def _cycles_per_apad_charge(scenario: Scenario, full_min: float, amussels: int) 
     take for their aMussels one after the other. Travel is left out.
     """
     apad, share = scenario.apad, amussels / (1 + len(scenario.apads))
-    hours = full_min / 60 / scenario.theta
+    hours = scenario.time_scale.mission_time(full_min / 60)
     needed_wh = share * hours * (apad.battery.charging_w_per_dock + apad.battery.hotel_w / apad.docks)
     return apad.battery.capacity_wh / needed_wh if needed_wh else None
 
@@ -273,7 +273,7 @@ def _closing_min(scenario: Scenario, start: Start) -> float:
     """The agent minutes in which a dock closes around the aMussel, which is afloat; at least 0 where a vehicle docks it."""
     docking = scenario.mission.docking
     is_virtual = docking.profile_of(start.agent_id) is DockingProfile.VIRTUAL
-    return docking.dock_s * scenario.theta / 60 if is_virtual else 0.0
+    return scenario.time_scale.agent_time(docking.dock_s) / 60 if is_virtual else 0.0
 
 
 def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float, besides_min: float = 0.0) -> float:
@@ -326,7 +326,7 @@ def _samples(scenario: Scenario, active: float, mission_s: float) -> float | Non
     assert whole is not None and whole.cycle is not None
     if whole.power.low_level > 0:
         return None
-    alarms = int(mission_s * scenario.theta // whole.cycle.alarm_s) + 1
+    alarms = int(scenario.time_scale.agent_time(mission_s) // whole.cycle.alarm_s) + 1
     return float(len(scenario.fleet.ids) * alarms)
 
 
@@ -338,7 +338,7 @@ def uptime_with_services(scenario: Scenario, services: float) -> float:
     the smaller of N T - Y and sum of min(T, u_i / d_i) + S g(Y / S) / d, with the best Y up to D T, and d the least drain.
     Surfacing and travel are free. The boards are those without a spread.
     """
-    fleet, minutes = rates_of(scenario), scenario.duration_s * scenario.theta / 60
+    fleet, minutes = rates_of(scenario), scenario.time_scale.agent_time(scenario.duration_s) / 60
     curve = _curve_of(board_config(scenario.board, scenario.seed))
     ends = [0.0, *(end for end, _ in curve)]
     parts = ((rate, end - low) for (end, rate), low in zip(curve, ends, strict=False) if rate > 0)

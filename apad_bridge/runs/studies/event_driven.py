@@ -26,6 +26,7 @@ import numpy.typing as npt
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.body import drift_words
 from agents.mussel.outputs import Truth
+from agents.time_scale import MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
@@ -121,7 +122,7 @@ def fly_event_driven(scenario: Scenario) -> Figures:
         flight.tick(flight.now_ms)
         if supervisor.has_ended:
             break
-        flight.now_ms = ticks.next_tick_ms(flight.now_ms, fleet.coordinator.next_due_ms)
+        flight.now_ms = MissionMs(ticks.next_tick_ms(flight.now_ms, fleet.coordinator.next_due_ms))
     return recorder.meter.figures(flight.now_ms, supervisor.mission.state, vehicle.ledger)
 
 
@@ -133,8 +134,8 @@ class TruthfulReports(HoldLast):
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        super().__init__(scenario.fleet.ids, scenario.theta)
-        self._theta = scenario.theta
+        super().__init__(scenario.fleet.ids, scenario.time_scale)
+        self._scale = scenario.time_scale
         self.charge_of = charge_models(scenario)
         drift = scenario.fleet.drift
         amplitude_um = round(drift.amplitude_m * 1e6) if drift.mode is DriftMode.PAPER else 0
@@ -148,10 +149,10 @@ class TruthfulReports(HoldLast):
     def take(self, truth: Truth) -> None:
         before = self.truths.get(truth.agent_id)
         if before is not None and before.physical.docked and not truth.physical.docked:
-            self._drifts_from[truth.agent_id] = truth.at_ms // (self._theta * TICK_MS)
+            self._drifts_from[truth.agent_id] = self._scale.mission_span(truth.at_ms) // TICK_MS
         self.truths[truth.agent_id] = truth
 
-    def advance(self, now_ms: int) -> None:
+    def advance(self, now_ms: MissionMs) -> None:
         if now_ms > self._now_ms:
             self._all = None
         super().advance(now_ms)
@@ -173,7 +174,7 @@ class TruthfulReports(HoldLast):
     def _report(self, truth: Truth) -> Belief:
         physical, now_ms = truth.physical, self._now_ms
         charge = self.charge_of(truth.agent_id)
-        agent_ms = self._theta * now_ms
+        agent_ms = self._scale.agent_ms(now_ms)
         north_um, east_um = physical.north_um, physical.east_um
         if not physical.docked:
             drift = self._drift[truth.agent_id]
@@ -280,7 +281,7 @@ class Ticks:
         recorder: EventRecorder,
     ) -> None:
         self._config = scenario.mission
-        self._tick_agent_ms = scenario.theta * TICK_MS
+        self._tick_agent_ms = scenario.time_scale.agent_span(TICK_MS)
         self._count = len(scenario.fleet.ids)
         self._end_ms = -(-round(scenario.duration_s * 1000) // TICK_MS) * TICK_MS
         self._supervisor = flight.supervisor

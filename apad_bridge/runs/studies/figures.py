@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from agents.mussel.outputs import Truth
+from agents.time_scale import MissionMs
 from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.summary import uptime_figures
@@ -108,24 +109,24 @@ class FigureMeter:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._logs_samples = takes_samples(scenario.board)
-        self.uptimes = UptimeMeter(scenario.theta, charge_models(scenario))
+        self.uptimes = UptimeMeter(scenario.time_scale, charge_models(scenario))
         self._gaps = SamplingGaps(logs_samples=self._logs_samples)
 
     def take(self, truth: Truth) -> None:
         self.uptimes.take(truth)
         self._gaps.take(truth)
 
-    def figures(self, now_ms: int, state: MissionState, ledger: Ledger) -> Figures:
+    def figures(self, now_ms: MissionMs, state: MissionState, ledger: Ledger) -> Figures:
         """The figures at mission time `now_ms`; `ledger` is what the aPad drew since the start."""
-        theta, capacity_wh = self._scenario.theta, self._scenario.apad.battery.capacity_wh
+        scale, capacity_wh = self._scenario.time_scale, self._scenario.apad.battery.capacity_wh
         figures = uptime_figures(self.uptimes, now_ms)
         submerged, paper = figures["uptime_submerged"], figures["uptime_paper"]
-        apad_wh = ledger.used_wh if theta == 1 else None
+        apad_wh = ledger.used_wh if scale.is_real else None
         work_ticks = sum(it.submerged for it in self.uptimes.at(now_ms))
         return Figures(
             figures["amussels_lost"],
             figures["samples_taken"] if self._logs_samples else work_ticks,
-            self._gaps.longest_ms(theta * now_ms) / _MS_PER_HOUR,
+            self._gaps.longest_ms(scale.agent_ms(now_ms)) / _MS_PER_HOUR,
             submerged["mean"],
             submerged["min"],
             paper["mean"],
@@ -134,7 +135,7 @@ class FigureMeter:
             state.planned_m / state.services if state.services else None,
             apad_wh,
             None if apad_wh is None else apad_wh / capacity_wh,
-            figures["dead_time_s"] * theta / 3600,
+            scale.agent_time(figures["dead_time_s"]) / 3600,
             figures["final_charge_mean"],
             paper["max"],
             figures["active_mean"],
@@ -142,5 +143,5 @@ class FigureMeter:
             state.services,
             str(state.ended_by),
             None if state.ended_by is None else state.ended_by.reason,
-            *((ledger.travel_wh, ledger.hotel_wh, ledger.handed_wh) if theta == 1 else (None, None, None)),
+            *((ledger.travel_wh, ledger.hotel_wh, ledger.handed_wh) if scale.is_real else (None, None, None)),
         )

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from agents.time_scale import TimeScale
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import Plan, plan_of
 from apad_bridge.scenario.loader import SHIPPED
@@ -73,7 +74,7 @@ def table_two_study(seeds: int, theta: int = THETA) -> Plan:
     if theta != THETA:
         parameters = {
             "theta": [theta],
-            "duration_s": [2400.0 * THETA / theta],
+            "duration_s": [TimeScale(theta).mission_time(TimeScale(THETA).agent_time(2400.0))],
             "apad.battery.capacity_wh": [_APAD_WH * _BATTERY_FACTOR],
         }
     data = {

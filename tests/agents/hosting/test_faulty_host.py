@@ -15,6 +15,7 @@ from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Dropped, Output, Truth, WifiSent
 from agents.mussel.stimuli import PingArrived, SoundArrived, Stimulus, WifiArrived
+from agents.time_scale import TimeScale
 from firmware_model.stimuli import ResetCause
 
 END_MS = 100_000
@@ -71,7 +72,7 @@ def heard(
     host = FaultyHost(echo, seed=1)
     for defect, value in defects.items():
         host.set_defect(1, defect, value)
-    coordinator, came = Coordinator(host, {1: 0}, theta=1), list[tuple[int, Output]]()
+    coordinator, came = Coordinator(host, {1: 0}, TimeScale(1)), list[tuple[int, Output]]()
     moments: list[tuple[int, Stimulus | None]] = [*sent, *((cut, None) for cut in (*cuts, END_MS))]
     for at_ms, stimulus in sorted(moments, key=lambda it: it[0]):
         if killed and stimulus is None:
@@ -139,7 +140,7 @@ def test_a_healed_link_is_as_if_it_had_never_been_faulty(cuts: list[int]) -> Non
     plain, faulty = InProcessHost(PAPER, states), FaultyHost(InProcessHost(PAPER, states), seed=1)
     lives = []
     for host in (plain, faulty):
-        coordinator = Coordinator(host, {7: 0}, theta=1)
+        coordinator = Coordinator(host, {7: 0}, TimeScale(1))
         events = coordinator.advance(0)
         if isinstance(host, FaultyHost):
             host.set_defect(7, LinkDefect.DELAY, 50)

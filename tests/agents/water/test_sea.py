@@ -38,15 +38,15 @@ class Bench:
             n: resting_on_bottom(metres, 0, 3.0, 0.9, 1.0) for n, metres in enumerate(norths_m, start=1)
         }
         self.host = InProcessHost(fleet, initial_states)
-        self.coordinator = Coordinator(self.host, dict.fromkeys(initial_states, 0), fleet.theta)
-        self.sea = Sea(sea, fleet.theta, initial_states).join(self.coordinator, self.host)
+        self.coordinator = Coordinator(self.host, dict.fromkeys(initial_states, 0), fleet.time_scale)
+        self.sea = Sea(sea, fleet.time_scale, initial_states).join(self.coordinator, self.host)
         self.sea.carry_apad(0.0, 0.0, 0)
         self.came: list[SeaResult] = []
 
     def run(self, until_ms: int, step_ms: int = 1000) -> list[SeaResult]:
         new: list[SeaResult] = []
         for now_ms in range(step_ms, until_ms + 1, step_ms):
-            if now_ms * self.coordinator.theta >= self.sea.now_ms:
+            if self.coordinator.scale.agent_ms(now_ms) >= self.sea.now_ms:
                 new += self.sea.advance(now_ms)
         self.came += new
         return new

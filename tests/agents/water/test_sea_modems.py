@@ -27,8 +27,8 @@ class Bench:
     def __init__(self, *opened: int, fleet: FleetConfig = FLEET, sea: SeaConfig = SEA) -> None:
         initial_states = {n: resting_on_bottom(150.0 * n, 0, 3.0, 0.9, 1.0) for n in (1, 2, 3)}
         host = InProcessHost(fleet, initial_states)
-        coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), fleet.theta)
-        self.sea = Sea(sea, fleet.theta, initial_states, opened=opened).join(coordinator, host)
+        coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), fleet.time_scale)
+        self.sea = Sea(sea, fleet.time_scale, initial_states, opened=opened).join(coordinator, host)
         self.sea.carry_apad(0.0, 0.0, 0)
         self.now_ms = 0
         self.came: list[SeaResult] = []

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from shared_seas import ASKED, DISTURBED, NORTHS_M, THETA, Asked, Flown, act, drifting, played
 
+from agents.time_scale import TimeScale
 from agents.water import sea_link
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea, SeaRefused
@@ -31,7 +32,7 @@ class Served:
     def __init__(self, directory: str) -> None:
         self.directory = directory
         self.now_s = 0.0
-        self.sea = Sea(DISTURBED, THETA, (1, 2, 3, 4), 2)
+        self.sea = Sea(DISTURBED, TimeScale(THETA), (1, 2, 3, 4), 2)
         self.server = SeaServer(self.sea, NAMES, sea_link.listen(directory), lambda: self.now_s)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve)
@@ -95,7 +96,7 @@ def both(sea: Served, fly: Callable[[int], Flown]) -> tuple[Flown, Flown]:
 
 def _same_elsewhere(asked: Asked) -> list[Flown]:
     """Both flights beside their sea, after a comparison with the same flights elsewhere."""
-    beside = played(Sea(DISTURBED, THETA, (1, 2, 3, 4), 2), asked, PLACES_M, (0, 1))
+    beside = played(Sea(DISTURBED, TimeScale(THETA), (1, 2, 3, 4), 2), asked, PLACES_M, (0, 1))
     with served() as sea:
         elsewhere = both(sea, lambda number: flown_from(sea, number, asked))
     for one, other in zip(beside, elsewhere, strict=True):

@@ -9,6 +9,7 @@ from shared_seas import ASKED, DISTURBED, THETA, Asked, Flown, command, joined, 
 
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import SoundArrived
+from agents.time_scale import TimeScale
 from agents.water.medium import Outcome
 from agents.water.sea import Sea, SeaConfig
 from agents.water.sea_events import Ranged, SoundReached, StimulusDelivered
@@ -25,7 +26,7 @@ def two(
     first: tuple[float, dict[int, float]], second: tuple[float, dict[int, float]], sea: SeaConfig = SEA
 ) -> tuple[Flown, Flown]:
     """Two flights in one sea, each with the place of its aPad and of its aMussels."""
-    shared = Sea(sea, FLEET.theta, (1, 2, 3, 4), apads=2)
+    shared = Sea(sea, FLEET.time_scale, (1, 2, 3, 4), apads=2)
     one, other = (joined(shared, norths_m, apad_m) for apad_m, norths_m in (first, second))
     return one, other
 
@@ -180,10 +181,10 @@ def test_two_far_apart_fly_as_if_each_were_alone(asked: Asked) -> None:
         return [without_order(it) for it in flights]
 
     ids = (1, 2, 3, 4)
-    first, second = two_of(Sea(DISTURBED, THETA, ids, 2), 0.0, FAR_M)
-    (alone,) = two_of(Sea(DISTURBED, THETA, (1, 3)), 0.0)
+    first, second = two_of(Sea(DISTURBED, TimeScale(THETA), ids, 2), 0.0, FAR_M)
+    (alone,) = two_of(Sea(DISTURBED, TimeScale(THETA), (1, 3)), 0.0)
     assert first == alone
-    assert second == two_of(Sea(DISTURBED, THETA, ids, 2), None, FAR_M)[1]
+    assert second == two_of(Sea(DISTURBED, TimeScale(THETA), ids, 2), None, FAR_M)[1]
 
 
 @settings(max_examples=15, deadline=None)
@@ -191,7 +192,7 @@ def test_two_far_apart_fly_as_if_each_were_alone(asked: Asked) -> None:
 @example([(5, 1, "drive"), (5, 2, "wifi"), (5, 4, "wifi"), (5, 1, "wifi"), (5, 3, "wifi"), (5, 2, "drive")])
 def test_the_order_of_flights_within_a_tick_changes_nothing(asked: Asked) -> None:
     in_order, reversed_ = (
-        played(Sea(DISTURBED, THETA, (1, 2, 3, 4), 2), asked, [0.0, 500.0], order)
+        played(Sea(DISTURBED, TimeScale(THETA), (1, 2, 3, 4), 2), asked, [0.0, 500.0], order)
         for order in ((0, 1), (1, 0))
     )
     assert [without_order(it) for it in in_order] == [without_order(it) for it in reversed_]

@@ -6,6 +6,7 @@ from math import dist
 
 import pytest
 
+from agents.time_scale import TimeScale
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
@@ -45,7 +46,7 @@ class Learner:
 
 def ranging(locator: Locator | None) -> RangingService:
     scheduler = AcousticScheduler(
-        ScheduleConfig(1, Water(talk=Talk(ping_period_s=5.0)), 100), MusselbedCodec(), None, [7]
+        ScheduleConfig(TimeScale(1), Water(talk=Talk(ping_period_s=5.0)), 100), MusselbedCodec(), None, [7]
     )
     return RangingService(scheduler, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
 
@@ -119,7 +120,7 @@ class Always:
 
 
 def test_one_that_too_little_is_known_of_is_pinged_out_of_turn_and_not_again_before_it_could_answer() -> None:
-    silent = ScheduleConfig(1, Water(), 100)  # without a policy it pings nobody
+    silent = ScheduleConfig(TimeScale(1), Water(), 100)  # without a policy it pings nobody
     beliefs, _ = fleet_with()
     service = RangingService(
         AcousticScheduler(silent, MusselbedCodec(), None, [7]), None, KEEL_M, MUSSEL_M[2], 0.2, Always()
@@ -157,7 +158,7 @@ def modes(mode: Mode, share: float) -> tuple[float, ...]:
 def test_who_is_more_probably_deaf_than_not_is_not_asked(
     state: State, probabilities: tuple[float, ...], asked: bool
 ) -> None:
-    quiet = ScheduleConfig(1, Water(), 100, answer_ms=893)
+    quiet = ScheduleConfig(TimeScale(1), Water(), 100, answer_ms=893)
     scheduler = AcousticScheduler(quiet, MusselbedCodec(), None, [7])
     service = RangingService(scheduler, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
     belief = Belief(7, 0, state, 0.5, 1.0, 0.0, 0.0, mode_probabilities=probabilities)

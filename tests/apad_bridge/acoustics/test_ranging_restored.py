@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agents.time_scale import TimeScale
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
@@ -38,7 +39,7 @@ class Always:
 def ranging() -> RangingService:
     slots = Timeslots(frame_ms=60_000, slot_ms=2000, guard_ms=100)
     talk = Talk(assigns=True, beacon_period_s=900.0, ping_period_s=30.0)
-    config = ScheduleConfig(2, Water(talk=talk), 100)
+    config = ScheduleConfig(TimeScale(2), Water(talk=talk), 100)
     locator = Locator(Localisation(deviation_m=0.2, memory_s=600.0, apart_m=5.0), 10.0)
     return RangingService(
         AcousticScheduler(config, MusselbedCodec(), slots, IDS),

@@ -7,6 +7,7 @@ from typing import Any
 
 from agents.modem.frames import Frame, FrameKind
 from agents.packet_medium import Medium
+from agents.time_scale import TimeScale
 from agents.water import medium as water_medium
 from agents.water.places import Place
 from agents.water.sound import Sound
@@ -21,7 +22,7 @@ from firmware_model.packets.codec import MusselbedCodec
 CODEC = MusselbedCodec()
 SLOTS = Timeslots(frame_ms=300_000, slot_ms=5000, guard_ms=40)
 TALK = Talk(waits=True, assigns=True, beacon_period_s=3600.0)
-CONFIG = ScheduleConfig(theta=1, water=Water(talk=TALK), longest_delay_ms=100)
+CONFIG = ScheduleConfig(TimeScale(1), water=Water(talk=TALK), longest_delay_ms=100)
 NOBODY: frozenset[int] = frozenset()
 
 

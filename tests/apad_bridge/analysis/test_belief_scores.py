@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scenario_files import POOL_FILE, SCENARIO_FILES
 
+from agents.time_scale import TimeScale
 from apad_bridge.analysis.belief_scores.comparisons import (
     ChargeComparison,
     Comparison,
@@ -92,7 +93,7 @@ def test_released_aMussels_and_the_secondary_battery_have_rows_of_their_own(
 ) -> None:
     run = flown(tmp_path, False)
     (run / "run.bag").unlink()
-    bag = BagWriter(run / "run.bag", theta=30)
+    bag = BagWriter(run / "run.bag", TimeScale(30))
     place, charges = (10.0, 20.0), (0.01, 0.02, 0.0, 0.48, 0.52)
     truth = TruthSample(1, int(State.RELEASED), 0.6, 0.9, *place, 0.0, False, 0)
     belief = BeliefSample(1, int(State.RELEASED), 0.5, 0.93, *place, 0.0, *charges)
@@ -204,7 +205,7 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(
 def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, flown: Flown) -> None:
     run = flown(tmp_path, False)
     (run / "run.bag").unlink()
-    bag = BagWriter(run / "run.bag", theta=30)
+    bag = BagWriter(run / "run.bag", TimeScale(30))
     truth = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 10.0, 20.0, 3.0, False, 0)
     # Deviations of 2 m north and 1 m east with a correlation of 0.5: 4 m off to the north is (4 / 2)^2 / (1 - 0.5^2).
     belief = BeliefSample(
@@ -246,7 +247,7 @@ def test_what_mostly_rests_at_an_end_is_told_by_its_moments(tmp_path: Path, flow
     """The moments are of many charges drawn from a Gaussian and clamped, not from the closed form."""
     run = flown(tmp_path, False)
     (run / "run.bag").unlink()
-    bag = BagWriter(run / "run.bag", theta=30)
+    bag = BagWriter(run / "run.bag", TimeScale(30))
     truths, beliefs = [], []
     for agent_id, mean in enumerate((0.995, 1.005, 0.004, -0.003)):
         held = np.clip(np.random.default_rng(1).normal(mean, 0.02, 1_000_000), 0, 1)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.measurement import (
     Docked,
@@ -42,7 +43,7 @@ from firmware_model.table_one import HOURLY, WORST_CASE, board, power
 HOUR = 3_600_000
 ASLEEP, IDLE, HIGH = 0.00007, 0.001, 0.003
 KNOWLEDGE = TwinParameters(
-    theta=1,
+    scale=TimeScale(1),
     drain=Drain((ASLEEP, IDLE, HIGH, IDLE, 0.003, ASLEEP, ASLEEP, ASLEEP, 0.0), 0.027, 0.003, 0.6),
     charger=Charger(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.04),
     sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.01, 0.01), 300_000),
@@ -467,7 +468,7 @@ def test_readings_near_to_each_other_are_one_and_change_nothing_else() -> None:
 
 @pytest.mark.parametrize("theta", [1, 30])
 def test_the_water_moves_it_in_mission_time_whatever_theta_is(theta: int) -> None:
-    twin = Twin(replace(KNOWLEDGE, theta=theta), {})
+    twin = Twin(replace(KNOWLEDGE, scale=TimeScale(theta)), {})
     belief = told(twin, heard(0, State.ACTIVE, 0.9, agent_ms=0))
     later = twin.predict(belief, 3_600_000)
     assert later.place_cov[0] - belief.place_cov[0] == pytest.approx(3600 * 0.001, rel=0.01)

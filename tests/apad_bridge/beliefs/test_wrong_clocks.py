@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
+from agents.time_scale import TimeScale
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.fleet import FleetBeliefs
@@ -45,7 +46,7 @@ def of_a_twin() -> FleetBeliefs:
 
 
 def of_the_last_packet() -> FleetBeliefs:
-    return HoldLast([5], THETA)
+    return HoldLast([5], TimeScale(THETA))
 
 
 FLEETS = {"hold_last": of_the_last_packet, "twin": of_a_twin}

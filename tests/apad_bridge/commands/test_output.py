@@ -18,6 +18,7 @@ from typing import ClassVar
 import pytest
 from rich.console import Console
 
+from agents.time_scale import TimeScale
 from apad_bridge.commands.main import COMMANDS, main
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.table import print_table
@@ -241,7 +242,7 @@ def test_docks_in_which_nothing_could_be_docked_sustain_nobody(
 def test_the_apads_energy_is_a_figure_at_theta_1_alone(
     theta: int, used: float | None, figure: float | None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = apad_energy(Ending(MissionEnd(EndReason.MISSION_TIME), 1.0, 1.0, 2, used, {}), theta)
+    found = apad_energy(Ending(MissionEnd(EndReason.MISSION_TIME), 1.0, 1.0, 2, used, {}), TimeScale(theta))
     assert found["apad_energy_fraction"] == figure
     assert (found["apad_energy_missing"] is None) is (figure is not None)
     print_table(Console(width=100), "pool-12", "cautious", SUMMARY | found)

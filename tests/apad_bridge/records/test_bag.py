@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
+from agents.time_scale import TimeScale
 from apad_bridge.records.bag import CHUNK_MS, BagWriter, recorded_messages, repair_bag
 from apad_bridge.records.bag_messages import BELIEFS as BELIEFS_NAME
 from apad_bridge.records.bag_messages import TRUTH as TRUTH_NAME
@@ -73,7 +74,7 @@ BELIEFS_ = st.builds(
 @settings(max_examples=40, deadline=None)
 @given(st.lists(TRUTHS, max_size=4), st.lists(BELIEFS_, max_size=4))
 def test_a_fleets_rows_are_the_bytes_that_the_library_makes_of_the_same_values(truths, beliefs):
-    messages, store = Messages(30), typestore()
+    messages, store = Messages(TimeScale(30)), typestore()
     for name, data, rows in (
         (TRUTH_NAME, messages.truth(2500, truths), truths),
         (BELIEFS_NAME, messages.beliefs(2500, beliefs), beliefs),
@@ -90,7 +91,7 @@ def test_a_fleets_rows_are_the_bytes_that_the_library_makes_of_the_same_values(t
 
 
 def test_a_sample_comes_back_with_both_clocks(tmp_path):
-    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    bag = BagWriter(tmp_path / "run.bag", TimeScale(30))
     bag.sample(2500, [TRUTH, TRUTH._replace(agent_id=8)], [BELIEF], APAD)
     bag.event(2500, "dock", '{"dock":0}')
     bag.close()
@@ -119,7 +120,7 @@ def test_a_sample_comes_back_with_both_clocks(tmp_path):
 
 
 def test_on_somebody_elses_master_a_bag_keeps_mission_time_and_the_masters(tmp_path):
-    bag = BagWriter(tmp_path / "run.bag", theta=30, stamp_ms=lambda at_ms: 1_800_000_000_250 + at_ms)
+    bag = BagWriter(tmp_path / "run.bag", TimeScale(30), stamp_ms=lambda at_ms: 1_800_000_000_250 + at_ms)
     for now_ms in range(0, 25_000, 1000):
         bag.sample(now_ms, [TRUTH], [BELIEF], APAD)
         bag.event(now_ms, "dock", "{}")
@@ -141,7 +142,7 @@ def test_on_somebody_elses_master_a_bag_keeps_mission_time_and_the_masters(tmp_p
 
 
 def test_a_packet_is_told_for_each_listener(tmp_path):
-    bag = BagWriter(tmp_path / "run.bag", theta=1)
+    bag = BagWriter(tmp_path / "run.bag", TimeScale(1))
     to_apads = {**PACKET, "what": "unicast", "heard": [HEARD[0], [-1, *HEARD[1][1:]]]}
     for row in sound_rows(PACKET) + sound_rows(to_apads):
         bag.sound(3_901_000, row)
@@ -159,7 +160,7 @@ def test_the_bag_names_the_definitions_that_genpy_generates(tmp_path):
     genmsg = pytest.importorskip("genmsg")
     from apad_bridge.ros.types.messages import DEFINITIONS
 
-    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    bag = BagWriter(tmp_path / "run.bag", TimeScale(30))
     write_ticks(bag, 1)
     bag.event(0, "end", "{}")
     bag.close()
@@ -191,8 +192,8 @@ def test_a_killed_bag_keeps_all_but_its_last_chunk(tmp_path):
 import sys
 sys.path[:0] = {sys.path!r}
 from pathlib import Path
-from test_module import APAD, BELIEF, TRUTH, BagWriter, write_ticks
-bag = BagWriter(Path({str(tmp_path / "run.bag")!r}), 30)
+from test_module import APAD, BELIEF, TRUTH, BagWriter, TimeScale, write_ticks
+bag = BagWriter(Path({str(tmp_path / "run.bag")!r}), TimeScale(30))
 write_ticks(bag, 200)
 print("written", flush=True)
 sys.stdin.read()
@@ -214,7 +215,7 @@ sys.stdin.read()
 
 
 def test_a_bag_cut_anywhere_is_repaired_to_what_is_whole(tmp_path):
-    bag = BagWriter(tmp_path / "whole.bag", theta=30)
+    bag = BagWriter(tmp_path / "whole.bag", TimeScale(30))
     write_ticks(bag, 130)
     bag.close()
     whole = bag.path.read_bytes()
@@ -241,7 +242,7 @@ def read_stamps(path):
 
 
 def test_a_written_chunk_takes_a_hundred_bytes_of_memory_until_the_bag_ends(tmp_path):
-    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    bag = BagWriter(tmp_path / "run.bag", TimeScale(30))
     chunks = 400
     tracemalloc.start()
     try:
@@ -268,7 +269,7 @@ def test_a_written_chunk_takes_a_hundred_bytes_of_memory_until_the_bag_ends(tmp_
 )
 def test_damaged_bytes_cost_messages_and_raise_nothing(tmp_path_factory, damage, is_closed):
     path = tmp_path_factory.mktemp("damaged") / "run.bag"
-    bag = BagWriter(path, theta=30)
+    bag = BagWriter(path, TimeScale(30))
     write_ticks(bag, 60)
     bag.close()
     raw = bytearray(path.read_bytes())
@@ -314,10 +315,10 @@ def test_a_full_disk_leaves_a_bag_that_opens_with_all_chunks_for_which_there_is_
             bag.sample(1000 * tick, truths, [BELIEF], APAD)
 
     tmp_path = tmp_path_factory.mktemp("full")
-    reference = BagWriter(tmp_path / "whole.bag", theta=30)
+    reference = BagWriter(tmp_path / "whole.bag", TimeScale(30))
     write(reference)
     reference.close()
-    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    bag = BagWriter(tmp_path / "run.bag", TimeScale(30))
     smallest = bag.path.stat().st_size + 20_000  # the header, and an index without chunks
     limit = smallest + (reference.path.stat().st_size - smallest) * percent // 100
     with files_of_at_most(limit):

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.bag import BagWriter, repair_bag
@@ -46,7 +47,7 @@ def carried() -> Belief:
 
 
 def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
-    bag = BagWriter(tmp_path / "run.bag", THETA)
+    bag = BagWriter(tmp_path / "run.bag", TimeScale(THETA))
     bag.sample(61_500, [TRUTH], [belief_sample(carried(), 61_500)], None)
     bag.close()
     assert has_deviations(bag.path)
@@ -86,7 +87,7 @@ def test_the_definition_counts_modes_and_sources_as_beliefs_do() -> None:
 def test_samples_are_taken_a_period_apart_across_bags(tmp_path: Path) -> None:
     bags = []
     for name, seconds in (("run.bag", range(25)), ("run-2.bag", range(33, 62))):
-        bag = BagWriter(tmp_path / name, THETA)
+        bag = BagWriter(tmp_path / name, TimeScale(THETA))
         for second in seconds:
             bag.sample(1000 * second, [TRUTH], [belief_sample(carried(), 61_500)], None)
         bag.close()
@@ -152,7 +153,7 @@ def test_a_bag_with_noise_in_it_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, at: int, noise: bytes
 ) -> None:
     folder = tmp_path_factory.mktemp("damaged")
-    bag = BagWriter(folder / "run.bag", THETA)
+    bag = BagWriter(folder / "run.bag", TimeScale(THETA))
     for second in range(5):
         bag.sample(1000 * second, [TRUTH], [belief_sample(carried(), 61_500)], None)
     bag.close()

@@ -18,6 +18,7 @@ from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
+from agents.time_scale import TimeScale
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
@@ -59,7 +60,7 @@ def fly(scenario, recorder, until_ms=None):
     """Flies the whole flight, or its ticks up to `until_ms`."""
     initial_states = fleet_parts.initial_states(scenario, list(starts_of(scenario)))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
-    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     flight = Flight(
@@ -377,7 +378,7 @@ def test_a_summary_is_written_though_an_aMussel_is_on_no_chart(recorder, monkeyp
 
 
 def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
-    file = SampleFile(tmp_path / "samples.jsonl", 30)
+    file = SampleFile(tmp_path / "samples.jsonl", TimeScale(30))
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50, hard))
     record = SampleRecord(3, 60_000, (1, 2, 3, 4), 0)
@@ -389,7 +390,7 @@ def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
     assert file.kept[7] == set()
     file.append(7, [PlacedSample(record, None)])
     file.close()
-    assert SampleFile(tmp_path / "samples.jsonl", 30).kept == {7: {3}}
+    assert SampleFile(tmp_path / "samples.jsonl", TimeScale(30)).kept == {7: {3}}
 
 
 def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
@@ -400,7 +401,7 @@ def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
         synced.append((path.name, path.read_text().count("\n") if path.is_file() else 0, len(file.kept[7])))
 
     monkeypatch.setattr("os.fsync", sync)
-    file = SampleFile(tmp_path / "samples.jsonl", 30)
+    file = SampleFile(tmp_path / "samples.jsonl", TimeScale(30))
     file.append(7, [PlacedSample(SampleRecord(n, 60_000, (1, 2, 3, 4), 0), None) for n in range(2)])
     file.append(7, [PlacedSample(SampleRecord(2, 60_000, (1, 2, 3, 4), 0), None)])
     assert synced == [(tmp_path.name, 0, 0), ("samples.jsonl", 2, 0), ("samples.jsonl", 3, 2)]

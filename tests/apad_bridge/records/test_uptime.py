@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
+from agents.time_scale import TimeScale
 from apad_bridge.records.sample_file import sample_figures
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
@@ -17,6 +18,7 @@ from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 from firmware_model.states import State
 
 THETA, TICK_MS = 3, 5
+SCALE = TimeScale(THETA)
 # So fast that a battery empties and fills within a hundred milliseconds.
 MODEL = ChargeModel(FULL // 40, ((FULL // 3, FULL // 90 + 7), (FULL, FULL // 30)))
 PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
@@ -122,7 +124,7 @@ def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks)
         at_ms += gap_ms
     until_ms = ticks * TICK_MS * THETA
     truths = [it for it in truths if it.at_ms <= until_ms]
-    meter = UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     for it in truths:
         meter.take(it)
     assert meter.at(ticks * TICK_MS) == ([literal(truths, ticks)] if truths else [])
@@ -142,7 +144,7 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by
     truths = [it for it in truths if it.at_ms <= until_ms]
     stimuli = [(it.at_ms, 0, it) for it in truths]
     stimuli += [(n * TICK_MS * THETA, 1, presence) for n, presence in presence_by_tick.items() if n <= ticks]
-    meter = UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     for at_ms, _, it in sorted(stimuli, key=lambda it: it[:2]):
         if isinstance(it, Truth):
             meter.take(it)
@@ -154,7 +156,7 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by
 
 def test_what_a_twin_does_is_told_apart():
     """Ten ticks: three in the water, four as a real aMussel's twin that ends empty, three back in the water."""
-    meter = UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     tick_ms = TICK_MS * THETA
 
     def at(tick: int, charge: int, samples: int) -> Truth:
@@ -197,7 +199,7 @@ def test_what_a_twin_does_is_told_apart():
 
 
 def test_where_everybody_is_elsewhere_there_are_no_figures():
-    meter = UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     meter.set_presence(7, Presence.RETIRED, 0)
     figures = uptime_figures(meter, 4 * TICK_MS, TICK_MS)
@@ -210,7 +212,10 @@ def test_where_everybody_is_elsewhere_there_are_no_figures():
 
 @given(events=events, ticks=st.integers(1, 20))
 def test_asking_early_changes_nothing(events, ticks):
-    asked, silent = UptimeMeter(THETA, lambda _: MODEL, TICK_MS), UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    asked, silent = (
+        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS),
+        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS),
+    )
     at_ms = 0
     for gap_ms, *rest in events:
         for meter in (asked, silent):
@@ -225,7 +230,7 @@ def test_asking_early_changes_nothing(events, ticks):
 # 0.7087, the largest 0.9955; the uptimes 67.36, 56.64 and 79.56 percent.
 @pytest.mark.parametrize(("charge", "percent"), [(0.8428, 67.36), (0.7087, 56.64), (0.9955, 79.56)])
 def test_the_papers_row_without_charging(charge, percent):
-    meter = UptimeMeter(30, lambda _: PAPER)
+    meter = UptimeMeter(TimeScale(30), lambda _: PAPER)
     meter.take(truth(0, State.ACTIVE, False, (grains(charge), Flow.DISCHARGING), (FULL, Flow.RESTING)))
     (uptime,) = meter.at(2_400_000)
     assert 100 * uptime.paper / 2400 == pytest.approx(percent, abs=0.05)
@@ -234,7 +239,7 @@ def test_the_papers_row_without_charging(charge, percent):
 
 
 def test_active_now_follows_the_dock_and_the_battery():
-    meter = UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.DISCHARGING), (FULL, Flow.RESTING)))
     assert meter.active_now(13) == 1  # 39 ms of agent time: 1/40 is left
     assert meter.active_now(14) == 0
@@ -243,7 +248,7 @@ def test_active_now_follows_the_dock_and_the_battery():
 
 
 def test_an_aMussel_that_is_gone_is_active_no_more():
-    meter = UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     meter.ended(7, 4 * TICK_MS * THETA)
     assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [3]
@@ -251,7 +256,7 @@ def test_an_aMussel_that_is_gone_is_active_no_more():
 
 
 def test_an_older_truth_is_refused_and_changes_nothing():
-    meter = UptimeMeter(THETA, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     meter.take(truth(30, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     with pytest.raises(ValueError, match="time went back: 29 before 30"):
         meter.take(truth(29, State.ACTIVE, True, (0, Flow.RESTING), (0, Flow.RESTING)))

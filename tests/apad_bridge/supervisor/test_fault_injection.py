@@ -100,7 +100,7 @@ def test_a_supervisor_goes_on_with_the_faults_that_another_began(pool: Scenario)
     ]
 
     def resumed(context):  # type: ignore[no-untyped-def]
-        return replace(context, faults=FaultInjection(context.fleet.host, pool.theta, (), ongoing))
+        return replace(context, faults=FaultInjection(context.fleet.host, pool.time_scale, (), ongoing))
 
     flying = Flying(pool, resumed)
     flying.seconds(20)

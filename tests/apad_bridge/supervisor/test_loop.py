@@ -87,7 +87,7 @@ def new_host(scenario: Scenario) -> InProcessHost:
 
 
 def fleet_in(host: InProcessHost, scenario: Scenario) -> Fleet:
-    coordinator = Coordinator(host, dict.fromkeys(scenario.fleet.ids, 0), scenario.theta)
+    coordinator = Coordinator(host, dict.fromkeys(scenario.fleet.ids, 0), scenario.time_scale)
     return Fleet(coordinator, host, WithoutWater(coordinator, host))
 
 

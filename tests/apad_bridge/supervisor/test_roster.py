@@ -108,9 +108,9 @@ class Bench:
         self.presences = Presences(initial_states, self.scenario.area.depth_m)
         self.host, self.coordinator = (
             host,
-            Coordinator(host, dict.fromkeys(initial_states, 0), self.scenario.theta),
+            Coordinator(host, dict.fromkeys(initial_states, 0), self.scenario.time_scale),
         )
-        self.faults = FaultInjection(FaultyHost(host, self.scenario.seed), self.scenario.theta)
+        self.faults = FaultInjection(FaultyHost(host, self.scenario.seed), self.scenario.time_scale)
         self.flight = self.begin(
             self.recorder, Roster(self.presences, self.paper, self.coordinator, self.faults)
         )
@@ -338,7 +338,7 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
         Presence.SIMULATED,
     ]
     assert again.simulated == {1, 4}
-    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
+    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.time_scale)
     again.mute_as_before(coordinator)
     spoke = {it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, Heard)}
     assert spoke == {1, 4}
@@ -351,7 +351,7 @@ def resumed(bench: Bench, journal_lines: list[Any]) -> Coordinator:
     state = StartState(
         cast(Recorder, bench.recorder), bench.presences, cast(LearnedState, None), journal=journal
     )
-    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
+    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.time_scale)
     state.deliver_again(coordinator)
     return coordinator
 

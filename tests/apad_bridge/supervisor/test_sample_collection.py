@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.mussel.logbook import Logbook
+from agents.time_scale import TimeScale
 from agents.water.fields import Fields
 from agents.water.patches import CALM
 from apad_bridge.beliefs.belief import Belief
@@ -122,13 +123,13 @@ def test_a_sample_from_before_anything_was_believed_has_no_place() -> None:
     found = collection.take(packet(5, 2, 5, 6))
     assert isinstance(found, Taken)
     assert [it.place_m for it in found.samples] == [None, (10.0, 2.0)]
-    line = sample_line(AGENT, found.samples[0], 1)
+    line = sample_line(AGENT, found.samples[0], TimeScale(1))
     assert (line["north_m"], line["east_m"]) == (None, None)
 
 
 def test_a_line_of_the_file() -> None:
     record = SampleRecord(5, 18_000_007, (29_094, 8147, 28_013, 417), 0b1010)
-    line = sample_line(7, PlacedSample(record, (1.2345, -6.7)), theta=30)
+    line = sample_line(7, PlacedSample(record, (1.2345, -6.7)), TimeScale(30))
     assert line == {
         "id": 7,
         "sequence": 5,
@@ -147,7 +148,7 @@ def test_a_line_of_the_file() -> None:
 
 def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_line(tmp_path: Path) -> None:
     path = tmp_path / "samples.jsonl"
-    file = SampleFile(path, 30)
+    file = SampleFile(path, TimeScale(30))
     assert not path.exists()
     file.append(7, [placed(0), placed(1)])
     file.append(7, [placed(1)])
@@ -155,7 +156,7 @@ def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_line(tmp_path: P
     assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
     file.close()
     path.write_bytes(path.read_bytes()[:-5])
-    again = SampleFile(path, 30)
+    again = SampleFile(path, TimeScale(30))
     assert again.kept == {7: {0, 1}}
     again.append(8, [placed(0)])
     again.close()
@@ -165,7 +166,7 @@ def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_line(tmp_path: P
 def test_a_damaged_line_is_counted(tmp_path: Path) -> None:
     path = tmp_path / "samples.jsonl"
     path.write_text('{"id":7,"sequence":0}\n{"id":7,"sequ\n{"id":7,"sequence":"1"}\n')
-    file = SampleFile(path, 30)
+    file = SampleFile(path, TimeScale(30))
     assert (file.kept, file.unreadable) == ({7: {0}}, 2)
     file.close()
 
@@ -188,7 +189,7 @@ class Story:
 
     def start(self) -> None:
         """A supervisor, the first or one after a kill -9."""
-        self.file = SampleFile(self.path, 30)
+        self.file = SampleFile(self.path, TimeScale(30))
         self.collection = SampleCollection([AGENT], self.file.kept)
 
     def sample(self, count: int) -> None:
@@ -280,7 +281,7 @@ def test_nothing_is_lost_and_nothing_is_there_twice(
     assert len(sequences) == len(set(sequences)), "a sample is there twice"
     by_sequence = {line["sequence"]: line for line in kept}
     for sequence, line in by_sequence.items():
-        assert line == sample_line(AGENT, PlacedSample(story.truth[int(str(sequence))], None), 30)
+        assert line == sample_line(AGENT, PlacedSample(story.truth[int(str(sequence))], None), TimeScale(30))
     missing = set(range(len(story.truth))) - set(map(int, map(str, sequences)))
     if pages == 40:
         assert not missing

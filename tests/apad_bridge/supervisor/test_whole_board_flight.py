@@ -53,7 +53,7 @@ class Witness(MemoryRecorder):
 def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[Witness, Flight]:
     initial_states = fleet_parts.initial_states(scenario, starts or starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
-    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     witness = Witness(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))

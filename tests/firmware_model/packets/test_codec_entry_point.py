@@ -79,7 +79,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     fleet = Coordinator(
         InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states),
         dict.fromkeys(initial_states, 0),
-        scenario.theta,
+        scenario.time_scale,
     )
     supervisor = parts.supervisor(flight_config(scenario))
 

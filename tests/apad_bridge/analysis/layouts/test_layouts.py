@@ -15,6 +15,7 @@ import yaml
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Reader
 
+from agents.time_scale import TimeScale
 from apad_bridge.analysis.layouts.fleet import LayoutFleet, hexadecimal, layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.assembly.division import Member, members
@@ -226,7 +227,7 @@ def test_fields_are_told_from_no_fields() -> None:
 
 
 def test_a_runs_bag_has_what_is_shown_of_it(pool: LayoutFleet, tmp_path: Path) -> None:
-    BagWriter(tmp_path / "run.bag", theta=30).close()
+    BagWriter(tmp_path / "run.bag", TimeScale(30)).close()
     with Reader(tmp_path / "run.bag") as bag:
         in_bag = {connection.topic: connection.msgtype for connection in bag.connections}
     names = [*plotjuggler_curves(pool)["run.bag"], *foxglove_paths(pool)["run.bag"]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from agents.time_scale import TimeScale
 from apad_bridge.analysis.replay.history import History, StopView
 from apad_bridge.records.journal import JournalContents
 
@@ -17,7 +18,7 @@ def stop(t: int, number: int, mode: str, state: str, by: str = "Anna", **more: A
 
 
 def after(*lines: dict[str, Any]) -> Any:
-    history = History(JournalContents(list(lines), 0), 1, lambda _: None, 4)  # type: ignore[arg-type,return-value]
+    history = History(JournalContents(list(lines), 0), TimeScale(1), lambda _: None, 4)  # type: ignore[arg-type,return-value]
     history.advance(10**9)
     return history.now
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from agents.packet_medium import Medium
+from agents.time_scale import TimeScale
 from apad_bridge.ros.links import packet_topics
 from apad_bridge.ros.links.packet_topics import AMusselTopics, LegacyOrders, PacketTopics
 from apad_bridge.supervisor.packet_relay import (
@@ -107,7 +108,7 @@ def test_no_packet_of_this_fleet_is_dropped_and_counted(
 def test_legacy_topics_become_a_status_until_the_amussel_sends_packets(graph: Graph) -> None:
     topics = PacketTopics([3, 4], MISSION_ALONE.peers)
     legacy = AMusselTopics(
-        [3, 4], load_codec("musselbed-1"), 30, lambda agent_id: False, topics.senders, CURVE
+        [3, 4], load_codec("musselbed-1"), TimeScale(30), lambda agent_id: False, topics.senders, CURVE
     )
 
     def published() -> list[RelayedPacket]:
@@ -130,7 +131,9 @@ def test_a_mission_leaves_the_topics_of_an_amussel_that_sends_packets_and_the_ot
     graph: Graph,
 ) -> None:
     topics = PacketTopics([3, 4], MISSION_ALONE.peers)
-    legacy = AMusselTopics([3, 4], load_codec("musselbed-1"), 30, lambda _: False, topics.senders, CURVE)
+    legacy = AMusselTopics(
+        [3, 4], load_codec("musselbed-1"), TimeScale(30), lambda _: False, topics.senders, CURVE
+    )
     graph.deliver("musselbed/heard", agent=4, medium="wifi", data=b"status")
     for now_ms in (1_000, 2_000):
         topics.take(now_ms)
@@ -151,7 +154,9 @@ def test_a_mission_leaves_the_topics_of_an_amussel_that_sends_packets_and_the_ot
 
 def test_a_master_out_of_reach_does_not_hold_up_the_flight(graph: Graph) -> None:
     topics = PacketTopics([3], MISSION_ALONE.peers)
-    legacy = AMusselTopics([3], load_codec("musselbed-1"), 30, lambda _: False, topics.senders, CURVE)
+    legacy = AMusselTopics(
+        [3], load_codec("musselbed-1"), TimeScale(30), lambda _: False, topics.senders, CURVE
+    )
     answered = threading.Event()
     graph.before_unregistering = lambda: answered.wait(20)
     graph.deliver("musselbed/heard", agent=3, medium="wifi", data=b"status")
@@ -171,7 +176,9 @@ def test_an_amussel_known_by_topics_is_charged_while_a_dock_of_ours_holds_it(gra
     """At theta 30 a mission second is half an agent minute: 1 point a second below 50 %, half a point above it."""
     held: set[int] = set()
     topics = PacketTopics([3, 4], MISSION_ALONE.peers)
-    legacy = AMusselTopics([3, 4], load_codec("musselbed-1"), 30, held.__contains__, topics.senders, CURVE)
+    legacy = AMusselTopics(
+        [3, 4], load_codec("musselbed-1"), TimeScale(30), held.__contains__, topics.senders, CURVE
+    )
 
     def charged(now_ms: int) -> list[tuple[str, float]]:
         graph.published.clear()
