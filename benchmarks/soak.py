@@ -34,7 +34,7 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.check import broken_laws
+from apad_bridge.commands.check import broken_rules
 from benchmarks.console import AGENTS, Clients, Flight, end_program
 
 LOOK_S = 10.0
@@ -82,12 +82,12 @@ def at_real_time(minutes: float) -> dict[str, Any]:
                 seen[kind].append(used)
             docked.append(_docked_so_far(flight.run))
         ticks = len(flight.ticks())
-        laws = sum(map(len, broken_laws(flight.run).values()))
+        laws = sum(map(len, broken_rules(flight.run).values()))
     return {
         "agents": AGENTS,
         "minutes": minutes,
         "ticks": ticks,
-        "broken_laws": laws,
+        "broken_rules": laws,
         "docked_so_far": _three(_counted(docked)),
         "rows": [_row(kind, used, "hour", 3600) for kind, used in seen.items()],
     }
@@ -116,14 +116,14 @@ def in_virtual_time(days: float) -> dict[str, Any]:
         if command.returncode != 0:
             raise RuntimeError(f"the flight ended with exit code {command.returncode}")
         laws = sum(
-            len(found) for it in run.glob("*/journal.jsonl") for found in broken_laws(it.parent).values()
+            len(found) for it in run.glob("*/journal.jsonl") for found in broken_rules(it.parent).values()
         )
     return {
         "agents": data["fleet"]["count"],
         "apads": 1 + len(data["apads"]),
         "days": days,
         "took_s": time.monotonic() - began_s,
-        "broken_laws": laws,
+        "broken_rules": laws,
         "rows": [_row(kind, used, "day", 86_400) for kind, used in seen.items()],
     }
 
@@ -231,7 +231,7 @@ def show(result: dict[str, Any], console: Console) -> None:
     real, virtual = result["real_time"], result["virtual_time"]
     console.print(_table(real, "hour"))
     console.print(
-        f"{real['minutes']:g} minutes, {real['agents']} aMussels, {real['ticks']} ticks, {real['broken_laws']} broken laws"
+        f"{real['minutes']:g} minutes, {real['agents']} aMussels, {real['ticks']} ticks, {real['broken_rules']} broken laws"
     )
     console.print(
         f"docked so far after a quarter, in the middle and at the end: {', '.join(map(str, real['docked_so_far']))}"
@@ -239,7 +239,7 @@ def show(result: dict[str, Any], console: Console) -> None:
     console.print(_table(virtual, "day"))
     console.print(
         f"{virtual['days']:g} days, {virtual['agents']} aMussels, {virtual['apads']} aPads, in {virtual['took_s']:.0f} s; "
-        f"{virtual['broken_laws']} broken laws"
+        f"{virtual['broken_rules']} broken laws"
     )
 
 

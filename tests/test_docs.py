@@ -177,6 +177,15 @@ def test_every_link_leads_somewhere(page: str, target: str) -> None:
     assert not anchor or anchor in anchors(linked)
 
 
+def words(page: Path) -> int:
+    """The words of a page, without its comments."""
+    return len(re.sub(r"<!--.*?-->", "", page.read_text(), flags=re.DOTALL).split())
+
+
+def test_the_readme_has_600_words_at_most() -> None:
+    assert words(ROOT / "README.md") <= 600
+
+
 def test_the_index_lists_every_page_once_in_one_of_four_groups() -> None:
     index = ROOT / "docs" / "README.md"
     listed = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", index.read_text(), re.MULTILINE)

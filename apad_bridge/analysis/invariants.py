@@ -1,4 +1,4 @@
-"""Laws that hold in every run's journal. A line that breaks one shows a defect of musselbed, not of the mission.
+"""Rules that hold in every run's journal. A line that breaks one shows a defect of musselbed, not of the mission.
 
 The checker takes the lines in order and knows nothing of the flight but these lines and the scenario.
 """
@@ -36,14 +36,14 @@ NEAR_M = 5.0
 WAY_FRACTION, WAY_M = 0.05, 2.0
 """The counted way exceeds the way between the journal's places by no more than this fraction, and these metres."""
 _KEPT = 4
-"""The newest lines on an aMussel that are shown with a broken law."""
+"""The newest lines on an aMussel that are shown with a broken rule."""
 
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """A law that a line breaks, with the lines that show it."""
+    """A rule that a line breaks, with the lines that show it."""
 
-    law: str
+    rule: str
     reason: str
     lines: tuple[Line, ...]
 
@@ -80,17 +80,17 @@ class Invariants:
         self._shown: dict[int, deque[Line]] = {}
 
     def take(self, line: Line) -> list[Broken]:
-        """The laws that this line breaks."""
+        """The rules that this line breaks."""
         agent_id = line.get("id", line.get("agent"))
         shown = self._shown.setdefault(agent_id if isinstance(agent_id, int) else -1, deque(maxlen=_KEPT))
         shown.append(line)
-        return [Broken(law, reason, tuple(shown)) for law, reason in self._laws(line)]
+        return [Broken(rule, reason, tuple(shown)) for rule, reason in self._rules(line)]
 
     def end(self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]) -> list[Broken]:
-        """The laws of a whole run. `kept` counts the lines of samples.jsonl, by aMussel and sequence number."""
-        return [Broken(law, reason, ()) for law, reason in self._last_laws(summary, kept)]
+        """The rules of a whole run. `kept` counts the lines of samples.jsonl, by aMussel and sequence number."""
+        return [Broken(rule, reason, ()) for rule, reason in self._last_rules(summary, kept)]
 
-    def _laws(self, line: Line) -> Iterator[tuple[str, str]]:
+    def _rules(self, line: Line) -> Iterator[tuple[str, str]]:
         if line["t"] < self._now_ms:
             yield "time never falls", f"{line['t']} ms after {self._now_ms} ms"
         self._now_ms = max(self._now_ms, line["t"])
@@ -260,7 +260,7 @@ class Invariants:
             self._way_m += math.dist(self._apad_m[1:], here)
         self._apad_m = (line["t"], *here)
 
-    def _last_laws(
+    def _last_rules(
         self, summary: Mapping[str, Any], kept: Mapping[int, Counter[int]]
     ) -> Iterator[tuple[str, str]]:
         cost_m, planned_m = summary["cost_m"], summary["planned_m"]
@@ -304,7 +304,7 @@ def _of_belief(line: Line) -> Iterator[tuple[str, str]]:
 
 
 def check_run(directory: RunDirectory) -> list[Broken]:
-    """The laws that an aPad's run broke. OSError, JournalDamaged or ScenarioError for a directory that cannot be read.
+    """The rules that an aPad's run broke. OSError, JournalDamaged or ScenarioError for a directory that cannot be read.
 
     A run that has not ended yet is checked as far as its journal goes.
     """

@@ -1,4 +1,4 @@
-"""`musselbed check RUN`: the laws that hold in every run, on a run's records; and the first difference of two runs."""
+"""`musselbed check RUN`: the rules that hold in every run, on a run's records; and the first difference of two runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from apad_bridge.records.digest import Event
 
 MOST_SHOWN = 10
-"""Broken laws that a person sees of one aPad's run; `--json` has them all."""
+"""Broken rules that a person sees of one aPad's run; `--json` has them all."""
 
 
 def add_parser(commands: Any) -> None:
@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> None:
         "check",
         description="Checks the journal and the samples of a run. Time never falls, and energy is neither made nor "
         "lost. An aMussel is in one dock and at one place. Samples are kept once, beliefs are finite, and the cost is the "
-        "way driven. A broken law is a defect of musselbed; the command prints the lines that show it. With --digest it "
+        "way driven. A broken rule is a defect of musselbed; the command prints the lines that show it. With --digest it "
         "compares one run with another instead, perhaps from another machine: by all that was decided and happened, and by "
         "nothing that belongs to the machine.",
         epilog=ending(
@@ -44,7 +44,7 @@ def add_parser(commands: Any) -> None:
         metavar="OTHER_RUN",
         help="name the first event in which RUN differs from this run; exit code 1 if there is one",
     )
-    parser.add_argument("--json", action="store_true", help="print the broken laws as JSON, by directory")
+    parser.add_argument("--json", action="store_true", help="print the broken rules as JSON, by directory")
     parser.set_defaults(run=run)
 
 
@@ -55,15 +55,15 @@ def run(arguments: argparse.Namespace) -> int:
         return _compare(arguments.directories[0], arguments.digest, as_json=arguments.json)
     broken: dict[Path, list[Broken]] = {}
     for directory in arguments.directories:
-        broken |= broken_laws(directory)
+        broken |= broken_rules(directory)
     if arguments.json:
         print(json.dumps({str(path): [asdict(it) for it in each] for path, each in broken.items()}))
     else:
-        print_laws(broken, sys.stdout)
-    return exit_of_laws(broken)
+        print_rules(broken, sys.stdout)
+    return exit_of_rules(broken)
 
 
-def exit_of_laws(broken: Mapping[Path, list[Broken]]) -> int:
+def exit_of_rules(broken: Mapping[Path, list[Broken]]) -> int:
     return Exit.BUG if any(broken.values()) else Exit.DONE
 
 
@@ -130,8 +130,8 @@ def _runs_in(directory: Path) -> list[Path]:
     return found or [directory]
 
 
-def broken_laws(directory: Path) -> dict[Path, list[Broken]]:
-    """The broken laws by the directory of each aPad's run. UserError for a directory without a run, or a damaged one."""
+def broken_rules(directory: Path) -> dict[Path, list[Broken]]:
+    """The broken rules by the directory of each aPad's run. UserError for a directory without a run, or a damaged one."""
     from apad_bridge.analysis.invariants import check_run
     from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
@@ -141,13 +141,13 @@ def broken_laws(directory: Path) -> dict[Path, list[Broken]]:
         raise UserError(str(error)) from error
 
 
-def print_laws(broken: Mapping[Path, list[Broken]], to: TextIO) -> None:
-    """Prints for a person whether the laws hold, and the lines that break them."""
+def print_rules(broken: Mapping[Path, list[Broken]], to: TextIO) -> None:
+    """Prints for a person whether the rules hold, and the lines that break them."""
     for path, each in broken.items():
-        print(f"{path}: {f'broken laws: {len(each)}' if each else 'all laws hold'}", file=to)
+        print(f"{path}: {f'broken rules: {len(each)}' if each else 'all rules hold'}", file=to)
         for it in each[:MOST_SHOWN]:
             print(
-                f"  {it.law}: {it.reason}",
+                f"  {it.rule}: {it.reason}",
                 *(f"    {json.dumps(line)}" for line in it.lines),
                 sep="\n",
                 file=to,

@@ -25,7 +25,7 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
         description="Checks the needs of a run, and prints a line for each check: OK, WARN, FAIL or CANNOT TELL, the "
-        "finding, and the mend. It changes nothing: for the test of the way back it registers with the master at "
+        "finding, and what to do. It changes nothing: for the test of the way back it registers with the master at "
         "ROS_MASTER_URI, and unregisters at once. Without a master it skips these checks, because `musselbed run` starts "
         "its own.",
         epilog=ending(

@@ -109,7 +109,7 @@ def fly(
     """Flies one aPad or several, and returns the exit code. UserError, or a line and its exit code, before anything starts.
 
     A run of several aPads has a directory for each, below its own. `live` names the processes that follow the run.
-    With `check` the records are checked at the end, and a broken law decides the exit code. Of a fleet without `out`
+    With `check` the records are checked at the end, and a broken rule decides the exit code. Of a fleet without `out`
     that ends in order its bag alone stays: the run is its mission's, perhaps on another machine.
     """
     live.refuse_several(scenario)
@@ -166,12 +166,12 @@ def fly(
 
 
 def _checked(whole: RunDirectory, code: int) -> int:
-    """Checks the records, with lines on stderr; a broken law is a bug, whatever else the code says."""
-    from apad_bridge.commands.check import broken_laws, exit_of_laws, print_laws
+    """Checks the records, with lines on stderr; a broken rule is a bug, whatever else the code says."""
+    from apad_bridge.commands.check import broken_rules, exit_of_rules, print_rules
 
-    broken = broken_laws(whole.path)
-    print_laws(broken, sys.stderr)
-    return exit_of_laws(broken) or code
+    broken = broken_rules(whole.path)
+    print_rules(broken, sys.stderr)
+    return exit_of_rules(broken) or code
 
 
 def _with_end_by_in_seconds(scenario: Scenario, options: RunOptions) -> Scenario:

@@ -54,7 +54,7 @@ GROUPS = {
         "report": "one page about runs, to read or to print: table, figures, energy, beliefs, faults",
         "explain": "the reasons of the mission's plan at a time",
         "beliefs": "evaluate a run's beliefs: error, coverage and consistency",
-        "check": "check that a run's records obey the laws that hold in every run",
+        "check": "check that a run's records obey the rules that hold in every run",
         "export": "every series of a run as MCAP, for MATLAB, as CSV or as Parquet",
     },
     "compare": {

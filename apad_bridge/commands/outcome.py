@@ -94,6 +94,6 @@ def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
         costs = plan["costs"]
         print(f"at {plan['t'] / 1000:.0f} s, {plan['strategy']}: {steps}")
         print(
-            f"distance {costs['distance_m']:.1f} m, demand {costs['demand']:.2f} batteries; nothing was commanded"
+            f"distance {costs['distance_m']:.1f} m, demand {costs['demand']:.2f} batteries; no order was given"
         )
     return Exit.DONE

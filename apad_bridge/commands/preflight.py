@@ -57,8 +57,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "preflight",
         description="Checks the network both ways, the aPad on the master at ROS_MASTER_URI, and the scenario for it "
-        "to fly, and prints one page: green, or the mend. Nothing moves unless --prove-stop or --prove-docks asks for it. "
-        "`musselbed run` makes the same checks before a real aPad moves, and refuses to start on red.",
+        "to fly, and prints one page: green, or what to do. Nothing moves unless --prove-stop or --prove-docks asks for "
+        "it. `musselbed run` makes the same checks before a real aPad moves, and refuses to start on red.",
         epilog=ending(
             "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana",
             "musselbed preflight launch_scripts/scenarios/real-apad.yaml --lookout Ana --prove-stop --prove-docks",

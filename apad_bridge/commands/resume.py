@@ -89,4 +89,4 @@ def _ask_whether_it_may_move() -> None:
     if not sys.stdin.isatty():
         raise UserError("a real aPad moves again only after a person's confirmation: add --confirm-motion")
     if input("The aPad will move again. Is the water around it clear? Type yes: ").strip().lower() != "yes":
-        raise UserError("not confirmed: nothing was commanded")
+        raise UserError("not confirmed: no order was given")

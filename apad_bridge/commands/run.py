@@ -50,7 +50,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--check",
         action="store_true",
-        help="at the end, check that the records obey the laws that hold in every run (musselbed check)",
+        help="at the end, check that the records obey the rules that hold in every run (musselbed check)",
     )
     add_imc_argument(parser)
     parser.set_defaults(run=run, part=Part.WHOLE)

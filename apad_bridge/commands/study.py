@@ -235,7 +235,7 @@ def _print_table_two(
     is_papers = any(it["percentile"] is not None for it in compared)
     title = "the paper's Table II beside ours, and the percentile of each of its values among ours"
     if not is_papers:
-        title = f"Table II at another theta: the paper's figures are at {THETA}, and these stand apart"
+        title = f"Table II at another theta: the paper's figures are at {THETA}, so these do not compare"
     table = _table(title, ["", *COLUMNS.values()])
     shown = {"median": "ours, median", "p5": "ours, 5 %", "p95": "ours, 95 %"}
     if is_papers:

@@ -69,7 +69,7 @@ def print_table(
         )
     if table.row_count > 0 and bounds is not None:
         _print(console, bounds.text)
-    if (apart := summary["apart"]) is not None:
+    if (apart := summary["excluded"]) is not None:
         _print(
             console,
             f"Excluded ({apart['amussels']} aMussel{'' if apart['amussels'] == 1 else 's'}): "
@@ -112,7 +112,7 @@ def _is_as_shipped(summary: dict[str, Any]) -> bool:
         "seed": 1,
         "agents": 12,
         "mission_s": 2400.0,
-        "apart": None,
+        "excluded": None,
         "ended_by": "mission time",
     }
     return all(summary[key] == value for key, value in own.items())

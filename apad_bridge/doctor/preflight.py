@@ -312,7 +312,7 @@ def check_stop(apad: str, failure: str | None, told: str = "") -> Finding:
     check = f"{apad} stop"
     if failure is None:
         return ok(check, told)
-    return fail(check, failure, "fly nothing before this is mended: prove it again on a tether")
+    return fail(check, failure, "fly nothing before this is repaired: prove it again on a tether")
 
 
 def not_proven(apad: str, what: str, option: str) -> Finding:

@@ -15,8 +15,8 @@ from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.docks import Occupancy
 from firmware_model.state_groups import DOCKED
 
-EARLIER_COMMANDED = "as it is told"
-"""`Phase.COMMANDED` in journals of earlier versions."""
+EARLIER_COMMANDED = ("as it is told", "commanded")
+"""The names of `Phase.COMMANDED` in journals of earlier versions."""
 
 
 class Phase(StrEnum):
@@ -32,7 +32,7 @@ class Phase(StrEnum):
     GO_HOME = "go home"
     """No box of the figure, nor the next: the aPad is to be charged, or is unavailable."""
     AT_HOME = "at home"
-    COMMANDED = "commanded"
+    COMMANDED = "by hand or script"
     """No box of the figure: a script or a person gives the orders."""
     STANDS_DOWN = "stands down"
     """No box either: one of several aPads cannot go on, and others take over its aMussels."""
@@ -41,7 +41,7 @@ class Phase(StrEnum):
     @classmethod
     def _missing_(cls, value: object) -> Phase | None:
         """The phase of a journal of an earlier version, by its name there."""
-        return cls.COMMANDED if value == EARLIER_COMMANDED else None
+        return cls.COMMANDED if value in EARLIER_COMMANDED else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -174,7 +174,7 @@ def _optional(field: Field) -> Field:
     return field._replace(optional=True)
 
 
-_PHASE = _one_of([*(it.value for it in Phase), EARLIER_COMMANDED])
+_PHASE = _one_of([*(it.value for it in Phase), *EARLIER_COMMANDED])
 _POINT = _row(NUMBER, NUMBER)
 _LEG = _object(
     "leg",

@@ -23,7 +23,7 @@ class Exit(IntEnum):
 
 
 EXITS = (
-    "0 done, 1 a bug of ours (with its traceback), 2 a user's mistake (one line with the mend), "
+    "0 done, 1 a bug of ours (with its traceback), 2 a user's mistake (one line that says what to do), "
     "3 a dependency failed or timed out, 130 ended by Ctrl-C, SIGTERM or SIGHUP, with complete records"
 )
 

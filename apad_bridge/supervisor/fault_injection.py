@@ -134,7 +134,7 @@ class FaultInjection:
         if _key(injection) in self._active:
             return f"{whose} has the fault {injection.fault} already"
         if agent_id is None:
-            return None if self._link is not None else "no aPad is commanded in this run"
+            return None if self._link is not None else "this run gives no aPad orders"
         if self._host is None:
             return "no fleet is simulated in this run"
         if row.needs_dock and not is_docked(beliefs, agent_id):

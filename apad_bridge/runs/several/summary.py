@@ -66,7 +66,7 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         ),
         **{key: _combined(flights, key, _total) for key in _SUMS},
         "handed_on": handed_on,
-        "apart": _excluded(flights),
+        "excluded": _excluded(flights),
         "amussels": _amussels(flights),
         "dropped": dict(sorted(dropped.items())),
         "digest": combined_digest(flight["digest"] for flight in flights),
@@ -105,7 +105,7 @@ def _excluded(flights: list[Summary]) -> dict[str, float] | None:
     """The time that the figures leave out, over all flights."""
     apart: Counter[str] = Counter()
     for flight in flights:
-        apart.update(flight["apart"] or {})
+        apart.update(flight["excluded"] or {})
     return dict(apart) or None
 
 

@@ -1,4 +1,4 @@
-"""The laws of every run: they hold in runs of all kinds, and each is broken by a line that breaks it."""
+"""The rules of every run: they hold in runs of all kinds, and each is broken by a line that breaks it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Lines = list[dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("laws") / "run"
+    out = tmp_path_factory.mktemp("rules") / "run"
     command = ["run", str(POOL_FILE), "--time", "asap", "--hosting", "one_process", "--out", str(out)]
     assert main([*command, "--check"]) == 0
     return out
@@ -35,12 +35,12 @@ def journal(run: Path) -> Lines:
     return read_journal(run / "journal.jsonl").lines
 
 
-def laws_broken_in(lines: Lines, summary: dict[str, Any] | None = None) -> set[str]:
+def rules_broken_in(lines: Lines, summary: dict[str, Any] | None = None) -> set[str]:
     checker = Invariants(load(POOL_FILE))
     broken: list[Broken] = [it for line in lines for it in checker.take(line)]
     if summary is not None:
         broken += checker.end(summary, {})
-    return {it.law for it in broken}
+    return {it.rule for it in broken}
 
 
 def of_kind(lines: Lines, kind: str, **wanted: Any) -> list[int]:
@@ -125,7 +125,7 @@ def acknowledged_before_it_was_taken(lines: Lines) -> None:
 
 
 @pytest.mark.parametrize(
-    ("breaks", "law"),
+    ("breaks", "rule"),
     [
         (energy_from_nowhere, "energy is neither made nor lost"),
         (full_beyond_full, "a charge lies in 0 to 1"),
@@ -145,21 +145,21 @@ def acknowledged_before_it_was_taken(lines: Lines) -> None:
         (acknowledged_before_it_was_taken, "a sample is taken before it is acknowledged"),
     ],
 )
-def test_a_broken_law_is_found(journal: Lines, breaks: Callable[[Lines], None], law: str) -> None:
-    assert laws_broken_in(journal) == set()
+def test_a_broken_rule_is_found(journal: Lines, breaks: Callable[[Lines], None], rule: str) -> None:
+    assert rules_broken_in(journal) == set()
     lines = copy.deepcopy(journal)
     breaks(lines)
-    assert law in laws_broken_in(lines)
+    assert rule in rules_broken_in(lines)
 
 
 def test_the_cost_is_the_way_driven(run: Path, journal: Lines) -> None:
     summary = json.loads((run / "summary.json").read_text())
-    assert laws_broken_in(journal, summary) == set()
-    assert laws_broken_in(journal, summary | {"cost_m": 1.2 * summary["cost_m"]}) == {
+    assert rules_broken_in(journal, summary) == set()
+    assert rules_broken_in(journal, summary | {"cost_m": 1.2 * summary["cost_m"]}) == {
         "the cost is the way driven"
     }
     dearer = summary | {"planned_m": 1.2 * summary["planned_m"]}
-    assert laws_broken_in(journal, dearer) == {"the planned way is that of the legs"}
+    assert rules_broken_in(journal, dearer) == {"the planned way is that of the legs"}
 
 
 def test_a_sample_is_kept_once_and_was_taken(journal: Lines, run: Path) -> None:
@@ -170,8 +170,8 @@ def test_a_sample_is_kept_once_and_was_taken(journal: Lines, run: Path) -> None:
         checker.take(line)
     summary = json.loads((run / "summary.json").read_text())
     assert checker.end(summary, {1: Counter({0: 1, 1: 1, 2: 1})}) == []
-    assert [it.law for it in checker.end(summary, {1: Counter({1: 2})})] == ["a sample is kept once"]
-    assert [it.law for it in checker.end(summary, {1: Counter({3: 1})})] == [
+    assert [it.rule for it in checker.end(summary, {1: Counter({1: 2})})] == ["a sample is kept once"]
+    assert [it.rule for it in checker.end(summary, {1: Counter({3: 1})})] == [
         "a sample is taken before it is kept"
     ]
 
@@ -210,13 +210,13 @@ def test_motor_runs_that_cost_charge_obey_them(motor_run: Path) -> None:
     assert check_run(RunDirectory.open(motor_run)) == []
 
 
-def test_a_motor_run_that_costs_nothing_breaks_the_law_of_energy(motor_run: Path) -> None:
+def test_a_motor_run_that_costs_nothing_breaks_the_rule_of_energy(motor_run: Path) -> None:
     lines = copy.deepcopy(read_journal(motor_run / "journal.jsonl").lines)
     surfacing = lines[of_kind(lines, "truth", state="SURFACING")[0]]
     surfacing["primary"][1] += 6 * 10**12
     checker = Invariants(load(motor_run / "scenario.yaml"))
     broken = [it for line in lines[: lines.index(surfacing) + 1] for it in checker.take(line)]
-    assert {it.law for it in broken} == {"energy is neither made nor lost"}
+    assert {it.rule for it in broken} == {"energy is neither made nor lost"}
 
 
 def test_the_command_shows_the_lines_that_break_a_law(
@@ -232,7 +232,7 @@ def test_the_command_shows_the_lines_that_break_a_law(
     capsys.readouterr()
     assert main(["check", str(run), str(broken)]) == 1
     shown = capsys.readouterr().out
-    assert f"{run}: all laws hold" in shown and "energy is neither made nor lost: aMussel 1, primary" in shown
+    assert f"{run}: all rules hold" in shown and "energy is neither made nor lost: aMussel 1, primary" in shown
     assert main(["check", str(broken), "--json"]) == 1
     ((found, *_),) = json.loads(capsys.readouterr().out).values()
     assert found["lines"][-1]["kind"] == "truth"

@@ -166,7 +166,7 @@ SUMMARY = {
     "seed": 1,
     "agents": 12,
     "mission_s": 2400.0,
-    "apart": None,
+    "excluded": None,
     "ended_by": "mission time",
     "end_reason": "mission time",
     "stopped_s": 0.0,
@@ -271,7 +271,7 @@ def test_an_apad_that_must_run_empty_is_warned_of_before_it_flies(
 
 
 TROUBLE = {
-    "apart": {"amussels": 1, "beside_real_s": 31.0, "retired_s": 1773.0},
+    "excluded": {"amussels": 1, "beside_real_s": 31.0, "retired_s": 1773.0},
     "causes": {
         f"go to point: cause {n} that is told in a long line, which a terminal folds": n for n in range(1, 8)
     },

@@ -247,6 +247,6 @@ def test_a_flight_by_hand_that_was_not_stopped_has_nothing_to_continue(pool: Sce
 
 
 def test_a_journal_of_an_earlier_version_has_another_name_for_a_commanded_mission() -> None:
-    assert Phase("as it is told") is Phase.COMMANDED
+    assert Phase("as it is told") is Phase("commanded") is Phase.COMMANDED
     with pytest.raises(ValueError):
         Phase("as it was told")

@@ -181,7 +181,7 @@ def test_what_a_twin_does_is_told_apart():
     assert figures["active_mean"] == 6 / 10
     assert (figures["amussels_lost"], figures["emptied"], figures["dead_time_s"]) == (0, 0, 0)
     assert figures["samples_taken"] == 7
-    assert figures["apart"] == {
+    assert figures["excluded"] == {
         "amussels": 1,
         "beside_real_s": 4 * TICK_MS / 1000,
         "retired_s": 0,
@@ -207,7 +207,7 @@ def test_where_everybody_is_elsewhere_there_are_no_figures():
         figures["uptime_paper"] is None
         and figures["uptime_missing"] == "no aMussel was simulated in the water"
     )
-    assert figures["apart"]["retired_s"] == 4 * TICK_MS / 1000
+    assert figures["excluded"]["retired_s"] == 4 * TICK_MS / 1000
 
 
 @given(events=events, ticks=st.integers(1, 20))

@@ -145,20 +145,20 @@ def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
 def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_late(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    first = Status(0, "commanded", "none", 0, 0, (), 0, 0.0, 1.0, 0.0)
+    first = Status(0, "by hand or script", "none", 0, 0, (), 0, 0.0, 1.0, 0.0)
     clock_s = 0.0
     with FlightProgress("pool", 600_000, clock=lambda: clock_s) as progress:
         progress.show_status(0, lambda: first)
-        docking = replace(first, phase="commanded", primitive="dock", docked=(7, 3), active=8, agents=12)
+        docking = replace(first, phase="by hand or script", primitive="dock", docked=(7, 3), active=8, agents=12)
         for minutes in (2.5, 5):
             clock_s = 4 * minutes
             status = replace(docking, now_ms=round(60_000 * minutes), behind_s=1.3)
             progress.show_status(status.now_ms, lambda status=status: status)  # type: ignore[misc]
     lines = [" ".join(line.split()) for line in capsys.readouterr().err.splitlines()]
     assert lines == [
-        "00:00 / 10:00 commanded: waiting for first reports, none docked, 0 served, 0 m, aPad 100 %",
-        "05:00 / 10:00 commanded (dock): 8/12 active, 7 3 docked, 0 served, 0 m, aPad 100 %, 1.3 s behind real time; "
-        "00:20 left",
+        "00:00 / 10:00 by hand or script: waiting for first reports, none docked, 0 served, 0 m, aPad 100 %",
+        "05:00 / 10:00 by hand or script (dock): 8/12 active, 7 3 docked, 0 served, 0 m, aPad 100 %, "
+        "1.3 s behind real time; 00:20 left",
     ]
 
 

@@ -207,7 +207,7 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
     assert figures["counted_s"] == 2 * 19 + 2 * 11
     assert figures["uptime_paper"] == {"mean": 100.0, "max": 100.0, "min": 100.0}
     assert figures["active_mean"] == (2 * 19 + 2 * 11) / 19
-    assert figures["apart"] == {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
+    assert figures["excluded"] == {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
 
 
 def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused() -> None:

@@ -30,7 +30,7 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
             "left_alone": [],
         },
         **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
-        **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None, "amussels": {}},
+        **{"counted_s": agents * 100.0, "counted_at_end": agents, "excluded": None, "amussels": {}},
         **{
             "final_charge_mean": mean / 100,
             "apad_energy_fraction": 0.2,
@@ -59,11 +59,11 @@ def test_every_aMussel_counts_alike() -> None:
 
 def test_who_was_a_twin_for_half_the_time_counts_half() -> None:
     apart = {"amussels": 1, "beside_real_s": 50.0, "retired_s": 0.0, "samples_taken": 0}
-    twin = flight(1, 80.0, counted_s=50.0, counted_at_end=0, final_charge_mean=None, apart=apart)
+    twin = flight(1, 80.0, counted_s=50.0, counted_at_end=0, final_charge_mean=None, excluded=apart)
     whole = combined_summary("two", {"a": flight(3, 60.0), "b": twin})
     assert whole["uptime_paper"]["mean"] == pytest.approx((3 * 60 + 80 / 2) / 3.5)
     assert whole["final_charge_mean"] == pytest.approx(0.6)
-    assert whole["apart"] == apart
+    assert whole["excluded"] == apart
 
 
 def test_what_one_does_not_know_nobody_knows() -> None:
