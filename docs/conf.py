@@ -11,12 +11,9 @@ project = "musselbed"
 extensions = ["myst_parser"]
 root_doc = "README"
 exclude_patterns = ["_build"]
-html_theme = "alabaster"
-html_theme_options = {
-    "description": "A vehicle-in-the-loop test bench",
-    "page_width": "1200px",
-    "sidebar_width": "260px",
-}
+# Light or dark as the system is, and usable on a phone.
+html_theme = "furo"
+html_title = "musselbed"
 html_show_copyright = False
 html_show_sphinx = False
 # The depth of headings that a link can name, as `page.md#heading`.

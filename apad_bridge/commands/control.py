@@ -1,4 +1,4 @@
-"""A person's orders to a flying run, from any terminal: stop, hands, continue, back-in, abort, remark."""
+"""A person's orders to a flying run, from any terminal: `musselbed order stop` and others, each with a short form."""
 
 from __future__ import annotations
 
@@ -64,11 +64,23 @@ _COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
 
 
 def add_parser(commands: Any) -> None:
+    """Adds `order` with all orders, and the short form of each."""
+    order = commands.add_parser(
+        "order",
+        description="Gives a person's order to a flying run: stop, hands, continue, back-in, abort or remark. Each has a "
+        "short form, such as `musselbed stop RUN`.",
+        epilog=ending("musselbed order stop runs/pool-12-1", "musselbed order continue runs/pool-12-1"),
+    )
+    _add_orders(order.add_subparsers(metavar="ORDER", required=True), "musselbed order")
+    _add_orders(commands, "musselbed")
+
+
+def _add_orders(commands: Any, program: str) -> None:
     for act, (description, examples) in _COMMANDS.items():
         parser = commands.add_parser(
             act.value.replace(" ", "-"),
             description=description,
-            epilog=ending(*examples),
+            epilog=ending(*(it.replace("musselbed", program, 1) for it in examples)),
         )
         parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
         if act is Act.REMARK:

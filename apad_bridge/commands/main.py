@@ -39,6 +39,7 @@ GROUPS = {
         "apad": "fly the simulated aPad alone, for any ROS 1 client",
     },
     "order": {
+        "order": "a person's order to a flying run: `order stop`; short forms follow",
         "stop": "hold the aPad where it is, or switch it off, until `continue`",
         "hands": "controllers off and arms still, for hands at the docks",
         "continue": "continue a run that was stopped or taken over",
@@ -52,6 +53,8 @@ GROUPS = {
         "runs": "list the runs here with their key figures, newest first",
         "replay": "show a run, or two side by side, as one HTML page",
         "report": "one page about runs, to read or to print: table, figures, energy, beliefs, faults",
+    },
+    "look into a run": {
         "explain": "the reasons of the mission's plan at a time",
         "beliefs": "evaluate a run's beliefs: error, coverage and consistency",
         "check": "check that a run's records obey the rules that hold in every run",
@@ -72,9 +75,11 @@ GROUPS = {
         "preflight": "check a real aPad and everything around it before a mission",
         "bridge": "real aMussels by a nanomodem on a serial port, for a mission on ROS",
         "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
+    },
+    "logs of real hardware": {
+        "logs": "bags of one mission that were recorded on two machines",
         "calibrate": "a vehicle's own numbers from its logs, with intervals, as a scenario's keys",
         "fit": "fit a battery's charge or discharge curve to your own log",
-        "logs": "bags of one mission that were recorded on two machines",
     },
     "firmware": {
         "mu": "run one MU board by itself: Table I, an energy budget, its states",
@@ -84,7 +89,7 @@ GROUPS = {
 COMMANDS = {name: line for group in GROUPS.values() for name, line in group.items()}
 """A module is loaded for its own command alone."""
 
-_OF_CONTROL = ("stop", "hands", "continue", "back-in", "abort", "remark")
+_OF_CONTROL = ("order", "stop", "hands", "continue", "back-in", "abort", "remark")
 """The commands of the module `control`; each other module has the command of its own name."""
 _NS = "__ns:="
 _YOUNG_OBJECTS = 200_000

@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
             "musselbed mission launch_scripts/scenarios/pool-12.yaml --remap /apad1/position:=/boat/position",
         ),
     )
-    run_command.add_scenario_arguments(parser)
     parser.add_argument("--strategy", metavar="NAME", help="collection strategy, instead of the scenario's")
     run_command.add_manual_argument(parser)
+    run_command.add_scenario_arguments(parser)
     parser.set_defaults(run=run_command.run, part=Part.MISSION, console=False, check=False)

@@ -216,7 +216,9 @@ SUMMARY: tuple[Field, ...] = (
     Field("samples_taken", INTEGER, "samples that the sensors took"),
     Field("dead_time_s", NUMBER, "time with an empty primary battery, over all aMussels", "s"),
     Field("final_charge_mean", NUMBER, "charge of the primary batteries at the end", "0 to 1"),
-    Field("excluded", _OBJECT, "time that the figures exclude: twins of real aMussels, and retired ones", "s"),
+    Field(
+        "excluded", _OBJECT, "time that the figures exclude: twins of real aMussels, and retired ones", "s"
+    ),
     Field("uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True),
     Field("cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"),
     Field("planned_m", NUMBER, "the straight ways of its orders, as the paper counts them", "m"),

@@ -232,7 +232,9 @@ def test_the_command_shows_the_lines_that_break_a_law(
     capsys.readouterr()
     assert main(["check", str(run), str(broken)]) == 1
     shown = capsys.readouterr().out
-    assert f"{run}: all rules hold" in shown and "energy is neither made nor lost: aMussel 1, primary" in shown
+    assert (
+        f"{run}: all rules hold" in shown and "energy is neither made nor lost: aMussel 1, primary" in shown
+    )
     assert main(["check", str(broken), "--json"]) == 1
     ((found, *_),) = json.loads(capsys.readouterr().out).values()
     assert found["lines"][-1]["kind"] == "truth"

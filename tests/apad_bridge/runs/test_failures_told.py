@@ -149,7 +149,9 @@ def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_lat
     clock_s = 0.0
     with FlightProgress("pool", 600_000, clock=lambda: clock_s) as progress:
         progress.show_status(0, lambda: first)
-        docking = replace(first, phase="by hand or script", primitive="dock", docked=(7, 3), active=8, agents=12)
+        docking = replace(
+            first, phase="by hand or script", primitive="dock", docked=(7, 3), active=8, agents=12
+        )
         for minutes in (2.5, 5):
             clock_s = 4 * minutes
             status = replace(docking, now_ms=round(60_000 * minutes), behind_s=1.3)
