@@ -34,11 +34,11 @@ from rich.console import Console
 from rich.table import Table
 from shapely import Polygon
 
+from apad_bridge.assembly.capacity import bounds_of, uptime_with_services
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
-from apad_bridge.runs.studies.capacity import bounds_of, uptime_with_services
 from apad_bridge.runs.studies.dask_cluster import fly_on_dask
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model, fly_each_tick

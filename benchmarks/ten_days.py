@@ -25,7 +25,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.runs.studies.capacity import bounds_of, drain_at_load, rates_of, sustained_by_balance
+from apad_bridge.assembly.capacity import bounds_of, drain_at_load, rates_of, sustained_by_balance
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import fly_each_tick
 from apad_bridge.runs.studies.report import HEADINGS, as_data, comparisons

@@ -35,7 +35,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.runs.studies.capacity import bounds_of
+    from apad_bridge.assembly.capacity import bounds_of
     from apad_bridge.scenario.loader import load, with_overrides
 
     scenario = with_overrides(

@@ -9,8 +9,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.records.summary import interruption
-from apad_bridge.runs.studies.capacity import Bounds
 
 # Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
 # The Greedy rows are left out: their Active column contradicts their Avg (it should be N * Avg / 100).
@@ -60,6 +60,12 @@ def print_table(
         f"Way planned: {summary['planned_m']:.2f} m in straight legs, as the paper counts. "
         f"Way flown: {summary['cost_m']:.2f} m.",
     )
+    if (equal := summary.get("uptime_equal_charge")) is not None:
+        _print(
+            console,
+            f"Charge at the end minus at the begin: {summary['charge_gain_mean']:+.3f} of a battery. "
+            f"Uptime at equal charge: {equal:.2f} %.",
+        )
     _print(console, f"{_energy(summary)}.")
     if summary["samples_uploaded"] is not None:
         _print(

@@ -101,10 +101,12 @@ class Recorder:
         agent_ids: Iterable[int],
         stamp_ms: Callable[[int], int] = int,
         resumed_ms: int = 0,
+        battery_min: float | None = None,
     ) -> None:
         """`stamp_ms` returns the stamp of a bag's message about a mission time; by default the same.
 
-        `resumed_ms` is the newest mission time of the records that it continues; 0 for a new run.
+        `resumed_ms` is the newest mission time of the records that it continues; 0 for a new run. `battery_min` is that of
+        `uptime_figures`.
         """
         self.dropped: Counter[str] = Counter()
         self.dropped_before: Counter[str] = Counter()
@@ -114,6 +116,7 @@ class Recorder:
         self._directory = directory
         self.has_failed = False
         self._scenario, self._scale = scenario, scenario.time_scale
+        self._battery_min = battery_min
         self._agent_ids = frozenset(agent_ids)
         self._water = Water(scenario)
         self.meter = UptimeMeter(self._scale, self._water.charge_of)
@@ -284,7 +287,7 @@ class Recorder:
             "end_reason": ending.ended_by.reason.value,
             "first_cause": ending.first_cause,
             **self._failures.figures(),
-            **uptime_figures(self.meter, at_ms),
+            **uptime_figures(self.meter, at_ms, battery_min=self._battery_min),
             "cost_m": ending.cost_m,
             "planned_m": ending.planned_m,
             "services": ending.services,

@@ -6,6 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
+from math import fsum
+from statistics import fmean
 from typing import Any
 
 from agents.time_scale import TimeScale
@@ -19,7 +21,7 @@ from firmware_model.power.charge import fraction
 _KEYS = (
     *("counted_s", "counted_at_end"),
     *("uptime_paper", "uptime_submerged", "active_mean", "amussels_lost", "emptied"),
-    *("samples_taken", "dead_time_s", "final_charge_mean"),
+    *("samples_taken", "dead_time_s", "final_charge_mean", "charge_gain_mean", "uptime_equal_charge"),
 )
 NO_TRUTH = "no truth was recorded: real aMussels, or another's fleet"
 
@@ -217,6 +219,18 @@ SUMMARY: tuple[Field, ...] = (
     Field("dead_time_s", NUMBER, "time with an empty primary battery, over all aMussels", "s"),
     Field("final_charge_mean", NUMBER, "charge of the primary batteries at the end", "0 to 1"),
     Field(
+        "charge_gain_mean",
+        NUMBER,
+        "charge of the primary batteries at the end minus at the begin: below 0 for a flight that lives on its store",
+        "-1 to 1",
+    ),
+    Field(
+        "uptime_equal_charge",
+        NUMBER,
+        "mean uptime_paper, with the charge that is left over or missing at the end valued at the boards' own rates",
+        "%",
+    ),
+    Field(
         "excluded", _OBJECT, "time that the figures exclude: twins of real aMussels, and retired ones", "s"
     ),
     Field("uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True),
@@ -297,10 +311,15 @@ def apad_energy(ending: Ending, scale: TimeScale) -> dict[str, Any]:
     return {"apad_energy_fraction": used, "apad_energy_missing": reason}
 
 
-def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:
+def uptime_figures(
+    meter: UptimeMeter, now_ms: int, tick_ms: int = 1000, battery_min: float | None = None
+) -> dict[str, Any]:
     """The keys of summary.json that come from the truth; without a truth they are None, and `uptime_missing` is the reason.
 
-    An aMussel counts while it is simulated and in the water: `counted_s` is that time, summed over all aMussels. `apart`
+    `battery_min` is the number of active agent minutes that a whole battery more is worth; without it,
+    `uptime_equal_charge` is None.
+
+    An aMussel counts while it is simulated and in the water: `counted_s` is that time, summed over all aMussels. `excluded`
     holds what is left out.
     """
     uptimes, ticks = meter.at(now_ms), meter.ticks(now_ms)
@@ -316,10 +335,16 @@ def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict
         )
         return {**dict.fromkeys(_KEYS), **apart, "uptime_missing": reason}
     left = [uptime for uptime in uptimes if uptime.presence is Presence.SIMULATED]
+    # One that was a real aMussel's twin for a while, or out of the water, may have got any charge there.
+    gains = [fraction(it.charge - it.charge_at_begin) for it in left if not it.beside_real and not it.retired]
+    paper = _spread([(it.paper, spans[it.agent_id]) for it in uptimes])
+    worth = (
+        None if battery_min is None else 100 * battery_min * meter.ticks_per_agent_min / sum(spans.values())
+    )
     return {
         "counted_s": sum(spans.values()) * tick_ms / 1000,
         "counted_at_end": len(left),
-        "uptime_paper": _spread([(it.paper, spans[it.agent_id]) for it in uptimes]),
+        "uptime_paper": paper,
         "uptime_submerged": _spread([(it.submerged, spans[it.agent_id]) for it in uptimes]),
         "active_mean": sum(uptime.paper for uptime in uptimes) / ticks,
         "amussels_lost": sum(uptime.lost for uptime in uptimes),
@@ -327,6 +352,8 @@ def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict
         "samples_taken": sum(uptime.samples for uptime in uptimes),
         "dead_time_s": sum(uptime.dead for uptime in uptimes) * tick_ms / 1000,
         "final_charge_mean": _mean_charge(left) if left else None,
+        "charge_gain_mean": fmean(gains) if gains else None,
+        "uptime_equal_charge": None if worth is None else paper["mean"] + worth * fsum(gains),
         **apart,
     }
 

@@ -39,6 +39,8 @@ class AgentUptime:
     lost: bool = False
     """True if it was ever LOST."""
     charge: int = 0
+    charge_at_begin: int = 0
+    """The charge of its first truth, in grains."""
     samples: int = 0
     """Samples that its sensors have taken, without those in `apart`."""
     apart: tuple[range, ...] = ()
@@ -76,6 +78,11 @@ class UptimeMeter:
         self._presences: dict[int, Presence] = {}
 
     @property
+    def ticks_per_agent_min(self) -> float:
+        """The number of ticks in a minute of the aMussels' time."""
+        return 60_000 / self._step_ms
+
+    @property
     def agent_ids(self) -> list[int]:
         """The aMussels of which a Truth was taken."""
         return sorted(self._ledgers)
@@ -84,7 +91,9 @@ class UptimeMeter:
         """Takes the next Truth of its aMussel. ValueError, and no change, when it is older than the one before."""
         ledger = self._ledgers.get(truth.agent_id)
         if ledger is None:
-            self._ledgers[truth.agent_id] = _Ledger(truth, AgentUptime(truth.agent_id), truth.at_ms)
+            begin = self.charge_of(truth.agent_id).charge_at(truth.physical.primary, truth.at_ms)
+            counted = AgentUptime(truth.agent_id, charge_at_begin=begin)
+            self._ledgers[truth.agent_id] = _Ledger(truth, counted, truth.at_ms)
             return
         if truth.at_ms < ledger.truth.at_ms:
             raise ValueError(f"time went back: {truth.at_ms} before {ledger.truth.at_ms}")

@@ -23,6 +23,7 @@ from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import WasReset, from_json
 from agents.time_scale import MissionMs
 from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
@@ -73,6 +74,8 @@ FIGURES = {
     "services": "services",
     "dead_time_s": "dead s",
     "final_charge_mean": "final charge",
+    "charge_gain_mean": "charge, end - begin",
+    "uptime_equal_charge": "uptime % at equal charge",
 }
 """The compared figures of summary.json, and their names for people."""
 LOST_APAD = "it is lost in this branch"
@@ -113,10 +116,12 @@ class _Opened:
     flights: Mapping[str, MemberFlight]
     meter: UptimeMeter
     logs_samples: bool
+    battery_min: float
+    """The parameter of `uptime_figures`."""
 
     def figures(self) -> dict[str, float | None]:
         now_ms = max(it.flight.now_ms for it in self.flights.values())
-        figures = uptime_figures(self.meter, now_ms)
+        figures = uptime_figures(self.meter, now_ms, battery_min=self.battery_min)
         if not self.logs_samples:
             figures["samples_taken"] = None
         for it in self.flights.values():
@@ -209,7 +214,13 @@ def _again(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, JournalC
         repeated = [{"t": t, "kind": kind, **data} for t, kind, data in recorder.events]
         if _stimuli(repeated, at_ms) != _stimuli(journals[name].lines, at_ms):
             return None
-    return _Opened(opened.runner, opened.flights, meter, takes_samples(scenario.board))
+    return _Opened(
+        opened.runner,
+        opened.flights,
+        meter,
+        takes_samples(scenario.board),
+        battery_worth_min(scenario),
+    )
 
 
 def _stimuli(lines: Sequence[Line], at_ms: MissionMs) -> list[tuple[int, int, int, str]]:
@@ -259,7 +270,7 @@ def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, J
     flight = Flight(supervisor, context, recorder, MissionMs(at_ms + TICK_MS))
     flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
     runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
-    return _Opened(runner, flights, meter, takes_samples(scenario.board))
+    return _Opened(runner, flights, meter, takes_samples(scenario.board), battery_worth_min(scenario))
 
 
 def _relive(

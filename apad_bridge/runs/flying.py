@@ -20,6 +20,7 @@ from agents.nursery.launch import NurseryFailed, StartedNursery
 from agents.time_scale import MissionMs
 from agents.water.sea import Sea
 from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.mission.call_queue import CallQueue
@@ -113,7 +114,7 @@ def open_in_process(
     """
     stack.enter_context(supervising(directory.path))
     config = flight_config(scenario)
-    recorder = Recorder(directory, scenario, config.ids)
+    recorder = Recorder(directory, scenario, config.ids, battery_min=battery_worth_min(scenario))
     stack.callback(recorder.close)
     journal_start(recorder, scenario, starts)
     fleet = open_fleet(config, starts, directory.path, sea, nursery)

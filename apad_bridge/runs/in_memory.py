@@ -11,6 +11,7 @@ from agents.time_scale import MissionMs
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.call_queue import CallQueue
@@ -38,6 +39,8 @@ class MemoryRecorder:
     def __init__(self, scenario: Scenario) -> None:
         self._scale = scenario.time_scale
         self.meter = UptimeMeter(self._scale, charge_models(scenario))
+        self.battery_min = battery_worth_min(scenario)
+        """The parameter of `uptime_figures`."""
         self.events: list[tuple[int, str, dict[str, Any]]] = []
         self.taken: dict[int, int] = {}
         """The number of samples that each aMussel has ever taken, by id."""
@@ -106,7 +109,7 @@ def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
     """Returns the summary's figures (those of `uptime_figures`, and the mission's), and the recorder."""
     flight, recorder = open_flight(scenario)
     flight.run()
-    figures = uptime_figures(recorder.meter, flight.now_ms)
+    figures = uptime_figures(recorder.meter, flight.now_ms, battery_min=recorder.battery_min)
     return {**figures, **mission_figures(flight.supervisor.mission.state)}, recorder
 
 

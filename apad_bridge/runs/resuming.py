@@ -12,6 +12,7 @@ from agents.coordinator import Coordinator
 from agents.mussel.stimuli import ContactClosed, ContactOpened, Placed, Stimulus, from_json
 from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
@@ -174,7 +175,7 @@ def begin_run(
 ) -> StartState:
     """Starts a new run and its journal; `stamp_ms` is the recorder's."""
     scenario, ids = config.scenario, config.ids
-    recorder = Recorder(directory, scenario, ids, stamp_ms)
+    recorder = Recorder(directory, scenario, ids, stamp_ms, battery_min=battery_worth_min(scenario))
     journal_start(recorder, scenario, starts_of(scenario))
     return StartState(recorder, Presences(ids, scenario.area.depth_m), _nothing_learned(config, options))
 

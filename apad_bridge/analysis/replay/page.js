@@ -227,6 +227,8 @@ function showHeader() {
   const known = data.summary || {};
   const figures = [
     ["uptime", known.uptime_paper && known.uptime_paper.mean.toFixed(2) + " %"],
+    ["at equal charge", typeof known.uptime_equal_charge === "number" && known.uptime_equal_charge.toFixed(2) + " %"],
+    ["charge gained", typeof known.charge_gain_mean === "number" && (100 * known.charge_gain_mean).toFixed(1) + " %"],
     ["active", known.active_mean !== undefined && known.active_mean !== null && known.active_mean.toFixed(2)],
     ["way flown", known.cost_m !== undefined && known.cost_m.toFixed(0) + " m"],
     ["way planned", known.planned_m !== undefined && known.planned_m.toFixed(0) + " m"],

@@ -29,6 +29,7 @@ _SHORT = 20
 _ROWS = (
     *("strategies", "theta", "seed", "aMussels"),
     *("uptime, average %", "uptime, greatest %", "uptime, least %", "active, average"),
+    *("uptime at equal charge %", "charge, end - begin"),
     *("way planned m", "way flown m"),
     *("served", "emptied", "lost", "given up", "ended by"),
 )
@@ -93,7 +94,8 @@ def _compared(reports: Sequence[RunReport]) -> Iterator[Part]:
             "Figures",
             ["", *(it.name for it in reports[some])],
             [[name, *(it[n] for it in columns[some])] for n, name in enumerate(_ROWS)],
-            "Uptime as the paper counts it. Way planned: the straight legs that were ordered, as the paper counts its "
+            "Uptime as the paper counts it; at equal charge, with what is left over or missing at the end valued at the "
+            "boards' own rates. Way planned: the straight legs that were ordered, as the paper counts its "
             "cost. Way flown: by the aPad's reported positions. The figures of a run that was stopped are those "
             "of no whole flight; its stops are shaded.",
         )
@@ -134,7 +136,9 @@ def _figures_of(report: RunReport) -> list[str]:
         *(f"{data[key]}" for key in ("theta", "seed")),
         str(len(data["agents"])),
         *(_number(uptime.get(key), ".2f") for key in ("mean", "max", "min")),
-        *(_number(known.get(key), ".2f") for key in ("active_mean", "planned_m", "cost_m")),
+        *(_number(known.get(key), ".2f") for key in ("active_mean", "uptime_equal_charge")),
+        _number(known.get("charge_gain_mean"), "+.3f"),
+        *(_number(known.get(key), ".2f") for key in ("planned_m", "cost_m")),
         *(_number(known.get(key), "d") for key in ("services", "emptied", "amussels_lost", "steps_given_up")),
         f"stopped for {stopped_s:g} s; {ended}" if (stopped_s := known.get("stopped_s")) else ended,
     ]

@@ -58,6 +58,8 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "uptime_paper": _spread(flights, "uptime_paper"),
         "uptime_submerged": _spread(flights, "uptime_submerged"),
         "final_charge_mean": _mean(flights, "counted_at_end", lambda flight: flight["final_charge_mean"]),
+        "charge_gain_mean": _known_mean(flights, "counted_at_end", "charge_gain_mean"),
+        "uptime_equal_charge": _known_mean(flights, "counted_s", "uptime_equal_charge"),
         "apad_energy_fraction": _combined(
             flights, "apad_energy_fraction", lambda values: fsum(values) / len(values)
         ),
@@ -91,6 +93,13 @@ def _mean(flights: list[Summary], weight: str, figure: Callable[[Summary], float
     counted = [flight for flight in flights if flight[weight]]
     total = fsum(flight[weight] for flight in counted)
     return fsum(flight[weight] * figure(flight) for flight in counted) / total if total else None
+
+
+def _known_mean(flights: list[Summary], weight: str, key: str) -> float | None:
+    """The mean of a figure, or None if a flight that counts does not have it; an older run's has neither."""
+    if any(flight[weight] and flight.get(key) is None for flight in flights):
+        return None
+    return _mean(flights, weight, lambda flight: float(flight[key]))
 
 
 def _spread(flights: list[Summary], key: str) -> dict[str, float | None] | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
+from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.summary import uptime_figures
@@ -34,6 +35,10 @@ class Figures:
     uptime_submerged_min: float
     uptime_paper_mean: float
     uptime_paper_min: float
+    uptime_equal_charge: float
+    """`uptime_paper_mean` with the charge left over or missing at the end, at the boards' own rates."""
+    charge_gain_mean: float
+    """Mean charge at the end minus at the begin."""
     metres: float
     metres_per_service: float | None
     """None without a service."""
@@ -57,7 +62,7 @@ class Figures:
     apad_handed_wh: float | None
 
 
-COLUMNS = tuple(field.name for field in fields(Figures))[:13]
+COLUMNS = tuple(field.name for field in fields(Figures))[:15]
 """The columns of every table of strategies, in this order."""
 
 
@@ -119,7 +124,7 @@ class FigureMeter:
     def figures(self, now_ms: MissionMs, state: MissionState, ledger: Ledger) -> Figures:
         """The figures at mission time `now_ms`; `ledger` is what the aPad drew since the start."""
         scale, capacity_wh = self._scenario.time_scale, self._scenario.apad.battery.capacity_wh
-        figures = uptime_figures(self.uptimes, now_ms)
+        figures = uptime_figures(self.uptimes, now_ms, battery_min=battery_worth_min(self._scenario))
         submerged, paper = figures["uptime_submerged"], figures["uptime_paper"]
         apad_wh = ledger.used_wh if scale.is_real else None
         work_ticks = sum(it.submerged for it in self.uptimes.at(now_ms))
@@ -131,6 +136,8 @@ class FigureMeter:
             submerged["min"],
             paper["mean"],
             paper["min"],
+            figures["uptime_equal_charge"],
+            figures["charge_gain_mean"],
             state.planned_m,
             state.planned_m / state.services if state.services else None,
             apad_wh,

@@ -15,7 +15,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.runs.studies.capacity import Bounds, bounds_of
+from apad_bridge.assembly.capacity import Bounds, bounds_of
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import Plan, Setting
@@ -31,6 +31,8 @@ HEADINGS = {
     "uptime_submerged_min": "submerged %, least",
     "uptime_paper_mean": "uptime %",
     "uptime_paper_min": "uptime %, least",
+    "uptime_equal_charge": "uptime % at equal charge",
+    "charge_gain_mean": "charge, end - begin",
     "metres": "metres",
     "metres_per_service": "m/service",
     "apad_wh": "aPad Wh",

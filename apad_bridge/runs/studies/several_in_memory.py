@@ -35,7 +35,8 @@ class OpenedLockstep:
         figures_of = {}
         for name, it in self.flights.items():
             state = it.flight.supervisor.mission.state
-            figures = uptime_figures(self.recorders[name].meter, it.flight.now_ms)
+            recorder = self.recorders[name]
+            figures = uptime_figures(recorder.meter, it.flight.now_ms, battery_min=recorder.battery_min)
             figures_of[name] = {**figures, **mission_figures(state)}
         return figures_of
 

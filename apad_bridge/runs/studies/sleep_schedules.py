@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
-from apad_bridge.runs.studies.capacity import bounds_of
+from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import Plan, plan_of

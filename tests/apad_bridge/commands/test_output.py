@@ -19,6 +19,7 @@ import pytest
 from rich.console import Console
 
 from agents.time_scale import TimeScale
+from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.commands.main import COMMANDS, main
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.table import print_table
@@ -26,7 +27,6 @@ from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, apad_energy
 from apad_bridge.runs.progress import WorkProgress
-from apad_bridge.runs.studies.capacity import bounds_of
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_resolved

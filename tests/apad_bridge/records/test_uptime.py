@@ -83,6 +83,7 @@ def literal(
         emptied,
         lost,
         at_last,
+        truths[0].physical.primary.charge,
         beside_real=other_ticks[Presence.REAL],
         retired=other_ticks[Presence.RETIRED],
         presence=presence_by_tick.get(
@@ -238,6 +239,23 @@ def test_the_papers_row_without_charging(charge, percent):
     assert uptime.dead == 2400 - uptime.paper
 
 
+def test_uptime_at_equal_charge_by_hand():
+    """One spends charge and pays for it, one comes back fuller, and what a real one's twin gained is unknown."""
+    meter = UptimeMeter(TimeScale(30), lambda _: PAPER)
+    spends = truth(0, State.ACTIVE, False, (grains(0.8), Flow.DISCHARGING), (FULL, Flow.RESTING))
+    fills = truth(0, State.CHARGING, True, (grains(0.6), Flow.CHARGING), (FULL, Flow.RESTING))
+    for it in (spends, replace(fills, agent_id=8), replace(spends, agent_id=9)):
+        meter.take(it)
+    meter.set_presence(9, Presence.REAL, 30_000)
+    # 1000 s of the mission are 500 minutes of theirs: 0.0010427134 a minute down, and the fast 0.002911 up to full.
+    figures = uptime_figures(meter, 1_000_000, battery_min=250.0)
+    assert figures["charge_gain_mean"] == pytest.approx((-500 * 0.0010427134 + 0.4) / 2, abs=1e-6)
+    # In the water: 1000 ticks each for two, one tick for the third. Two ticks a minute of theirs.
+    paid_ticks = 250 * 2 * (-500 * 0.0010427134 + 0.4)
+    assert figures["uptime_equal_charge"] == pytest.approx(100 * (1000 + 1 + paid_ticks) / 2001, abs=1e-3)
+    assert uptime_figures(meter, 1_000_000)["uptime_equal_charge"] is None
+
+
 def test_active_now_follows_the_dock_and_the_battery():
     meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.DISCHARGING), (FULL, Flow.RESTING)))
@@ -260,4 +278,4 @@ def test_an_older_truth_is_refused_and_changes_nothing():
     meter.take(truth(30, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     with pytest.raises(ValueError, match="time went back: 29 before 30"):
         meter.take(truth(29, State.ACTIVE, True, (0, Flow.RESTING), (0, Flow.RESTING)))
-    assert meter.at(100) == [AgentUptime(7, 19, 19, 0, False, False, FULL)]
+    assert meter.at(100) == [AgentUptime(7, 19, 19, 0, False, False, FULL, FULL)]

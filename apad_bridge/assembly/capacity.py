@@ -176,6 +176,24 @@ def _sampling_minutes(fleet: Sequence[Rates], minutes: float) -> float:
     return total
 
 
+def battery_worth_min(scenario: Scenario) -> float:
+    """The active agent minutes of one aMussel that a whole battery more at the begin is worth, on the mean over the fleet.
+
+    It is the price of charge in the linear programme: who has it need not be docked for it, which is 1 / (c + d). A fleet
+    that its docks cannot hold works off all that it gets, which is 1 / d. Without a fleet it is 0.
+
+    With it, uptime at equal charge is U + 100 w (q_end - q_begin) / T for a mean uptime U in percent, mean charges q on
+    [0, 1], and T agent minutes. By the programme it does not exceed the bound in the long run, but for a way down of those
+    that are docked at the end, and a wake.
+    """
+    fleet = rates_of(scenario)
+    docks = scenario.apad.docks if scenario.fleet.share else _docks_of(scenario)
+    if not fleet:
+        return 0.0
+    is_held = fsum(it.drain / (it.charge + it.drain) for it in fleet) <= docks
+    return fmean(1 / (it.drain + (it.charge if is_held else 0.0)) for it in fleet)
+
+
 def drain_at_load(charge: float, amussels: int, docks: int, load: float) -> float:
     """The drain of which a fleet draws `load` (in (0, 1]) of what the law allows: N = load x D (1 + charge / drain).
 

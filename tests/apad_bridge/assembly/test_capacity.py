@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 from scipy.optimize import linprog
 
-from apad_bridge.runs.studies.capacity import (
+from apad_bridge.assembly.capacity import (
     Rates,
     _best_gain,
     active_minutes,

@@ -1,0 +1,231 @@
+"""Upper bounds: a search for missions that beat what `musselbed capacity` and the studies print as the most possible.
+
+Each try draws a scenario of the paper's worst-case board: its curve and drain, the motors' charge, theta, docks, fleet,
+starting charges, area, and every threshold and rule of the mission. Or it changes a few of these in a mission that was near
+a bound before. The event-driven model flies it, and its figures are held against each printed bound. A bound is beaten when
+a figure exceeds it by more than what a flight counts in whole ticks. `ratio` is the greatest figure over its bound.
+
+The search begins with motor runs of up to a fifth of a battery, at which an aMussel is best left to run down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.assembly.capacity import (
+    Bounds,
+    bounds_of,
+    rates_of,
+    sustained_by_balance,
+    uptime_with_services,
+)
+from apad_bridge.runs.studies.figures import Figures
+from apad_bridge.runs.studies.models import Model, fly
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+
+POOL = Path(__file__).parents[1] / "launch_scripts/scenarios/pool-12.yaml"
+TRIES = 2000
+SEED = 34
+KEPT = 12
+"""The missions nearest to each bound, from which half of the tries begin."""
+CHANGED = 0.2
+"""The probability with which such a try draws a key anew."""
+STRATEGIES = (
+    "cautious",
+    "greedy",
+    "blend",
+    "njnp",
+    "edf",
+    "triage",
+    "shortest-order",
+    "charge-groups",
+    "none",
+)
+
+Draws = dict[str, Callable[[Random], Any]]
+Drawn = dict[str, Any]
+
+
+def _curve(random: Random) -> list[list[float]]:
+    """One to four parts that end at 1, with rates between a third of the paper's slowest and twice its fastest."""
+    ends = sorted(round(random.uniform(0.02, 0.98), 6) for _ in range(random.randrange(4)))
+    return [[end, round(random.uniform(0.0003, 0.006), 10)] for end in [*dict.fromkeys(ends), 1.0]]
+
+
+def _or_none(draw: Callable[[Random], float]) -> Callable[[Random], float | None]:
+    return lambda random: None if random.random() < 0.5 else draw(random)
+
+
+def _charges(random: Random) -> list[float]:
+    return sorted(round(random.random() ** random.choice((1, 3)), 4) for _ in range(2))
+
+
+def _fraction(random: Random) -> float:
+    return round(random.random(), 4)
+
+
+DRAWS: Draws = {
+    "board.charge_segments": _curve,
+    "board.discharge_per_min": lambda random: round(10 ** random.uniform(-3.7, -2.2), 10),
+    "board.motor_run_charge": lambda random: random.choice((0.0, round(random.uniform(0, 0.2), 4))),
+    "board.surfacing_s": lambda random: random.choice((1.0, 60.0, 300.0)),
+    "board.sinking_s": lambda random: random.choice((1.0, 60.0, 300.0)),
+    "theta": lambda random: random.choice((5, 10, 30, 60, 120)),
+    "agent_hours": lambda random: random.choice((3, 5, 10, 20)),
+    "apad.docks": lambda random: random.randint(1, 8),
+    "fleet.count": lambda random: random.randint(1, 12),
+    "fleet.start": lambda random: {"charge": _charges(random)},
+    "seed": lambda random: random.randint(1, 10**6),
+    "side_m": lambda random: random.choice((1.0, 5.0, 20.0, 100.0)),
+    "mission.collection": lambda random: random.choice(STRATEGIES),
+    "mission.batch": lambda random: random.randint(1, 8),
+    "mission.pool_threshold": _fraction,
+    "mission.charge_to": _or_none(_fraction),
+    "mission.full_threshold": lambda random: random.choice((0.99, 0.9, 0.999)),
+    "mission.charge_lead": _or_none(_fraction),
+    "mission.again_threshold": _or_none(lambda random: round(0.3 * random.random(), 4)),
+    "mission.dispatch": lambda random: random.choice(("batch", "asynchronous")),
+    "mission.places": lambda random: random.choice(("own", "exchanged")),
+    "mission.horizon": lambda random: random.choice(("open", "end")),
+    "mission.docking.dock_s": lambda random: random.choice((1.0, 15.0)),
+    "mission.docking.undock_s": lambda random: random.choice((0.0, 5.0)),
+}
+"""The keys that a try draws; each follows from the random numbers alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A figure of a flight against its bound, both in the bound's unit; `slack` is what counting in ticks may add."""
+
+    bound: str
+    figure: float
+    limit: float
+    slack: float
+
+    @property
+    def ratio(self) -> float:
+        """The figure over its bound, or 0 for a bound of 0 that is not exceeded."""
+        if self.limit <= 0:
+            return 0.0 if self.figure <= self.limit + self.slack else float("inf")
+        return self.figure / self.limit
+
+    @property
+    def is_beaten(self) -> bool:
+        return self.figure > self.limit + self.slack
+
+
+def scenario_of(drawn: Drawn) -> Scenario:
+    """The pool's scenario with these keys. ScenarioError for keys that exclude each other."""
+    data = resolve(load(POOL))
+    keys = dict(drawn)
+    side, hours = keys.pop("side_m"), keys.pop("agent_hours")
+    data["area"] |= {"polygon_m": [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]], "chart": None}
+    data["duration_s"] = float(hours * 3600 // keys["theta"])
+    keys["mission.batch"] = min(keys["mission.batch"], keys["apad.docks"])
+    data["fleet"] |= {"agent_ids": [], "drift": {"mode": "physical"}}
+    data["apad"] |= {"start_m": [side / 2, side / 2], "profile": None}
+    data["apad"]["battery"]["capacity_wh"] = 1e7
+    data["board"]["profile"] = None
+    for key, value in keys.items():
+        *path, name = key.split(".")
+        block = data
+        for it in path:
+            block = block[it]
+        block[name] = value
+    return from_data(data, "a try")
+
+
+def held_against(scenario: Scenario, bounds: Bounds, flown: Figures) -> list[Held]:
+    """Each printed bound with the flight's figure."""
+    count, minutes = bounds.amussels, scenario.duration_s * scenario.theta / 60
+    rates = rates_of(scenario)[0]
+    # An aMussel that is docked at the end still has to pay for its way down.
+    unpaid = 2 * bounds.docks * scenario.board.motor_run_charge
+    tick = 1 / scenario.duration_s
+    found = [
+        Held("uptime", flown.uptime_paper_mean, bounds.uptime_percent, 100 * tick),
+        Held("active aMussels", flown.active_mean, bounds.active, count * tick),
+        Held(
+            "uptime with so many services",
+            flown.uptime_paper_mean,
+            uptime_with_services(scenario, flown.services + bounds.docks),
+            100 * tick,
+        ),
+    ]
+    if bounds.samples is not None:
+        found.append(Held("samples", flown.samples_taken, bounds.samples, count))
+    gained = count * flown.charge_gain_mean
+    equal_slack = 100 * unpaid / (count * rates.drain * minutes) + 100 * tick
+    found.append(
+        Held(
+            "uptime in the long run, at equal charge",
+            flown.uptime_equal_charge,
+            bounds.uptime_for_ever_percent,
+            equal_slack,
+        )
+    )
+    if flown.dead_time_h == 0 and scenario.board.motor_run_charge == 0:
+        balance = sustained_by_balance(count, gained, rates.drain, minutes)
+        found.append(Held("sustained aMussels", balance, bounds.sustained, (1 + count) * tick * 10))
+    return found
+
+
+def measure(tries: int = TRIES) -> dict[str, Any]:
+    """Flies `tries` missions; the greatest ratio for each bound, and the keys of the missions that beat one."""
+    random = Random(SEED)
+    nearest: dict[str, list[tuple[float, int, Drawn]]] = {}
+    counts: dict[str, int] = {}
+    beaten: list[dict[str, Any]] = []
+    flown = refused = 0
+    while flown < tries:
+        drawn = _next(random, nearest)
+        try:
+            scenario = scenario_of(drawn)
+        except ScenarioError:
+            refused += 1
+            continue
+        bounds = bounds_of([scenario])
+        found = held_against(scenario, bounds, fly(scenario, Model.EVENT_DRIVEN))
+        flown += 1
+        for it in found:
+            counts[it.bound] = counts.get(it.bound, 0) + 1
+            close = nearest.setdefault(it.bound, [])
+            close.append((it.ratio, -flown, drawn))
+            close.sort(key=lambda entry: entry[:2], reverse=True)
+            del close[KEPT:]
+            if it.is_beaten:
+                beaten.append({"bound": it.bound, "figure": it.figure, "limit": it.limit, "keys": drawn})
+    rows = [
+        {"bound": name, "flights": counts[name], "ratio": close[0][0], "nearest": close[0][2]}
+        for name, close in nearest.items()
+    ]
+    return {"tries": flown, "refused": refused, "rows": rows, "beaten": beaten}
+
+
+def _next(random: Random, nearest: dict[str, list[tuple[float, int, Drawn]]]) -> Drawn:
+    """A mission drawn anew, or one near to a bound with some keys drawn anew."""
+    if not nearest or random.random() < 0.5:
+        return {key: draw(random) for key, draw in DRAWS.items()}
+    close = random.choice(nearest[random.choice(sorted(nearest))])[2]
+    return {key: draw(random) if random.random() < CHANGED else close[key] for key, draw in DRAWS.items()}
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(title=f"{result['tries']} missions against each printed bound")
+    for heading in ("bound", "flights", "greatest figure / bound", "beaten"):
+        table.add_column(heading, justify="right" if heading != "bound" else "left")
+    for row in result["rows"]:
+        count = sum(it["bound"] == row["bound"] for it in result["beaten"])
+        table.add_row(row["bound"], str(row["flights"]), f"{row['ratio']:.4f}", str(count))
+    console.print(table)
+    for it in result["beaten"][:10]:
+        console.print(f"{it['bound']}: {it['figure']:.4f} flown, {it['limit']:.4f} printed: {it['keys']}")
