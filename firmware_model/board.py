@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from firmware_model.actions import Action, Dropped
 from firmware_model.config import BoardConfig
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from firmware_model.settings import StoredSettings
 
 
-MakeFirmware = Callable[[WorstCaseHardware], FirmwareLike]
-"""Makes another program than ours for this hardware."""
+MakeFirmware = Callable[[Any], FirmwareLike]
+"""Makes another program than ours for this hardware: a WorstCaseHardware or a WholeBoardHardware, by the configuration."""
 
 
 class Board:
@@ -61,10 +61,8 @@ class Board:
     ) -> None:
         """`kept` holds the clock and settings of a whole board that outlived a reset; without it they are as delivered.
 
-        `firmware` makes another program than ours. ValueError for one on a whole board, whose port it does not have.
+        `firmware` makes another program than ours.
         """
-        if firmware is not None and config.whole is not None:
-            raise ValueError("firmware in a process of its own runs on the board of the worst case")
         self.config = config
         self._now_ms = now_ms
         if config.whole is None:
@@ -73,10 +71,14 @@ class Board:
         else:
             # Imported here: a fleet in the worst case does not need it, and every memory page of an agent counts.
             from firmware_model.hardware.whole import WholeBoardHardware
-            from firmware_model.whole_firmware import WholeFirmware
 
             self._hardware = whole = WholeBoardHardware(config, primary, secondary, now_ms, kept)
-            self.firmware = WholeFirmware(config, codec, whole, now_ms)
+            if firmware is None:
+                from firmware_model.whole_firmware import WholeFirmware
+
+                self.firmware = WholeFirmware(config, codec, whole, now_ms)
+            else:
+                self.firmware = firmware(whole)
 
     def copy(self) -> Board:
         """A board in the same state that goes on by itself. TypeError for a whole board, whose log is not its own."""
@@ -94,6 +96,11 @@ class Board:
     @property
     def reset_cause(self) -> ResetCause | None:
         return self.firmware.reset_cause
+
+    @property
+    def watchdog_fired(self) -> bool:
+        """True once the watchdog is to reset the board."""
+        return self.firmware.watchdog_fired
 
     @property
     def primary(self) -> Battery:

@@ -31,6 +31,8 @@ _DOCKED = (State.CHARGING, State.REPORTING)
 class Firmware:
     """The program on one MU board. It is OFF until `start`."""
 
+    watchdog_fired = False
+
     def __init__(self, config: BoardConfig, codec: Codec, hardware: Hardware, now_ms: int) -> None:
         self.config = config
         self.state = State.OFF

@@ -136,6 +136,8 @@ class FirmwareLike(Protocol):
 
     state: State
     reset_cause: ResetCause | None
+    watchdog_fired: bool
+    """True once the board is to be reset, because the program did not serve its watchdog in time."""
 
     @property
     def clock_offset_ms(self) -> int:

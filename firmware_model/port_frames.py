@@ -32,7 +32,8 @@ class ToBoard(IntEnum):
     """Types of frames from the bench to the board."""
 
     HELLO = 1
-    """Version u16, id u16, seed u32; debounce, boot, surfacing, float and release times in ms, u32 each."""
+    """Version u16, id u16, seed u32; debounce, boot, surfacing, float and release times in ms, u32 each. Behind
+    that a whole board's has the numbers of its firmware."""
     RESET = 2
     """Cause u8: the program begins. Output pins are low."""
     RUN = 3
@@ -43,6 +44,10 @@ class ToBoard(IntEnum):
     """`port` is the UART; bytes."""
     ADC = 6
     """`port` is the channel; counts u16: the answer to ADC_READ."""
+    I2C = 7
+    """`port` is an `I2cResult`; the bytes that were read: the answer to I2C."""
+    FLASH = 8
+    """`port` is 0, or 1 for an error; the bytes that were read: the answer to the three calls of the flash."""
 
 
 class FromBoard(IntEnum):
@@ -51,7 +56,7 @@ class FromBoard(IntEnum):
     HELLO = 65
     """Version u16, then a name in UTF-8."""
     SLEEP = 66
-    """`port` is 1 with an alarm: counter u32. Ends the turn."""
+    """Bit 0 of `port` is 1 with an alarm: counter u32. The other bits are a whole board's `SleepMode`. Ends the turn."""
     PIN = 67
     """`port` is the line; level u8."""
     UART_TX = 68
@@ -62,6 +67,18 @@ class FromBoard(IntEnum):
     """A state of docs/firmware-states.md, u8, for records and reports. No energy follows from it."""
     LOG = 71
     """`port` is 1 for an input that the firmware refused, 0 for other text; UTF-8."""
+    I2C = 72
+    """`port` is the address; the number of bytes to read, u8; the bytes to write. A whole board's, as all that follow."""
+    FLASH_READ = 73
+    """Address u32, size u16."""
+    FLASH_PROGRAM = 74
+    """Address u32, bytes."""
+    FLASH_ERASE = 75
+    """Page u16."""
+    BUSY = 76
+    """ms u32: the core of a sleeping board stays awake for so long."""
+    KICK = 77
+    """ms u32: unless it comes again within this time, the watchdog resets the board; 0 stops the watchdog."""
 
 
 class InputPin(IntEnum):
@@ -72,7 +89,22 @@ class InputPin(IntEnum):
     BOTTOM = 2
     """The pressure sensor stopped rising: the aMussel rests on the bottom."""
     BATTERY_EMPTY = 3
-    """The battery monitor's interrupt, while WATCH_BATTERY is high."""
+    """The battery monitor's interrupt: in the worst case while WATCH_BATTERY is high. On a whole board the feeding battery
+    is empty, and the switch has moved."""
+    CLOCK = 4
+    """The clock chip's alarm; this and all that follow are a whole board's."""
+    SAFE_LEVEL = 5
+    """The backup battery feeds the board, and came to its safe level."""
+    ON_SECONDARY = 6
+    """High while the backup battery feeds the board; it does not interrupt, nor does the next one."""
+    ON_NEITHER = 7
+    """High while both batteries are empty."""
+    LOW_LEVEL = 8
+    """The primary came to its low level. This and those below have no level in RUN."""
+    SWITCH_BACK = 9
+    """The primary feeds the board again."""
+    REPORT = 10
+    """The experiment asks for a full status at UART 2."""
 
 
 class OutputPin(IntEnum):
@@ -88,6 +120,23 @@ class OutputPin(IntEnum):
 class Uart(IntEnum):
     MODEM = 0
     WIFI = 1
+    REPORT = 2
+    """The experiment's own line, for the answer to the interrupt REPORT."""
+
+
+class SleepMode(IntEnum):
+    """The core between two turns."""
+
+    AWAKE = 0
+    DEEP = 1
+    OFF = 2
+    """It draws nothing; only where both batteries are empty, and deep sleep elsewhere."""
+
+
+class I2cResult(IntEnum):
+    DONE = 0
+    NO_ANSWER = 1
+    """No device answers at this address, or it has no power, or it takes no such bytes (a NACK)."""
 
 
 class BadFrame(ValueError):

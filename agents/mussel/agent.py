@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from agents.modem.frames import SHORT_MS
+from agents.modem.frames import SHORT_MS, Generation
 from agents.mussel.body import Body, WaterConfig, gps_fix_um
 from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.physical import Physical
@@ -46,8 +46,8 @@ from firmware_model.stimuli import ResetCause
 if TYPE_CHECKING:
     from agents.mussel.defects import Defects
     from agents.mussel.logbook import Logbook
+    from agents.mussel.peripherals import World
     from agents.mussel.port_firmware import PortFirmware
-    from firmware_model.hardware.worst_case import WorstCaseHardware
     from firmware_model.port import FirmwareLike
     from firmware_model.sampling.flash import Flash
 
@@ -85,6 +85,9 @@ class Agent:
         self._flash = flash
         self._defects: Defects | None = None
         self._others: PortFirmware | None = None
+        self._ask_for_report: Callable[[int], list[board_actions.Action]] | None = None
+        """Asks the firmware for a report; None where the board's host makes them."""
+        self._world: World | None = None
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
@@ -120,6 +123,9 @@ class Agent:
             physical.fix_um,
         )
         self.close()
+        self._world = (
+            None if config.board.whole is None or not config.firmware else self._open_world(physical)
+        )
         self.board = Board(
             config.board,
             self._codec,
@@ -129,7 +135,9 @@ class Agent:
             physical.kept,
             self._make_firmware if config.firmware else None,
         )
-        self._logbook = None if config.board.whole is None else self._open_logbook(physical)
+        self._logbook = (
+            None if config.board.whole is None or config.firmware else self._open_logbook(physical)
+        )
         self._reporter = Reporter(self.board, self.body, self._logbook, config.reports.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
@@ -137,14 +145,21 @@ class Agent:
         power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
         return self._stimulate_board(power, now_ms)
 
-    def _make_firmware(self, hardware: WorstCaseHardware) -> FirmwareLike:
+    def _make_firmware(self, hardware: Any) -> FirmwareLike:
         # Imported here: few agents have another program than ours.
         from agents.mussel.port_firmware import PortFirmware, link_to
 
-        config = self.config
-        self._others = PortFirmware(
-            lambda: link_to(config.firmware), config.board, hardware, config.water.seed
+        config, seed = self.config, self.config.water.seed
+        if self._world is None:
+            self._others = PortFirmware(lambda: link_to(config.firmware), config.board, hardware, seed)
+            return self._others
+        from agents.mussel.whole_port_firmware import WholePortFirmware
+
+        modem = 2 if config.reports.modem is Generation.V2 else 3
+        self._others = whole = WholePortFirmware(
+            lambda: link_to(config.firmware), config.board, hardware, seed, self._world, modem
         )
+        self._ask_for_report = whole.report
         return self._others
 
     def close(self) -> None:
@@ -152,19 +167,47 @@ class Agent:
         if self._others is not None:
             self._others.close()
 
-    def _open_logbook(self, physical: Physical) -> Logbook:
-        # Imported here: the paper's worst case has no log.
-        from agents.mussel.logbook import Logbook
+    def _open_world(self, physical: Physical) -> World:
+        """The water and the flash for somebody's firmware on a whole board."""
+        from agents.mussel.peripherals import World
+        from agents.water.fields import unit_noises
+        from firmware_model.sampling.sensors import SENSORS, Counts, sample
+
+        water, body = self.config.water, self.body
+
+        def place_cm(now_ms: int) -> tuple[int, int, int]:
+            north_um, east_um = body.known_place_um(now_ms)
+            depth_m = body.depth_at_um(now_ms) / 1e6
+            return (
+                round(north_um / 1e6 * 100),
+                round(east_um / 1e6 * 100),
+                min(0xFFFF, round(depth_m * 100)),
+            )
+
+        def sensors(now_ms: int, sequence: int) -> tuple[Counts, int]:
+            place = body.north_um, body.east_um, body.depth_at_um(now_ms)
+            noises = unit_noises(water.seed, self.config.board.agent_id, sequence)
+            return sample(SENSORS, water.fields.values_at(*place, now_ms), noises)
+
+        return World(self._open_flash(), place_cm, sensors, physical.samples, physical.acknowledged)
+
+    def _open_flash(self) -> Flash:
         from firmware_model.sampling.flash import MemoryFlash
 
         if self._flash is None:
             self._flash = MemoryFlash()
+        return self._flash
+
+    def _open_logbook(self, physical: Physical) -> Logbook:
+        # Imported here: the paper's worst case has no log.
+        from agents.mussel.logbook import Logbook
+
         water = self.config.water
         return Logbook(
             self.config.board.agent_id,
             water.seed,
             water.fields,
-            self._flash,
+            self._open_flash(),
             physical.samples,
             physical.acknowledged,
         )
@@ -177,7 +220,7 @@ class Agent:
 
     def _physical_now(self) -> Physical:
         body, board = self.body, self.board
-        log = None if self._logbook is None else self._logbook.log
+        samples, acknowledged = self._log_registers()
         return Physical(
             board.primary,
             board.secondary,
@@ -189,11 +232,18 @@ class Agent:
             body.docked,
             body.pin_due_ms,
             body.hover_um,
-            0 if log is None else log.next_sequence,
-            0 if log is None else log.acknowledged,
+            samples,
+            acknowledged,
             body.fix_um,
             board.kept,
         )
+
+    def _log_registers(self) -> tuple[int, int]:
+        """The number of samples ever taken, and of those acknowledged."""
+        if self._world is not None:
+            return self._world.samples, self._world.acknowledged
+        log = None if self._logbook is None else self._logbook.log
+        return (0, 0) if log is None else (log.next_sequence, log.acknowledged)
 
     @property
     def next_due_ms(self) -> int | None:
@@ -267,6 +317,8 @@ class Agent:
 
     def _advance_board(self, now_ms: int) -> list[Output]:
         outputs = self._carry_out(self.board.advance(now_ms))
+        if self.board.watchdog_fired:
+            outputs += self._power_on(self._physical_now(), now_ms, ResetCause.WATCHDOG)
         self._note_truth(now_ms)
         return outputs
 
@@ -301,6 +353,10 @@ class Agent:
         is_off = not self.config.reports.heard_always and not self.board.has_wifi
         if self.board.state is State.BOOTING or is_off:
             return []
+        if self._ask_for_report is not None:
+            outputs = self._carry_out(self._ask_for_report(now_ms))
+            self._note_truth(now_ms)
+            return outputs
         status = self._reporter.wifi_status(now_ms)
         if self.body.has_receiver:
             # A report may take a fix, and changes nothing else.

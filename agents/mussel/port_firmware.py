@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from agents.mussel.board_link import TURN_TIMEOUT_S, BoardLink, FrameToBoard, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
@@ -32,6 +33,9 @@ from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
+if TYPE_CHECKING:
+    from firmware_model.hardware.whole import WholeBoardHardware
+
 _HELLO = struct.Struct("<HHIIIIII")
 _ANSWER = struct.Struct("<H")
 _COUNTER = struct.Struct("<I")
@@ -53,15 +57,21 @@ def link_to(command: Sequence[str], timeout_s: float = TURN_TIMEOUT_S) -> BoardL
 
 
 class PortFirmware:
-    """A `firmware_model.port.FirmwareLike` behind a link, on the hardware of the paper's worst case."""
+    """A `firmware_model.port.FirmwareLike` behind a link, on the hardware of the paper's worst case.
+
+    `whole_port_firmware` has the rest of a whole board.
+    """
+
+    _hardware: WorstCaseHardware | WholeBoardHardware
 
     clock_offset_ms = 0
+    watchdog_fired = False
 
     def __init__(
         self,
         connect: Callable[[], BoardLink],
         config: BoardConfig,
-        hardware: WorstCaseHardware,
+        hardware: WorstCaseHardware | WholeBoardHardware,
         seed: int,
     ) -> None:
         """`connect` makes the link, and may raise FirmwareFailed. `seed` is the run's."""
@@ -143,8 +153,7 @@ class PortFirmware:
                 if count > MOST_FRAMES:
                     raise FirmwareFailed(f"{MOST_FRAMES} frames in one turn")
                 if frame.kind == FromBoard.SLEEP:
-                    self._sleep(frame, now_ms)
-                    return actions
+                    return actions + self._sleep(frame, now_ms)
                 actions += self._take(frame, link, now_ms)
 
     def _hello(self) -> FrameToBoard:
@@ -170,11 +179,12 @@ class PortFirmware:
         }
         return sum(1 << line for line, high in levels.items() if high)
 
-    def _sleep(self, frame: Frame, now_ms: int) -> None:
-        if frame.port == 1:
+    def _sleep(self, frame: Frame, now_ms: int) -> list[Action]:
+        if frame.port & 1:
             if len(frame.payload) != _COUNTER.size:
                 raise FirmwareFailed("it sent a SLEEP of another length")
             self._alarm_ms = alarm_ms(_COUNTER.unpack(frame.payload)[0], now_ms)
+        return []
 
     def _take(self, frame: Frame, link: BoardLink, now_ms: int) -> list[Action]:
         """Carries out one frame of the board."""
@@ -204,13 +214,17 @@ class PortFirmware:
     def _pin(self, line: OutputPin, high: bool, now_ms: int) -> list[Action]:
         rises = high and not self._outputs[line]
         self._outputs[line] = high
+        hardware = self._hardware
         match line:
-            case OutputPin.CHARGE:
-                self._hardware.set_charger(high, now_ms)
-            case OutputPin.WATCH_BATTERY:
-                self._hardware.watch_battery(high, now_ms)
+            case OutputPin.CHARGE if isinstance(hardware, WorstCaseHardware):
+                hardware.set_charger(high, now_ms)
+            case OutputPin.WATCH_BATTERY if isinstance(hardware, WorstCaseHardware):
+                hardware.watch_battery(high, now_ms)
             case OutputPin.MOTOR_UP if rises:
-                return [self._hardware.run_motors(Buoyancy.FLOAT, None, now_ms)]
+                return self._run_motors(Buoyancy.FLOAT, None, now_ms)
             case OutputPin.MOTOR_DOWN if rises:
-                return [self._hardware.run_motors(Buoyancy.SINK, None, now_ms)]
+                return self._run_motors(Buoyancy.SINK, None, now_ms)
         return []
+
+    def _run_motors(self, to: Buoyancy, depth_mm: int | None, now_ms: int) -> list[Action]:
+        return [self._hardware.run_motors(to, depth_mm, now_ms)]

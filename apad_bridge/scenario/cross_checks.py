@@ -238,8 +238,6 @@ def _check_firmware(scenario: Scenario) -> Iterator[Contradiction]:
     fleet, board = scenario.fleet, scenario.board
     if not fleet.firmware:
         return
-    if board.whole is not None:
-        yield "fleet.firmware", "it runs on the board of the worst case: set board.profile: worst-case"
     if fleet.hosting is Hosting.ONE_PROCESS:
         yield "fleet.firmware", "it needs a process for each aMussel: set fleet.hosting: processes"
     for key in ("float_timeout_s", "surfacing_timeout_s", "release_wait_s"):

@@ -153,7 +153,7 @@ class Fleet:
     drift: Drift
     spread: Spread = Spread()
     firmware: tuple[FirmwareProgram, ...] = ()
-    """Somebody's firmware on boards, which have to be the worst case; the others have ours."""
+    """Somebody's firmware on boards; the others have ours."""
 
     def __post_init__(self) -> None:
         ids = self.agent_ids

@@ -127,7 +127,9 @@ class WholeBoardHardware:
         return self._switch(now_ms)
 
     def transmit(self, lasting_ms: int, now_ms: int) -> list[Action]:
-        self._pulses[Rail.MODEM_TRANSMITTING] = now_ms + lasting_ms
+        """The modem sends for so long, or for longer if it is sending already."""
+        until_ms = self._pulses.get(Rail.MODEM_TRANSMITTING, 0)
+        self._pulses[Rail.MODEM_TRANSMITTING] = max(until_ms, now_ms + lasting_ms)
         return self._switch(now_ms)
 
     def watch_levels(self, levels: tuple[int, int, int], now_ms: int) -> None:

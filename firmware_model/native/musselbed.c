@@ -9,17 +9,22 @@
 
 #define HEAD 12
 #define MAX_BODY (HEAD + MU_MAX_PAYLOAD + 2)
+#define HELLO_SIZE 28
+#define WHOLE_HELLO_SIZE (HELLO_SIZE + 57)
 #define MAX_ENCODED (MAX_BODY + MAX_BODY / 254 + 2)
 
-enum to_board { HELLO = 1, RESET, RUN, PIN, UART_RX, ADC };
-enum from_board { HELLO_FROM = 65, SLEEP, PIN_FROM, UART_TX, ADC_READ, STATE, LOG };
+enum to_board { HELLO = 1, RESET, RUN, PIN, UART_RX, ADC, I2C, FLASH };
+enum from_board {
+    HELLO_FROM = 65, SLEEP, PIN_FROM, UART_TX, ADC_READ, STATE, LOG,
+    I2C_FROM, FLASH_READ, FLASH_PROGRAM, FLASH_ERASE, BUSY, KICK
+};
 
 static int port_fd = -1;
 static bool ended;
 static struct mu_config config;
 static uint32_t now, sent, received, alarm_at;
 static bool has_alarm, runs;
-static uint8_t levels, interrupts;
+static uint8_t levels, interrupts, sleep_mode;
 static uint8_t in[4096], frame[MAX_ENCODED], out[8192];
 static size_t in_at, in_size, out_size;
 
@@ -146,6 +151,20 @@ static uint8_t read_frame(size_t *payload) {
     return 0;
 }
 
+static void greeted_whole(const uint8_t *numbers) {
+    uint32_t *to[] = {&config.chatter_ms,   &config.check_ms,      &config.processing_ms, &config.listen_ms,
+                      &config.report_ms,    &config.transmit_ms,   &config.call_ms,       &config.hover_ms,
+                      &config.stay_down_ms, &config.turnaround_ms, &config.answer_ms,     &config.drift_bound_ppb,
+                      &config.beacon_wait_ms};
+    for (size_t n = 0; n < sizeof to / sizeof *to; n++, numbers += 4)
+        *to[n] = get32(numbers);
+    config.kept_on = get16(numbers);
+    config.sleeps = numbers[2] & 1;
+    config.doubts_clock = numbers[2] & 2;
+    config.last_resort = numbers[3];
+    config.modem = numbers[4];
+}
+
 static void greeted(const uint8_t *hello, const char *name) {
     uint8_t answer[64];
     size_t size = strlen(name) < sizeof answer - 2 ? strlen(name) : sizeof answer - 2;
@@ -170,13 +189,15 @@ bool mu_open(const char *name) {
         fputs("no MUSSELBED_PORT: start this program by `musselbed mu run`, or in a fleet\n", stderr);
         return false;
     }
-    if (read_frame(&size) != HELLO || size != 28)
+    if (read_frame(&size) != HELLO || size < HELLO_SIZE)
         return false;
     if (get16(frame + HEAD) != MU_VERSION) {
         fputs("the bench speaks another version of the port\n", stderr);
         return false;
     }
     greeted(frame + HEAD, name);
+    if (size >= WHOLE_HELLO_SIZE)
+        greeted_whole(frame + HEAD + HELLO_SIZE);
     return true;
 }
 
@@ -206,7 +227,7 @@ bool mu_wait(struct mu_event *event) {
         if (runs) {
             uint8_t at[4];
             put32(at, alarm_at);
-            send_frame(SLEEP, has_alarm, at, has_alarm ? 4 : 0);
+            send_frame(SLEEP, (uint8_t)(has_alarm | sleep_mode << 1), at, has_alarm ? 4 : 0);
             flush();
             runs = false;
         }
@@ -255,15 +276,72 @@ void mu_pin(enum mu_output line, bool high) {
 
 void mu_send(enum mu_uart port, const void *data, size_t size) { send_frame(UART_TX, (uint8_t)port, data, size); }
 
-uint16_t mu_adc(enum mu_adc channel) {
+/* Sends a question, and reads its answer into `in`; false if that is an error, or shorter. */
+static bool ask(enum from_board kind, uint8_t port, const void *out, size_t out_size, enum to_board answer, void *in,
+                size_t in_size) {
     size_t size = 0;
-    send_frame(ADC_READ, (uint8_t)channel, NULL, 0);
+    send_frame(kind, port, out, out_size);
     flush();
     while (!ended)
-        if (read_frame(&size) == ADC && size == 2)
-            return get16(frame + HEAD);
-    return 0;
+        if (read_frame(&size) == answer) {
+            if (size < in_size || (answer != ADC && frame[1]))
+                return false;
+            if (in_size)
+                memcpy(in, frame + HEAD, in_size);
+            return true;
+        }
+    return false;
 }
+
+uint16_t mu_adc(enum mu_adc channel) {
+    uint8_t counts[2] = {0, 0};
+    ask(ADC_READ, (uint8_t)channel, NULL, 0, ADC, counts, sizeof counts);
+    return get16(counts);
+}
+
+void mu_sleep_mode(enum mu_sleep mode) { sleep_mode = (uint8_t)mode; }
+
+bool mu_i2c(uint8_t address, const void *data, size_t size, void *in, uint8_t in_size) {
+    uint8_t message[256];
+    if (size > sizeof message - 1)
+        return false;
+    message[0] = in_size;
+    if (size)
+        memcpy(message + 1, data, size);
+    return ask(I2C_FROM, address, message, size + 1, I2C, in, in_size);
+}
+
+bool mu_flash_read(uint32_t at, void *data, uint16_t size) {
+    uint8_t message[6];
+    put32(message, at);
+    put16(message + 4, size);
+    return ask(FLASH_READ, 0, message, sizeof message, FLASH, data, size);
+}
+
+bool mu_flash_program(uint32_t at, const void *data, uint16_t size) {
+    uint8_t message[4 + 255];
+    if (size > sizeof message - 4)
+        return false;
+    put32(message, at);
+    memcpy(message + 4, data, size);
+    return ask(FLASH_PROGRAM, 0, message, 4u + size, FLASH, NULL, 0);
+}
+
+bool mu_flash_erase(uint16_t page) {
+    uint8_t message[2];
+    put16(message, page);
+    return ask(FLASH_ERASE, 0, message, sizeof message, FLASH, NULL, 0);
+}
+
+static void send_number(enum from_board kind, uint32_t number) {
+    uint8_t payload[4];
+    put32(payload, number);
+    send_frame(kind, 0, payload, sizeof payload);
+}
+
+void mu_busy(uint32_t ms) { send_number(BUSY, ms); }
+
+void mu_kick(uint32_t ms) { send_number(KICK, ms); }
 
 void mu_state(uint8_t state) { send_frame(STATE, 0, &state, 1); }
 

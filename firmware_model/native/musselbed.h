@@ -10,16 +10,35 @@
 #define MU_HZ 32768u /* of the board's counter, which wraps after 36 hours */
 #define MU_MAX_PAYLOAD 1024
 
-enum mu_input { MU_CHARGER, MU_SURFACE, MU_BOTTOM, MU_BATTERY_EMPTY };
+enum mu_input {
+    MU_CHARGER,
+    MU_SURFACE,
+    MU_BOTTOM,
+    MU_BATTERY_EMPTY,
+    MU_CLOCK, /* this and the rest are a whole board's */
+    MU_SAFE_LEVEL,
+    MU_ON_SECONDARY,
+    MU_ON_NEITHER,
+    MU_LOW_LEVEL, /* from here on lines that interrupt, and have no level */
+    MU_SWITCH_BACK,
+    MU_REPORT
+};
 enum mu_output { MU_CHARGE, MU_MOTOR_UP, MU_MOTOR_DOWN, MU_WATCH_BATTERY };
-enum mu_uart { MU_MODEM, MU_WIFI };
+enum mu_uart { MU_MODEM, MU_WIFI, MU_REPORT_LINE };
 enum mu_adc { MU_PRIMARY, MU_SECONDARY }; /* 65535 counts are a full battery */
 enum mu_cause { MU_POWER_ON, MU_BROWN_OUT, MU_WATCHDOG };
+enum mu_sleep { MU_AWAKE, MU_DEEP_SLEEP, MU_OFF };
 
 /* The scenario's numbers for its boards; firmware with numbers of its own ignores them. Milliseconds. */
 struct mu_config {
     uint16_t id;
     uint32_t seed, debounce_ms, boot_ms, surfacing_timeout_ms, float_timeout_ms, release_wait_ms;
+    /* Of a whole board; 0 in the worst case. */
+    uint32_t chatter_ms, check_ms, processing_ms, listen_ms, report_ms, transmit_ms, call_ms, hover_ms, stay_down_ms;
+    uint32_t turnaround_ms, answer_ms, drift_bound_ppb, beacon_wait_ms;
+    uint16_t kept_on;
+    bool sleeps, doubts_clock;
+    uint8_t last_resort, modem; /* 0 to wait, 1 to call, 2 to surface; 2 or 3, the nanomodem's generation */
 };
 
 enum mu_kind {
@@ -33,7 +52,7 @@ struct mu_event {
     enum mu_kind kind;
     uint8_t port;
     bool high;
-    const uint8_t *data; /* until the next mu_wait or mu_adc */
+    const uint8_t *data; /* until the next mu_wait, mu_adc, mu_i2c or mu_flash call */
     size_t size;
 };
 
@@ -59,6 +78,15 @@ uint16_t mu_adc(enum mu_adc channel);
 void mu_state(uint8_t state);                             /* a state of docs/firmware-states.md, for records alone */
 void mu_log(const char *text);
 void mu_refuse(const char *text);                         /* an input that the firmware did not use: the bench counts it */
+
+/* A whole board's. The three calls that answer return false for no answer, or an error. */
+void mu_sleep_mode(enum mu_sleep mode);                   /* between turns, from the end of this one on */
+bool mu_i2c(uint8_t address, const void *out, size_t out_size, void *in, uint8_t in_size); /* up to 255 bytes out */
+bool mu_flash_read(uint32_t at, void *data, uint16_t size);
+bool mu_flash_program(uint32_t at, const void *data, uint16_t size); /* erased bytes of one page, up to 255 */
+bool mu_flash_erase(uint16_t page);
+void mu_busy(uint32_t ms);                                /* the core of a sleeping board stays awake */
+void mu_kick(uint32_t ms);                                /* starts the watchdog, or serves it; 0 stops it */
 
 uint16_t mu_crc(const uint8_t *data, size_t size);        /* CRC-16/CCITT, as packets have it too */
 

@@ -183,22 +183,38 @@ def test_a_firmware_that_hangs_stays_dead_and_the_others_fly_on(host: ProcessHos
     assert heard == {3, 8}
 
 
-@pytest.mark.parametrize("language", ["C", "Perl"])
-def test_a_flight_of_other_boards_has_the_journal_of_ours(tmp_path: Path, board: Path, language: str) -> None:
-    """Ten minutes of the paper's pool experiment at theta 30, byte for byte."""
-    data = yaml.safe_load(SCENARIO.read_text())
-    data["duration_s"] = 600
+FLIGHTS = {
+    "C": ("pool-12", "worst_case", 600, 40),
+    "Perl": ("pool-12", "worst_case.pl", 600, 40),
+    "C, whole": ("whole-board-12", "whole_board", 3600, 1000),
+}
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_a_flight_of_other_boards_has_the_journal_of_ours(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, name: str
+) -> None:
+    """Minutes of the paper's pool at theta 30, byte for byte; whole boards sleep, dock and upload in theirs."""
+    scenario, program, duration_s, least_truths = FLIGHTS[name]
+    data = yaml.safe_load(SCENARIO.with_stem(scenario).read_text())
+    data["duration_s"] = duration_s
     shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
-    shutil.copy(board if language == "C" else NATIVE / "worst_case.pl", tmp_path / "board")
+    perl = program.endswith(".pl")
+    shutil.copy(NATIVE / program if perl else compiled(tmp_path_factory, program), tmp_path / "board")
     journals = []
-    for name, firmware in (("ours", None), ("native", {"executable": "board"})):
+    for run_name, firmware in (("ours", None), ("native", {"executable": "board"})):
         data["fleet"]["firmware"] = firmware
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(data))
-        run = [sys.executable, str(MUSSELBED), "run", str(tmp_path / f"{name}.yaml"), "--time", "asap"]
-        subprocess.run(
-            [*run, "--out", str(tmp_path / name)], check=True, timeout=PATIENCE_S, capture_output=True
-        )
-        journals.append((tmp_path / name / "journal.jsonl").read_bytes())
+        (tmp_path / f"{run_name}.yaml").write_text(yaml.safe_dump(data))
+        run = [sys.executable, str(MUSSELBED), "run", str(tmp_path / f"{run_name}.yaml"), "--time", "asap"]
+        out = tmp_path / run_name
+        subprocess.run([*run, "--out", str(out)], check=True, timeout=PATIENCE_S, capture_output=True)
+        journals.append((out / "journal.jsonl").read_bytes())
     ours, native = journals
     assert native == ours
-    assert sum(json.loads(it)["kind"] == "truth" for it in ours.splitlines()) > 40
+    assert sum(json.loads(it)["kind"] == "truth" for it in ours.splitlines()) > least_truths
+    samples = [
+        path.read_bytes() if (path := tmp_path / it / "samples.jsonl").exists() else b""
+        for it in ("ours", "native")
+    ]
+    assert samples[0] == samples[1]
+    assert bool(samples[1]) == (name == "C, whole")
