@@ -10,11 +10,12 @@ import pytest
 from fleets import STILL
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from native_boards import compiled
+from native_boards import compiled, script
 
 from agents.fleet import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.outputs import Output, Truth
+from agents.mussel.peripherals import Address, Peripherals, World
 from agents.mussel.stimuli import (
     CoilSlipped,
     ContactClosed,
@@ -28,6 +29,7 @@ from agents.mussel.stimuli import (
     WifiArrived,
 )
 from firmware_model.config import LastResort, Timekeeping
+from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.packets import (
     PLAIN_KINDS,
     Beacon,
@@ -42,7 +44,10 @@ from firmware_model.packets import (
     Threshold,
 )
 from firmware_model.packets.codec import MusselbedCodec
-from firmware_model.power.charge import FULL, grains
+from firmware_model.port_frames import Frame, FromBoard, SleepMode
+from firmware_model.power.charge import FULL, Battery, Flow, grains
+from firmware_model.power.rails import Rail, bits
+from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, METERING, board, power
@@ -146,3 +151,68 @@ def test_it_lives_the_life_of_our_board(
     theirs = life(replace(config, firmware=(str(c_board),)), story, cuts, charges)
     assert theirs[0] == outputs
     assert theirs[1] == truths
+
+
+def frames(*sent: tuple[int, int, bytes]) -> bytes:
+    return b"".join(Frame(kind, port, 0, n, payload).encode() for n, (kind, port, payload) in enumerate(sent))
+
+
+HELLO = (FromBoard.HELLO, 0, b"\1\0board")
+
+
+def test_a_watchdog_that_is_not_served_resets_the_board_also_in_its_sleep(tmp_path: Path) -> None:
+    """It is started for 5 s at each boot; charge and place go on, and the cause is the board's to tell."""
+    answer = frames(
+        HELLO, (FromBoard.KICK, 0, (5000).to_bytes(4, "little")), (FromBoard.SLEEP, SleepMode.DEEP << 1, b"")
+    )
+    program = script(tmp_path, f"port.recv(9999); port.sendall({answer!r}); port.recv(9999)")
+    config = replace(OURS, firmware=(str(program),))
+    mussel = Agent(config, CODEC, resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0), 0, ResetCause.POWER_ON)
+    mussel.advance(4_999)
+    assert mussel.board.reset_cause is ResetCause.POWER_ON
+    mussel.advance(5_000)
+    assert mussel.board.reset_cause is ResetCause.WATCHDOG
+    assert (mussel.physical.north_um, mussel.physical.depth_um) == (1_000_000, 3_000_000)
+    assert 0 < grains(0.5) - mussel.physical.primary.charge < grains(0.001)
+    mussel.close()
+
+
+def devices(now_ms: int = 0) -> tuple[Peripherals, WholeBoardHardware]:
+    battery = Battery(0, FULL // 2, Flow.DISCHARGING)
+    hardware = WholeBoardHardware(OURS.board, battery, battery, 0, None)
+    hardware.power_on(False, False, now_ms)
+    world = World(MemoryFlash(), lambda at: (100, -200, 300), lambda at, n: ((1, 2, 3, 4 + n), 0b1000))
+    return Peripherals(hardware, world), hardware
+
+
+def test_a_sensor_without_power_does_not_answer() -> None:
+    bus, hardware = devices()
+    assert bus.transfer(Address.SENSOR + 3, b"", 3, 0) is None
+    hardware.enter(State.SAMPLING, bits(Rail.TURBIDITY), 0)
+    assert bus.transfer(Address.SENSOR + 3, b"", 3, 0) == b"\4\0\1"
+    assert bus.transfer(Address.SENSOR + 2, b"", 3, 0) is None
+
+
+@pytest.mark.parametrize(
+    ("address", "written", "count"),
+    [
+        (0x11, b"", 1),
+        (0x50, b"short", 0),
+        (0x36, b"\3\0\0", 0),
+        (0x68, b"", 1),
+        (0x68, b"\x63\0", 0),
+        (0x48, b"", 11),
+    ],
+)
+def test_bytes_that_no_device_takes_get_no_answer(address: int, written: bytes, count: int) -> None:
+    assert devices()[0].transfer(address, written, count, 0) is None
+
+
+def test_flash_is_programmed_once_within_a_page() -> None:
+    bus, _ = devices()
+    assert bus.flash_program(4090, b"over the edge") is None
+    assert bus.flash_program(4000, b"once") == b""
+    assert bus.flash_program(4002, b"twice") is None
+    assert bus.flash_read(3999, 6) == b"\0once\0"
+    assert bus.flash_erase(0) == b"" and bus.flash_read(4000, 4) == b"\0\0\0\0"
+    assert bus.flash_erase(16) is None and bus.flash_read(16 * 4096 - 1, 2) is None
