@@ -17,6 +17,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
+from apad_bridge.events import RangeMeasured
 from apad_bridge.mission.events import Ping, RangeHeard, SupervisorAction
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle.commands import PoseReported
@@ -118,7 +119,7 @@ class RangingService:
     def advance(self, beliefs: Sequence[Belief], now_ms: MissionMs) -> list[SupervisorAction]:
         away = frozenset(it.agent_id for it in beliefs if _is_away(it))
         cannot_hear, self._to_ping = self._to_ping & away, self._to_ping - away
-        unanswered = [Note("range", {"id": it, "range_m": None}) for it in sorted(cannot_hear)]
+        unanswered = [RangeMeasured(it, None) for it in sorted(cannot_hear)]
         near = [it for it in beliefs if it.agent_id not in away]
         whereabouts, charges = (
             [] if policy is None else ids_to_ping(policy, near, now_ms)

@@ -22,8 +22,8 @@ from agents.modem.frames import SHORT_MS, duration_ms
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs, TimeScale
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
+from apad_bridge.events import Asked, Unanswered
 from apad_bridge.mission.events import Ping, Send, SupervisorAction
-from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.water import Water
 from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
@@ -152,7 +152,7 @@ class AcousticScheduler:
         """
         config, agent_ms = self._config, self._config.scale.agent_ms(now_ms)
         actions: list[SupervisorAction] = [
-            Note("unanswered", {"id": agent_id}) for agent_id in self._status_requests.given_up(agent_ms)
+            Unanswered(agent_id) for agent_id in self._status_requests.given_up(agent_ms)
         ]
         self.unanswered += len(actions)
         if self._free_from_ms > agent_ms + config.scale.agent_span(1000):
@@ -171,7 +171,7 @@ class AcousticScheduler:
         if (ping_id := self._pings.next(whereabouts, agent_ms)) is not None:
             actions.append(self._ping(ping_id, now_ms))
         if (asked_id := self._status_requests.next(charges, agent_ms)) is not None:
-            actions += [Note("asked", {"id": asked_id}), self._status_request(asked_id, now_ms)]
+            actions += [Asked(asked_id), self._status_request(asked_id, now_ms)]
         return actions
 
     def short_status_received(self, agent_id: int) -> None:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events import Released
 from apad_bridge.mission.charging_watch import is_charged
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, TellClear
@@ -342,7 +343,7 @@ class DockingRoutine:
         """Ends an undocking: the aMussel is free."""
         full = self._book.state.leaves_full
         self._book.order(TellClear(agent_id))
-        self._book.note("released", agent=agent_id, full=full)
+        self._book.tell(Released(agent_id, full))
         self._book.set(services=self._book.state.services + full)
 
     def _close(self, order: DockMussel) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
+from apad_bridge.events import Event
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import Note, VehicleOrder
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
@@ -91,4 +92,4 @@ class KeepSamples:
     samples: tuple[PlacedSample, ...]
 
 
-SupervisorAction = VehicleCommand | Send | Ping | Note | KeepSamples | VehicleOrder
+SupervisorAction = VehicleCommand | Send | Ping | Note | Event | KeepSamples | VehicleOrder

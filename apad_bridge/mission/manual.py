@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from apad_bridge import events
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.charging_watch import is_full
@@ -142,7 +143,7 @@ class ManualMission(OrderBook):
     def take_over(self, by: str = "person") -> str:
         """Changes nobody's part here. A person's word lets a vehicle move again that a guard or a pilot had stopped."""
         if by == "person":
-            self.note("override", taken=True, by=by)
+            self.tell(events.Overridden(True, by))
             self.order(AllowMotion(by, keeps_stop=True))
         return "no mission plans in this flight: orders are taken without it"
 
@@ -385,7 +386,7 @@ class ManualMission(OrderBook):
             self._docking_routine.advance(here, self.now_ms)
         except GivenUp as given_up:
             assert self._docking is not None
-            self.note("given_up", agent=self._docking[0], what="dock", reason=str(given_up))
+            self.tell(events.GivenUp(self._docking[0], "dock", str(given_up)))
             self._end_docking(Status.FAILED, str(given_up))
 
     def _pre_empt_docking(self) -> None:

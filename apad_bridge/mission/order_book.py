@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from apad_bridge.events import Event, LegBegan
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.state import Leg, MissionState
 from apad_bridge.vehicle.primitives import (
@@ -71,8 +72,12 @@ class OrderBook:
         return tuple(held.get(dock_index) for dock_index in range(self.state.dock_count))
 
     def note(self, kind: str, **data: object) -> None:
-        """An event for the journal."""
+        """An event for the journal, of a kind that has no class yet."""
         self._orders.append(Note(kind, data))
+
+    def tell(self, event: Event) -> None:
+        """An event for the journal."""
+        self._orders.append(event)
 
     def snapshot(self) -> None:
         self.note("mission", phase=self.state.phase.value, snapshot=self.state.to_json())
@@ -107,7 +112,7 @@ class OrderBook:
         assert self.pose is not None
         leg = Leg(go_to.primitive_id, self.pose, (go_to.north_m, go_to.east_m), self.pose)
         self.set(leg=leg, planned_m=self.state.planned_m + leg.planned_m)
-        self.note("leg", metres=round(leg.planned_m, 4))
+        self.tell(LegBegan(round(leg.planned_m, 4)))
 
     def _end_leg(self, *, as_planned: bool) -> None:
         if self.state.leg is None or self.pose is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from apad_bridge.events import Event
 from apad_bridge.vehicle.primitives import Primitive
 
 
@@ -61,7 +62,7 @@ class GoBackIn:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """An event of the mission, for the journal and the bag."""
+    """An event of a kind that has no class yet, for the journal and the bag."""
 
     kind: str
     data: dict[str, Any]
@@ -69,4 +70,4 @@ class Note:
 
 VehicleOrder = StopVehicle | AllowMotion | GoBackIn
 """A person's words to the vehicle itself, past the docking port."""
-Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder | Note
+Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder | Note | Event

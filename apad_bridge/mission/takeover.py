@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from apad_bridge.events import Event, Overridden
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
@@ -91,8 +92,12 @@ class Takeover:
         self._orders += self.end(end, self.now_ms)
 
     def note(self, kind: str, **data: object) -> None:
-        """An event for the journal."""
+        """An event for the journal, of a kind that has no class yet."""
         self.order(Note(kind, data))
+
+    def tell(self, event: Event) -> None:
+        """An event for the journal."""
+        self.order(event)
 
     def order(self, order: Order) -> None:
         self._orders.append(order)
@@ -107,7 +112,7 @@ class Takeover:
             self.order(AllowMotion(by, keeps_stop=True))
         if self.by_hand is not None:
             if by == "person":
-                self.note("override", taken=True, by=by)
+                self.tell(Overridden(True, by))
             return "the aPad was taken over already"
         self._leave_to(by)
         return ""
@@ -191,6 +196,6 @@ class Takeover:
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)
-        self.note("override", taken=taken, by=by)
+        self.tell(Overridden(taken, by))
         # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self.now_ms)

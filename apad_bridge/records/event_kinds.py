@@ -5,17 +5,19 @@ A line is `{"t": mission ms, "kind": kind, ...}`. An aMussel is named by `id`, o
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from enum import Enum, StrEnum
 from functools import cache
-from types import GenericAlias
-from typing import Annotated, Any, Literal, NamedTuple, Optional
+from types import GenericAlias, NoneType
+from typing import Annotated, Any, Literal, NamedTuple, Optional, get_args, get_type_hints
 
 from pydantic import ConfigDict, StrictBool, StrictInt, StrictStr, ValidationError, create_model
 from pydantic import Field as Constraint
 from pydantic_core import SchemaValidator
 
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.events import EVENTS, Event, fields_of, is_optional
 from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.state import EARLIER_COMMANDED, Phase
 from apad_bridge.planning.solution import StepKind
@@ -103,7 +105,7 @@ class Field(NamedTuple):
 
 
 class Kind(NamedTuple):
-    kind: EventKind
+    kind: str
     when: str
     fields: tuple[Field, ...] = ()
     is_open: bool = False
@@ -154,6 +156,7 @@ NUMBER = Type(Annotated[float, Constraint(strict=True, allow_inf_nan=False)], "n
 TEXT = Type(StrictStr, "text")
 _NUMBERS = Type(GenericAlias(dict, (StrictStr, NUMBER.annotation)), "{name: number}")
 BOOLEAN = Type(StrictBool, "true or false")
+_TYPES = {int: INTEGER, float: NUMBER, str: TEXT, bool: BOOLEAN}
 _DOCK = Type(Annotated[StrictInt, Constraint(ge=0, lt=MAX_DOCKS)], "integer")
 _BATTERY = _row(
     *(INTEGER, INTEGER, Type(Annotated[StrictInt, Constraint(ge=0, lt=len(Flow))], "integer")),
@@ -199,6 +202,22 @@ _SNAPSHOT = _object(
     Field("ended_by", _or_null(TEXT), ""),
     Field("end_reason", _or_null(_values(EndReason)), "", optional=True),
 )
+
+
+def _kind_of(event: type[Event]) -> Kind:
+    """The row of a kind that has a class."""
+    hints = get_type_hints(event, include_extras=True)
+    return Kind(event.kind, event.when, tuple(_field_of(it, hints[it.name]) for it in fields_of(event)))
+
+
+def _field_of(field: dataclasses.Field[Any], hint: Any) -> Field:
+    annotation, meaning = get_args(hint)
+    parts = set(get_args(annotation)) or {annotation}
+    type_ = _TYPES[next(iter(parts - {NoneType}))]
+    if NoneType in parts and not is_optional(field):
+        type_ = _or_null(type_)
+    return Field(field.name, type_, meaning.text, meaning.unit, is_optional(field))
+
 
 KINDS: tuple[Kind, ...] = (
     Kind(
@@ -352,11 +371,6 @@ KINDS: tuple[Kind, ...] = (
         ),
     ),
     Kind(
-        EventKind.LEG,
-        "the aPad was ordered to another place",
-        (Field("metres", NUMBER, "in a straight line from where it was", "m"),),
-    ),
-    Kind(
         EventKind.PRIMITIVE,
         "a primitive started, succeeded or failed, or a docking caught nothing within the catch radius",
         (
@@ -373,33 +387,6 @@ KINDS: tuple[Kind, ...] = (
         EventKind.DOCK,
         "a dock closed around an aMussel, or opened",
         (_DOCK_FIELD, _AGENT, Field("closed", BOOLEAN, "true when it closed")),
-    ),
-    Kind(
-        EventKind.RELEASED,
-        "an aMussel left its dock and was ordered to sink",
-        (
-            _AGENT,
-            Field("full", BOOLEAN, "true if it was believed full at that order: it counts as a service"),
-        ),
-    ),
-    Kind(
-        EventKind.GIVEN_UP,
-        "a step of the mission was given up",
-        (_AGENT, Field("what", TEXT, "`collect`, `deploy`, `charge` or `dock`"), _REASON),
-    ),
-    Kind(
-        EventKind.LEFT_ALONE,
-        "the mission stopped its tries to serve an aMussel",
-        (_AGENT, Field("tries", INTEGER, "number of failed tries in a row"), _REASON),
-    ),
-    Kind(EventKind.STUCK, "several go-tos in a row failed: the aPad is stuck", (_REASON,)),
-    Kind(
-        EventKind.OVERRIDE,
-        "a person took the aPad over, or gave it back",
-        (
-            Field("taken", BOOLEAN, "true for taking over"),
-            _optional(Field("by", TEXT, "`person`, or `vehicle` when another party steers it")),
-        ),
     ),
     Kind(
         EventKind.OPERATOR,
@@ -516,12 +503,6 @@ KINDS: tuple[Kind, ...] = (
         (Field("client", TEXT, "its node; empty where the stack does not tell"),),
     ),
     Kind(
-        EventKind.DOCKS_DISAGREE,
-        "witnesses of a dock disagree: `position_static`, `check_docking_availability`, the aMussel, our own record",
-        (_ID, Field("reason", TEXT, "what each says, and what the mission takes for true")),
-    ),
-    Kind(EventKind.STANDS_DOWN, "one of several aPads leaves its aMussels to the others", (_REASON,)),
-    Kind(
         EventKind.HANDED_ON,
         "one of several aPads no longer serves an aMussel",
         (_ID, _optional(Field("to", TEXT, "the aPad that does; with --time asap"))),
@@ -542,17 +523,6 @@ KINDS: tuple[Kind, ...] = (
                 _list_of(Type(StrictInt | StrictStr, "integer or text")),
                 "its number in `agents/mussel/stimuli.py` and its fields; bytes in hexadecimal",
             ),
-        ),
-    ),
-    Kind(
-        EventKind.DIED,
-        "an aMussel's process ended: a reset of its MU",
-        (
-            _ID,
-            _AGENT_MS,
-            Field("cause", TEXT, "the cause of the reset, by name"),
-            Field("reason", TEXT, "why the process ended"),
-            Field("gave_up", _or_null(TEXT), "why it stays dead; null when it was started again"),
         ),
     ),
     Kind(
@@ -612,11 +582,6 @@ KINDS: tuple[Kind, ...] = (
         ),
     ),
     Kind(
-        EventKind.RANGE,
-        "a ping was answered, or its time-out passed",
-        (_ID, Field("range_m", _or_null(NUMBER), "the range; null without an answer", "m")),
-    ),
-    Kind(
         EventKind.FIX,
         "ranges gave an aMussel's place",
         (
@@ -625,18 +590,6 @@ KINDS: tuple[Kind, ...] = (
             Field("hdop", NUMBER, "dilution of precision, of the geometry"),
             Field("residual_m", NUMBER, "root mean square of the ranges' residuals", "m"),
             Field("ranges", INTEGER, "number of ranges used"),
-        ),
-    ),
-    Kind(EventKind.ASKED, "an aMussel was asked for its status by sound", (_ID,)),
-    Kind(EventKind.UNANSWERED, "the aMussel did not answer in time", (_ID,)),
-    Kind(
-        EventKind.SAMPLES_GONE,
-        "samples that can no longer be uploaded",
-        (
-            _ID,
-            Field("count", INTEGER, "how many"),
-            Field("first", INTEGER, "the lowest sequence number among them"),
-            Field("last", INTEGER, "the highest"),
         ),
     ),
     Kind(
@@ -710,11 +663,6 @@ KINDS: tuple[Kind, ...] = (
         ),
     ),
     Kind(
-        EventKind.LEFT_WATER,
-        "an aPad's modem and its aMussels are out of the water that several aPads share, before its mission's end",
-        (Field("name", TEXT, "the aPad"), _REASON),
-    ),
-    Kind(
         EventKind.RESUMED,
         "another supervisor continues the run",
         (
@@ -739,10 +687,11 @@ KINDS: tuple[Kind, ...] = (
         "the knowledge that this supervisor restored",
         (Field("told", _list_of(TEXT), "the lines printed for people"),),
     ),
+    *map(_kind_of, EVENTS.values()),
 )
 
-_BY_KIND = {it.kind.value: it for it in KINDS}
-_ALLOWED = {it.kind.value: frozenset(field.name for field in it.fields) for it in KINDS}
+_BY_KIND = {str(it.kind): it for it in KINDS}
+_ALLOWED = {str(it.kind): frozenset(field.name for field in it.fields) for it in KINDS}
 
 
 @cache
@@ -774,7 +723,7 @@ def fault_of(kind: str, data: Mapping[str, Any]) -> str | None:
 def refuse_wrong(kind: str, data: Mapping[str, Any]) -> None:
     """Raises ValueError for an event that is not of the table: a mistake of the code that writes it."""
     if kind not in _BY_KIND:
-        raise ValueError(f"`{kind}` is no kind of event: add it to apad_bridge/records/event_kinds.py")
+        raise ValueError(f"`{kind}` is no kind of event: add it to apad_bridge/events.py")
     if not _BY_KIND[kind].is_open and (unknown := data.keys() - _ALLOWED[kind]):
         raise ValueError(f"`{kind}` has a field that its table does not: {', '.join(sorted(unknown))}")
     if (fault := fault_of(kind, data)) is not None:

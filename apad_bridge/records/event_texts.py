@@ -6,16 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from apad_bridge.events import EVENTS
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.vehicle.docking import PRE_EMPTED
-
-_NOT_DONE = {
-    "collect": "is not collected this time",
-    "deploy": "is not returned this time",
-    "charge": "is not charged any further",
-    "dock": "is not docked",
-}
-"""The fate of an aMussel whose step was given up, by the `what` of the event `given_up`."""
 
 _REACTIONS = {
     "hold": "the aPad holds where it is",
@@ -36,6 +29,8 @@ _STOP_STATES = {
 
 def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
     """Tells whether an event is a failure, which a person is told of at once."""
+    if kind in EVENTS:
+        return EVENTS[kind].is_failure
     match kind, data:
         case EventKind.PRIMITIVE, {"phase": "failed", "reason": reason}:
             return bool(reason != PRE_EMPTED)
@@ -45,14 +40,9 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
             )  # any other order that is refused fails as a primitive, too
         case (
             (
-                EventKind.GIVEN_UP
-                | EventKind.LEFT_ALONE
-                | EventKind.STUCK
-                | EventKind.GUARD
+                EventKind.GUARD
                 | EventKind.PILOT
                 | EventKind.OTHERS
-                | EventKind.DOCKS_DISAGREE
-                | EventKind.LEFT_WATER
                 | EventKind.GRAPH_DEAF
                 | EventKind.UNREADABLE
             ),
@@ -67,10 +57,10 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
 
 def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
     """The text of an event that a person may look for in a run; None for lines of samples and for steps of routine."""
+    if kind in EVENTS:
+        return EVENTS[kind].of(data).text()
     reason = data.get("reason")
     match kind, data:
-        case EventKind.LEFT_WATER, {"name": name}:
-            return f"{name} is out of the water: {reason}"
         case EventKind.DOCK, {"agent": agent, "dock": dock, "closed": closed}:
             return f"dock {dock + 1} {'closed around' if closed else 'let go'} aMussel {agent}"
         case EventKind.PLAN, {"what": what, "strategy": strategy, "steps": steps}:
@@ -85,14 +75,6 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return f"{name} ({north_m:.1f} m north, {east_m:.1f} m east) failed: {reason}"
         case EventKind.PRIMITIVE, {"phase": "failed", "name": name}:
             return f"{name} failed: {reason}"
-        case EventKind.GIVEN_UP, {"agent": agent, "what": what} if what in _NOT_DONE:
-            return f"aMussel {agent} {_NOT_DONE[what]}: {reason}"
-        case EventKind.LEFT_ALONE, {"agent": agent, "tries": tries}:
-            return f"aMussel {agent} is left alone from now on: {tries} tries in a row failed, the last one: {reason}"
-        case EventKind.STUCK, _:
-            return f"the aPad is stuck: {reason}"
-        case EventKind.OVERRIDE, {"taken": taken}:
-            return "a person took the aPad over" if taken else "the aPad was given back"
         case EventKind.OPERATOR, {"order": order, "by": by, "agent": agent}:
             return f"{by} ordered: {order}, aMussel {agent}"
         case EventKind.OPERATOR, {"order": order, "by": by}:
@@ -101,8 +83,6 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return f"{by}: {text}"
         case EventKind.SCRIPT, {"said": said} if said is not None:
             return f"script: {said}"
-        case EventKind.DIED, {"id": agent, "gave_up": gave_up}:
-            return f"the process of aMussel {agent} died{f': {gave_up}' if gave_up else ', and was started again'}"
         case EventKind.PRESENCE, {"id": agent, "is": presence}:
             return f"aMussel {agent} is {presence}"
         case EventKind.FAULT, {"fault": fault, "refused": refused}:
@@ -140,10 +120,6 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return "a pilot steers the aPad" if steers else "the pilot has let go of the aPad"
         case EventKind.OTHERS, {"client": client}:
             return f"{client or 'a client that this stack does not name'} commands the aPad"
-        case EventKind.DOCKS_DISAGREE, {"id": agent_id}:
-            return f"the docks' witnesses disagree about aMussel {agent_id}: {reason}"
-        case EventKind.STANDS_DOWN, _:
-            return f"the aPad stands down: {reason}"
         case EventKind.MASTER_GONE, _:
             return "the ROS master is gone"
         case EventKind.MASTER_BACK, _:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
+from apad_bridge import events
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
@@ -213,7 +214,7 @@ class Supervisor:
         if self._end_by_ms is None or now_ms < self._end_by_ms or not held or self.has_ended:
             return []
         self._end_by_ms = None
-        return [Note("stuck", {"reason": f"mission.end_by passes while it is stopped: {held}"})]
+        return [events.Stuck(f"mission.end_by passes while it is stopped: {held}")]
 
     def forecast(self, forecaster: Forecaster, now_ms: MissionMs) -> Forecast:
         """The forecast of this flight at the tick `now_ms`."""
@@ -279,8 +280,8 @@ class Supervisor:
         if taken.samples:
             actions.append(KeepSamples(packet.agent_id, taken.samples))
         if taken.gone:
-            sequences = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
-            actions.append(Note("samples_gone", {"id": packet.agent_id, **sequences}))
+            first, last = min(taken.gone), max(taken.gone)
+            actions.append(events.SamplesGone(packet.agent_id, len(taken.gone), first, last))
         return actions
 
     def _doubt_dock(self, packet: Packet | None) -> list[SupervisorAction]:
@@ -296,7 +297,7 @@ class Supervisor:
         self._doubted.add(agent_id)
         dock_index = self.mission.docks.index(agent_id)
         reason = f"dock {dock_index + 1} holds it by the vehicle's report, and it reports {state.name}, on the bottom"
-        return [Note("docks_disagree", {"id": agent_id, "reason": reason})]
+        return [events.DocksDisagree(agent_id, reason)]
 
     def _acknowledge(self) -> list[SupervisorAction]:
         acks = self.samples.acknowledgements()
@@ -381,7 +382,7 @@ class Supervisor:
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))
-                case Note() | StopVehicle() | AllowMotion() | GoBackIn():
+                case Note() | events.Event() | StopVehicle() | AllowMotion() | GoBackIn():
                     actions.append(order)
                 case _:
                     self._named[order.primitive_id] = order

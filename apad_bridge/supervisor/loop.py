@@ -34,6 +34,8 @@ from agents.water.sea_events import (
     SoundReached,
     StimulusDelivered,
 )
+from apad_bridge import events
+from apad_bridge.events import Event, RangeMeasured
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
@@ -220,6 +222,9 @@ class Flight:
         for kind, data in [*self._vehicle.gate.take_events(), *self._context.take_events(now_ms)]:
             self._recorder.event(now_ms, kind, **data)
 
+    def _tell(self, event: Event, now_ms: MissionMs) -> None:
+        self._recorder.event(now_ms, event.kind, **event.data)
+
     def _act(self, now_ms: MissionMs) -> bool:
         """Lets the supervisor act, and passes its actions on; True if a docking mechanism was commanded.
 
@@ -231,6 +236,8 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
+                case Event():
+                    self._tell(action, now_ms)
                 case StopVehicle(by, off, hands):
                     self._vehicle.stop(by, now_ms, off=off, hands=hands)
                 case AllowMotion(by, pilot_left, keeps_stop):
@@ -291,15 +298,7 @@ class Flight:
         for result in [*results_before, *self._advance_fleet(now_ms)]:
             match result:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
-                    self._recorder.event(
-                        now_ms,
-                        "died",
-                        id=agent_id,
-                        agent_ms=agent_ms,
-                        cause=cause.name,
-                        reason=reason,
-                        gave_up=gave_up,
-                    )
+                    self._tell(events.Died(agent_id, agent_ms, cause.name, reason, gave_up), now_ms)
                     self._faults.restarted(agent_id)
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
@@ -322,16 +321,16 @@ class Flight:
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
                 case Ranged(at_ms, agent_id, range_m):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
-                    self._recorder.event(now_ms, "range", id=agent_id, range_m=round(range_m, 3))
+                    self._tell(RangeMeasured(agent_id, round(range_m, 3)), now_ms)
                 case NotRanged(at_ms, agent_id):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, None))
-                    self._recorder.event(now_ms, "range", id=agent_id, range_m=None)
+                    self._tell(RangeMeasured(agent_id, None), now_ms)
                 case StimulusDelivered(_, agent_id, agent_ms, stimulus):
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
                     self._recorder.event(now_ms, "packet", **self._fleet.packet_data(packet))
                 case LeftWater(_, name, reason):
-                    self._recorder.event(now_ms, "left_water", name=name, reason=reason)
+                    self._tell(events.LeftWater(name, reason), now_ms)
                 case SeaLost(_, reason):
                     self.stop(MissionEnd(EndReason.SEA_LOST, f"{EndReason.SEA_LOST}: {reason}"))
         truths = self._fleet.take_truths()

@@ -14,6 +14,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.events import Asked
 from apad_bridge.mission.events import Ping, RangeHeard, Send
 from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.water import Localisation, Talk, Water
@@ -163,7 +164,7 @@ def test_who_is_more_probably_deaf_than_not_is_not_asked(
     service = RangingService(scheduler, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
     belief = Belief(7, 0, state, 0.5, 1.0, 0.0, 0.0, mode_probabilities=probabilities)
     actions = service.advance([belief], 0)
-    assert [it.data for it in actions if isinstance(it, Note)] == ([{"id": 7}] if asked else [])
+    assert [it.data for it in actions if isinstance(it, Asked)] == ([{"id": 7}] if asked else [])
     assert len([it for it in actions if isinstance(it, Send)]) == asked
     service.advance([], 60_000)
     assert service.dropped == ({"sound: asked how it was, and no answer came in time": 1} if asked else {})

@@ -12,8 +12,8 @@ from agents.water import medium as water_medium
 from agents.water.places import Place
 from agents.water.sound import Sound
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
+from apad_bridge.events import Asked, Unanswered
 from apad_bridge.mission.events import Ping, Send
-from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.water import Talk, Water
 from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
@@ -146,7 +146,7 @@ def test_pings_come_before_status_requests_and_nothing_is_sent_before_each_answe
     )
     ping, note, question = scheduler.advance(10_000, NOBODY, [2, 3], [2, 1])
     assert ping == Ping(2, 15_000)
-    assert note == Note("asked", {"id": 2})
+    assert note == Asked(2)
     assert isinstance(question, Send) and question.not_before_ms == 19_105 + 20
     assert decoded(question) == CommandPacket(Kind.PING, 2)
     (permission,) = scheduler.schedule_sends([Send(Medium.SOUND, 1, bytes(6))], 10_000)
@@ -165,7 +165,7 @@ def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
     scheduler.advance(0, NOBODY, [], [1])
     assert scheduler.advance(5000, NOBODY) == []
     # A pause of 20 ms, 380 + 893 + 2 x 100 ms, and 4 s.
-    assert scheduler.advance(6000, NOBODY) == [Note("unanswered", {"id": 1})]
+    assert scheduler.advance(6000, NOBODY) == [Unanswered(1)]
     scheduler.advance(10_000, NOBODY, [], [2])
     scheduler.short_status_received(2)
     assert scheduler.advance(20_000, NOBODY) == [] and scheduler.unanswered == 1

@@ -7,6 +7,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events import Event
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
@@ -117,14 +118,14 @@ class Bench:
         self.told.say(agent_id, self.now_ms, State.CHARGING, self.told[agent_id].primary)
 
     def notes(self, kind: str) -> list[dict[str, object]]:
-        return [order.data for order in self.orders if isinstance(order, Note) and order.kind == kind]
+        return [order.data for order in self.orders if isinstance(order, Note | Event) and order.kind == kind]
 
 
 def test_it_holds_and_waits_until_four_are_in_the_pool() -> None:
     bench = Bench(agents=5)
     bench.told.say(4, 0, State.ACTIVE, 0.81)
     bench.told.say(5, 0, State.ACTIVE, 0.9)
-    assert isinstance(next(o for o in bench.tick() if not isinstance(o, Note)), HoldPosition)
+    assert isinstance(next(o for o in bench.tick() if not isinstance(o, Note | Event)), HoldPosition)
     assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
     bench.told.say(4, 0, State.ACTIVE, 0.8)
     bench.tick()
@@ -352,7 +353,7 @@ def test_a_dock_that_never_opens_is_given_up_and_the_others_go_on() -> None:
     bench, ordered = with_jammed_dock()
     tried = [it.agent_id for it in ordered if isinstance(it, UndockMussel)]
     assert sorted(tried) == [1] * MISSION.collection_attempts + [2, 3, 4]
-    (left,) = [it.data for it in ordered if isinstance(it, Note) and it.kind == "left_alone"]
+    (left,) = [it.data for it in ordered if isinstance(it, Event) and it.kind == "left_alone"]
     assert left == {
         "agent": 1,
         "tries": MISSION.collection_attempts,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from apad_bridge.events import Event, LegBegan
 from apad_bridge.mission.order_book import CHORD_M, OrderBook
-from apad_bridge.mission.orders import Note
 from apad_bridge.mission.state import MissionState
 from apad_bridge.vehicle.primitives import GoToPoint, HoldPosition, PrimitiveFailed, PrimitiveSucceeded
 
@@ -47,7 +47,7 @@ def test_a_leg_counts_where_the_aPad_has_been() -> None:
     book.note_outcome(PrimitiveSucceeded(0, goto))
     book.moved(8.0, 4.0)
     assert (book.state.cost_m, book.state.planned_m, book.state.leg) == (pytest.approx(7.0), 50.0, None)
-    assert [it for it in book.take_orders() if isinstance(it, Note)] == [Note("leg", {"metres": 50.0})]
+    assert [it for it in book.take_orders() if isinstance(it, Event)] == [LegBegan(50.0)]
 
 
 def test_an_aPad_that_does_not_move_costs_nothing() -> None:

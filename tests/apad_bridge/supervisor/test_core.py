@@ -8,8 +8,9 @@ from scenario_files import POOL_FILE
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events import DocksDisagree
 from apad_bridge.mission.ending import EndReason, MissionEnd
-from apad_bridge.mission.events import EndRequested, Fact, Note, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported
 from firmware_model.packets import (
@@ -79,7 +80,7 @@ def test_a_docked_amussel_that_reports_to_lie_on_the_bottom_is_told_once_until_i
     ):
         supervisor.receive(WifiHeard(1000 * now_ms, data))
         actions = supervisor.advance(1000 * now_ms)
-        told += [(now_ms, it.data) for it in actions if isinstance(it, Note) and it.kind == "docks_disagree"]
+        told += [(now_ms, it.data) for it in actions if isinstance(it, DocksDisagree)]
     reason = "dock 2 holds it by the vehicle's report, and it reports ACTIVE, on the bottom"
     assert told == [(2, {"id": 7, "reason": reason}), (6, {"id": 7, "reason": reason})]
 

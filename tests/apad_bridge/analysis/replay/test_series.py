@@ -236,6 +236,7 @@ def test_without_truth_the_page_shows_what_was_believed():
 
 def test_one_that_was_given_up_is_grey():
     died = {"t": 2000, "kind": "died", "id": 1, "agent_ms": 20_000, "gave_up": "it died too often"}
+    died |= {"cause": "BROWN_OUT", "reason": "killed"}
     data = data_of(run_line(1), *truth_lines(truth(0, 1, 0.9)), died, {"t": 4000, "kind": "tick"})
     assert data["agents"][0]["status"] == [Status.ABOVE] * 2 + [Status.LOST] * 3
     assert data["active"] == [1, 1, 0, 0, 0]
