@@ -30,7 +30,10 @@ class Orders:
         self.taken: list[str] = []
         self.tried: list[str] = []
         self.refuses: Exception | None = None
-        self.is_told = False
+        self.is_told = self.is_cut = False
+
+    def forget_cut(self) -> None:
+        self.is_cut = False
 
     def hold(self, north: float, east: float) -> None:
         self._take(f"hold {north:g} {east:g}")
@@ -160,6 +163,35 @@ def test_after_an_off_of_the_bench_a_silence_means_off_too() -> None:
     vessel.seconds(10)
     vessel.age_s = None
     assert vessel.seconds(8).state == "HELD" and vessel.taken == ["off", "hold 10 10"]
+
+
+def test_a_way_that_somebody_ended_in_the_silence_is_not_followed_by_a_hold() -> None:
+    """Over a poor link a person's OFF arrives, and the heartbeats that would tell of it do not."""
+    vessel = watched()
+    vessel.age_s = None
+    vessel.seconds(3)
+    vessel.orders.is_cut = True
+    vessel.seconds(60)
+    assert vessel.state == "OFF" and set(vessel.taken) == {"off"}
+    assert "somebody ended its way in the silence" in vessel.said[-1]
+
+
+def test_a_way_that_ended_before_a_heartbeat_is_judged_by_the_heartbeat() -> None:
+    vessel = watched()
+    vessel.orders.is_cut = True
+    vessel.seconds(3)
+    vessel.age_s = None
+    vessel.seconds(30)
+    assert vessel.state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+
+
+def test_the_watchdog_s_own_hold_is_not_somebody_s_end_of_a_way() -> None:
+    vessel = watched()
+    vessel.age_s = None
+    vessel.seconds(8)
+    vessel.orders.is_cut = True  # by the hold, which was given meanwhile
+    vessel.seconds(30)
+    assert vessel.state == "HELD" and set(vessel.taken) == {"hold 10 10"}
 
 
 def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
@@ -612,3 +644,52 @@ def test_it_keeps_to_the_syntax_of_python_2_7() -> None:
             assert sum(isinstance(it, ast.Starred) for it in node.args) < 2
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "super":
             assert node.args
+
+
+def primitives() -> Any:
+    orders = object.__new__(WATCHDOG.Primitives)
+    orders.is_told = orders.is_cut = False
+    return orders
+
+
+def goals() -> Any:
+    orders = object.__new__(WATCHDOG.Goals)
+    orders.is_told, orders.is_cut, orders._active, orders._name = False, False, (), None
+    orders._taken = SimpleNamespace(set=lambda: None)
+    return orders
+
+
+@pytest.mark.parametrize(
+    ("told", "is_cut"),
+    [([1, 2], True), ([1, 3], False), ([1, 0], False), ([1, 2, 1], False), ([1, 2, 0], True), ([2], False)],
+)
+def test_generation_b_tells_a_way_that_was_ended_by_its_goto_status(told: list[int], is_cut: bool) -> None:
+    """Of the published stack: 0 idle, 1 running, 2 pre-empted, 3 done."""
+    orders = primitives()
+    for status in told:
+        orders._hear_status(SimpleNamespace(data=status))
+    assert orders.is_cut is is_cut
+
+
+@pytest.mark.parametrize(
+    ("told", "is_cut"),
+    [
+        ([{"a": 1}, {"a": 2}], True),
+        ([{"a": 1}, {"a": 3}], False),
+        ([{"a": 1}, {"a": 2, "b": 1}, {"a": 2, "b": 3}], False),
+        ([{"a": 1}, {"a": 2, "b": 1}, {"a": 2, "b": 2}], True),
+        ([{"a": 2}], False),
+    ],
+)
+def test_generation_a_tells_it_by_the_status_of_its_goals(told: list[dict[str, int]], is_cut: bool) -> None:
+    """actionlib_msgs/GoalStatus: 1 ACTIVE, 2 PREEMPTED, 3 SUCCEEDED."""
+    orders = goals()
+    for statuses in told:
+        rows = [
+            SimpleNamespace(goal_id=SimpleNamespace(id=it), status=status) for it, status in statuses.items()
+        ]
+        orders._hear_status(SimpleNamespace(status_list=rows))
+    assert orders.is_cut is is_cut
+    orders.forget_cut()
+    orders._hear_status(SimpleNamespace(status_list=rows))
+    assert not orders.is_cut
