@@ -7,7 +7,7 @@
 
 Every process is looked at each 10 s. The first quarter fills caches and does not count; `..._per_hour` and `..._per_day`
 are slopes of a straight line through the rest, the latter by days of the aMussels' time. Memory is what is private to a
-process, so that no other program of the machine changes it. docs/architecture.md tells what makes it rise slowly: the
+process, so that no other program of the machine changes it. docs/processes.md tells what makes it rise slowly: the
 bag's index, and the pages that an aMussel copies. The laws of `musselbed check` are checked at the end.
 
 The published stack advertises a topic for each aMussel when it first docks, and rospy takes a descriptor and a thread for

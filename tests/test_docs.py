@@ -186,6 +186,17 @@ def test_the_readme_has_600_words_at_most() -> None:
     assert words(ROOT / "README.md") <= 600
 
 
+TABLES = ("records.md", "scenarios.md")
+"""Pages that are tables to look things up in."""
+
+
+@pytest.mark.parametrize(
+    "page", [it for it in PAGES[2:] if it.name not in (*TABLES, "studies.md")], ids=lambda page: page.name
+)
+def test_a_page_that_is_no_table_has_4000_words_at_most(page: Path) -> None:
+    assert words(page) <= 4000
+
+
 def test_the_index_lists_every_page_once_in_one_of_four_groups() -> None:
     index = ROOT / "docs" / "README.md"
     listed = re.findall(r"^- \[[^\]]+\]\(([^)]+)\): \S", index.read_text(), re.MULTILINE)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from agents.water.patches import CALM, Patch, Waters
 from agents.water.stream import CurrentConfig, Tide
-from apad_bridge.scenario.currents import current_text
+from apad_bridge.scenario.currents import current_text, steady_text
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Current, Fields
@@ -15,9 +15,8 @@ from apad_bridge.scenario.water import Current, Fields
 def current_config(scenario: Scenario) -> CurrentConfig:
     """Converts the scenario's current, and reads its file. OSError, or ValueError for a file that is no current."""
     current = Current() if scenario.water is None else scenario.water.current or Current()
-    name = scenario.fleet.drift.current_file or current.file
     return CurrentConfig(
-        None if name is None else current_text(Path(name), LocalFrame.about(scenario.area.origin)),
+        _field_text(scenario, current),
         tuple(
             Tide(
                 round(tide.period_h * 3600),
@@ -30,6 +29,16 @@ def current_config(scenario: Scenario) -> CurrentConfig:
         ),
         tuple((round(depth * 1e6), round(fraction * 1e6)) for depth, fraction in current.profile),
     )
+
+
+def _field_text(scenario: Scenario, current: Current) -> str | None:
+    """CSV of the current's field, without tides and profile; None where there is no such field."""
+    drift = scenario.fleet.drift
+    steady_m_s = drift.current_m_s or current.steady_m_s
+    if steady_m_s is not None:
+        return steady_text(*steady_m_s)
+    name = drift.current_file or current.file
+    return None if name is None else current_text(Path(name), LocalFrame.about(scenario.area.origin))
 
 
 def waters_config(fields: Fields) -> dict[str, Waters]:

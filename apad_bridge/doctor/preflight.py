@@ -157,7 +157,7 @@ def check_clearance(guards: GuardOptions, apad: str, speed_m_s: float, what: str
         return cannot_tell(
             check,
             f"{', '.join(room)} not given: the room of a stop is not known",
-            "measure them (docs/apads.md#clearance), or take those of launch_scripts/scenarios/real-apad.yaml",
+            "measure them (docs/guards.md#clearance), or take those of launch_scripts/scenarios/real-apad.yaml",
         )
     needed_m, fastest_m_s = room.clearance_m(speed_m_s), room.fastest_m_s(guards.clearance_m)
     fits = f"at most {fastest_m_s:.2f} m/s fit" if fastest_m_s else "no speed fits"
@@ -249,7 +249,7 @@ def check_pilot(apad: str, *, hears_pilot: bool, manual: Heard) -> Finding:
 def check_watchdog(apad: str, *, drifts: bool, state: Heard) -> Finding:
     """`state` is what the vehicle's watchdog says. `drifts`: controllers go off between primitives."""
     check = f"{apad} watchdog"
-    mend = "start launch_scripts/vehicle_watchdog on the vehicle's own computer: docs/apads.md"
+    mend = "start launch_scripts/vehicle_watchdog on the vehicle's own computer: docs/failures.md"
     if state.value is not None and state.value in WATCHDOG_STATES:
         return ok(check, f"it runs, and says {state.value}")
     if state.value is not None:

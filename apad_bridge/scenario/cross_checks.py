@@ -220,6 +220,8 @@ def _check_fleet(scenario: Scenario) -> list[Contradiction]:
     if isinstance(fleet.start, str) and not Path(fleet.start).exists():
         found.append(("fleet.start", f"no such file or directory: {fleet.start}"))
     drift = fleet.drift
+    if drift.current_m_s is not None and drift.current_file is not None:
+        found.append(("fleet.drift.current_m_s", "with current_file there are two currents: leave one out"))
     if drift.current_file is not None:
         problem = problem_with_current(Path(drift.current_file), LocalFrame.about(scenario.area.origin))
         if problem:
@@ -443,8 +445,11 @@ def _check_water(scenario: Scenario) -> Iterator[Contradiction]:
     current = water.current
     if current is None:
         return
-    if scenario.fleet.drift.current_file is not None:
-        yield "water.current", "with fleet.drift.current_file there are two currents: leave one out"
+    for key in ("current_file", "current_m_s"):
+        if getattr(scenario.fleet.drift, key) is not None:
+            yield "water.current", f"with fleet.drift.{key} there are two currents: leave one out"
+    if current.steady_m_s is not None and current.file is not None:
+        yield "water.current.steady_m_s", "with file there are two currents: leave one out"
     if current.file is not None:
         problem = problem_with_current(Path(current.file), LocalFrame.about(scenario.area.origin))
         if problem:

@@ -29,6 +29,11 @@ def current_text(path: Path, frame: LocalFrame) -> str:
     return csv_of(path, frame)
 
 
+def steady_text(north_m_s: float, east_m_s: float) -> str:
+    """Returns CSV text of a current that is the same everywhere: a grid of one point."""
+    return f"north_m,east_m,north_m_s,east_m_s\n0,0,{north_m_s},{east_m_s}\n"
+
+
 def read_current(path: Path, frame: LocalFrame) -> Stream:
     """Raises OSError, or ValueError."""
     return parse_stream(current_text(path, frame))

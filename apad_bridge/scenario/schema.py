@@ -106,6 +106,8 @@ class Drift:
     """Half width of the uniform step that `paper` mode adds to north and to east each mission second."""
     current_file: str | None = None
     """CSV: north_m, east_m, north_m_s, east_m_s; relative to the scenario file."""
+    current_m_s: tuple[Speed, Speed] | None = None
+    """(north, east) velocity of a current that is the same everywhere, instead of a file."""
 
 
 SpreadDeviation = Annotated[float, Ge(0), Le(0.3)]

@@ -40,6 +40,8 @@ class Tide:
 class Current:
     file: str | None = None
     """CSV or NetCDF; relative to the scenario file."""
+    steady_m_s: tuple[Speed, Speed] | None = None
+    """(north, east) velocity of a current that is the same everywhere, instead of a file."""
     tides: tuple[Tide, ...] = ()
     profile: tuple[tuple[NotNegative, Fraction], ...] = ()
     """(depth in m, fraction of the current there) by rising depth, linear between. Empty: the full current everywhere."""

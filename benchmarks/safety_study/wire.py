@@ -40,7 +40,7 @@ _BUFFER_BYTES = 2**24
 AT_REST_M, REPEATED_S = 0.02, 0.5
 """A truth that is told: the vehicle has moved so far, or so long has passed."""
 BENCH_OFF = -1.0
-"""The number of a heartbeat while an OFF of the bench is in force (docs/apads.md)."""
+"""The number of a heartbeat while an OFF of the bench is in force (docs/failures.md)."""
 GO_TO = 0
 """A goal's kind in generation A; 1 perches, 2 releases."""
 

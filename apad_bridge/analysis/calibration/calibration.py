@@ -188,7 +188,7 @@ def _withdraw_motion(found: Calibration, reason: str) -> None:
         found.figures.pop(name, None)
         found.unmeasured[name] = (
             f"does not fit: {reason}. The vehicle has no cruise speed that the simulated aPad could have: "
-            "docs/apads.md#a-vehicle-without-a-cruise-speed"
+            "docs/guards.md#a-vehicle-without-a-cruise-speed"
         )
     for block, key in (
         ("mission", "speed_m_s"),

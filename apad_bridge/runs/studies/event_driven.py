@@ -85,7 +85,7 @@ def model_gap(scenario: Scenario) -> str | None:
         "water": scenario.water is not None,
         "apads: several aPads": bool(scenario.apads),
         "beliefs.twin": scenario.beliefs.twin is not None,
-        "fleet.drift.current_file: a current": fleet.drift.current_file is not None,
+        "fleet.drift: a current": (fleet.drift.current_file or fleet.drift.current_m_s) is not None,
         "mission.docking.camera_ids and visual_ids, which the vehicle docks": bool(
             docking.camera_ids or docking.visual_ids
         ),

@@ -49,7 +49,17 @@ def test_the_help_has_every_command_once_in_its_group(capsys: pytest.CaptureFixt
     for name in COMMANDS:
         assert len(re.findall(rf"(?m)^  {name} +\S", said)) == 1, name
     groups = re.findall(r"(?m)^([a-z ]+):$", said)
-    assert groups[1:-1] == ["fly", "order", "look", "compare", "prepare", "real hardware", "firmware"]
+    assert groups[1:-1] == [
+        "fly",
+        "order",
+        "look",
+        "look into a run",
+        "compare",
+        "prepare",
+        "real hardware",
+        "logs of real hardware",
+        "firmware",
+    ]
     assert max(map(len, said.splitlines())) <= 80
 
 

@@ -118,6 +118,24 @@ def test_two_currents_contradict_each_other(tmp_path: Path) -> None:
         from_data(data, "two")
 
 
+def test_two_numbers_are_a_current_that_is_the_same_everywhere() -> None:
+    in_water = flight_config(from_data(resolve(tidal(steady_m_s=[0.05, -0.1])), "steady"))
+    data = resolve(load(POOL))
+    data["fleet"]["drift"] = {"mode": "physical", "current_m_s": [0.05, -0.1]}
+    for config in (in_water, flight_config(from_data(data, "drift"))):
+        text = fleet_parts.fleet_config(config).current.csv
+        assert text is not None
+        for north_um, east_um in ((0, 0), (30_000_000, -9_000_000)):
+            assert parse_stream(text).velocity_um_s(north_um, east_um, 2_000_000, 7) == (50_000, -100_000)
+
+
+def test_two_numbers_beside_a_file_are_two_currents(tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0.1,0\n")
+    data = resolve(tidal(file=str(tmp_path / "c.csv"), steady_m_s=[0.1, 0]))
+    with pytest.raises(ScenarioError, match=r"water\.current\.steady_m_s: .*leave one out"):
+        from_data(data, "two")
+
+
 def test_a_profile_goes_down() -> None:
     with pytest.raises(ScenarioError, match="profile must go down"):
         tidal(profile=[[3, 1], [0, 1]])

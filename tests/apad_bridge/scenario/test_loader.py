@@ -357,7 +357,7 @@ def test_a_key_in_the_wrong_block_is_told_the_block(refusals: Refusals) -> None:
 
 def test_a_key_like_no_other_is_told_those_there_are(refusals: Refusals) -> None:
     assert refusals(("{mode: paper, amplitude_m: 0.005}", "{mode: paper, zz: 1}")) == [
-        "fleet.drift.zz: unknown key; known here: mode, amplitude_m, current_file"
+        "fleet.drift.zz: unknown key; known here: mode, amplitude_m, current_file, current_m_s"
     ]
 
 

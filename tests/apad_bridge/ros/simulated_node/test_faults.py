@@ -1,4 +1,4 @@
-"""Each fault of a stack as docs/apads.md describes it: port, core and simulated aPad in one loop without ROS."""
+"""Each fault of a stack as docs/failures.md describes it: port, core and simulated aPad in one loop without ROS."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ DOCKING = POOL.mission.docking
 BATTERY_V = (10.5, 16.0)
 ROWS = dict(
     re.findall(
-        r"^\| `(\w+)` \| [AB, ]+ \| .* \| (.*) \|$", (ROOT / "docs/apads.md").read_text(), re.MULTILINE
+        r"^\| `(\w+)` \| [AB, ]+ \| .* \| (.*) \|$", (ROOT / "docs/failures.md").read_text(), re.MULTILINE
     )
 )
 AWAY = GoToPoint(1, NORTH_M + 10.0, EAST_M, 0.5, 0.5)
