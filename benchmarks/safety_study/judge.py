@@ -34,7 +34,7 @@ OFF_PARTS_S = 5.0
 PILOT_GRACE_S = 0.5
 """An order may be under way while the pilot's flag arrives."""
 SILENCE_S = 10.0
-"""A watchdog's hold after so long without a heartbeat has a known cause (docs/failures.md); it is a failure all the same."""
+"""A watchdog's hold after so long without a heartbeat has a known cause (docs/failures.md). It is a failure, too."""
 BEAT_S = 0.5
 """The watchdog looks so often."""
 REST_M, REST_S = 0.15, 3.0
