@@ -8,7 +8,8 @@ above that of the same interrupt to ours.
 
 A mutant is the C board with one change: an operator, a constant, or a deleted statement, at `tries` places that a hash
 chooses. Places that only change texts and states for people are left out. `caught` ones fail a case of `musselbed mu
-conform`, `by_chance` ones differ in a random script only; `survivors` do neither. A survivor may decide as before.
+conform`, `by_chance` ones differ in a random script only. `equivalent` ones show nothing outside, for the reason in
+`EQUIVALENT`; `survivors` are missed.
 """
 
 from __future__ import annotations
@@ -67,6 +68,24 @@ _CHANGES = (
 """Patterns in a line, and what replaces them; None adds 1 to a number."""
 
 
+_TEXT = "only a text for people: nothing outside follows from a refused trigger"
+_NO_STATE = "a state that outside equals the other one: both take the same triggers"
+EQUIVALENT = {
+    ("if (by == SURFACING_TIMED_OUT)", "if (by != SURFACING_TIMED_OUT)"): _TEXT,
+    (
+        "board.has_deadline = false;",
+        "",
+    ): "a deadline that is left over is refused in every state without one of its own",
+    ("board.has_deadline = false;", "board.has_deadline = true;"): "likewise",
+    (
+        "mu_pin(MU_WATCH_BATTERY, board.state == ACTIVE);",
+        "mu_pin(MU_WATCH_BATTERY, board.state != ACTIVE);",
+    ): _NO_STATE,
+    ("pin.high_ticks = 0;", "pin.high_ticks = 1;"): "30 us of 2 s, below every tolerance",
+}
+"""Changes that nothing outside of the board can show, each with its reason."""
+
+
 def measure(tries: int = 60) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="musselbed-") as folder:
         board = Path(folder) / "board"
@@ -93,7 +112,7 @@ def show(result: dict[str, Any], console: Console) -> None:
     console.print(
         f"{found['mutants']} mutants: {found['caught']} caught, {found['by_chance']} more by random scripts; survivors:"
     )
-    for survivor in found["survivors"]:
+    for survivor in [*found["survivors"], *found["equivalent"]]:
         console.print(f"  {survivor}", markup=False, highlight=False, soft_wrap=True)
 
 
@@ -164,7 +183,7 @@ def _compile(source: Path, program: Path) -> bool:
 def mutants(folder: Path, tries: int) -> dict[str, Any]:
     source = (NATIVE / "worst_case.c").read_text().splitlines()
     count, caught, by_chance = 0, 0, 0
-    survivors = []
+    survivors, equivalent = [], []
     sites = sorted(_sites(source), key=lambda it: blake2b(repr(it).encode(), digest_size=8).digest())
     for line, start, end, new in sites:
         if count == tries:
@@ -181,9 +200,20 @@ def mutants(folder: Path, tries: int) -> dict[str, Any]:
         elif not all(_passes(folder / "mutant", case) for case in random_cases(RANDOM, 1)):
             by_chance += 1
         else:
-            survivors.append(f"line {line + 1}: {source[line].strip()}  ->  {changed.strip() or 'nothing'}")
+            told = f"line {line + 1}: {source[line].strip()}  ->  {changed.strip() or 'nothing'}"
+            reason = EQUIVALENT.get((source[line].strip(), changed.strip()))
+            if reason is None:
+                survivors.append(told)
+            else:
+                equivalent.append(f"{told}: {reason}")
     print("\r\033[K", end="", file=sys.stderr)
-    return {"mutants": count, "caught": caught, "by_chance": by_chance, "survivors": survivors}
+    return {
+        "mutants": count,
+        "caught": caught,
+        "by_chance": by_chance,
+        "equivalent": equivalent,
+        "survivors": survivors,
+    }
 
 
 def _sites(source: list[str]) -> Iterator[tuple[int, int, int, str]]:

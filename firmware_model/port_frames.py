@@ -20,7 +20,7 @@ OUT_OF_COUNT = 0xFFFF_FFFF
 """The sequence of a HELLO on a serial line that is no part of the exchange: from the bench it restarts the board, and from
 the board it tells that the board has begun anew."""
 MOST_FRAMES = 10_000
-"""A board that sends so many frames in one turn does not come to an end."""
+"""A board that sends so many frames at one time of its counter, in one turn or in many, does not come to an end."""
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<H")
 _MAX_ENCODED = (_HEAD.size + MAX_PAYLOAD + _CRC.size) * 255 // 254 + 2

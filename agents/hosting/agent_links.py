@@ -29,6 +29,7 @@ from agents.hosting.link_protocol import (
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.truths import TruthReceiver
+from agents.nursery.protocol import WATCHDOG_FIRED
 from firmware_model.stimuli import ResetCause
 
 _PATIENCE = 10
@@ -275,7 +276,10 @@ class AgentLinks:
         del self._agent_of[living.link.fileno()]
         living.link.close()
         self._running_ahead.pop(agent_id, None)
-        death = self._dead[agent_id] = Death(cause, reason or self._why(living.pid))
+        reason = reason or self._why(living.pid)
+        if reason.startswith(WATCHDOG_FIRED):
+            cause = ResetCause.WATCHDOG
+        death = self._dead[agent_id] = Death(cause, reason)
         return death
 
     def _why(self, pid: int) -> str:

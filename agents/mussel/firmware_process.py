@@ -21,7 +21,7 @@ _ENDING_S = 1.0
 """The wall time in which a process whose link has ended is expected to end."""
 _PORT_FD = 3
 _SETPRIV = ("/usr/bin/setpriv", "--pdeathsig", "KILL", "--")
-"""Of util-linux, which no Debian is without."""
+"""A program of util-linux, which no Debian is without."""
 _AT_ONCE = 65_536
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from agents.mussel.board_link import TURN_TIMEOUT_S, BoardLink, FrameToBoard, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
 from firmware_model.actions import Action, Buoyancy, Dropped, SendBytes, StateReported
+from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.hardware.worst_case import WorstCaseHardware
 from firmware_model.port import Level, Timer
@@ -56,6 +57,11 @@ def link_to(command: Sequence[str], timeout_s: float = TURN_TIMEOUT_S) -> BoardL
     return SerialBoard(*line, timeout_s)
 
 
+def firmware_of(command: Sequence[str], config: BoardConfig) -> MakeFirmware:
+    """Makes a program, or a real board, the firmware of a board on the bench."""
+    return lambda hardware: PortFirmware(lambda: link_to(command), config, hardware, seed=1)
+
+
 class PortFirmware:
     """A `firmware_model.port.FirmwareLike` behind a link, on the hardware of the paper's worst case.
 
@@ -83,6 +89,8 @@ class PortFirmware:
         self._seed = seed
         self._alarm_ms: int | None = None
         self._link: BoardLink | None = None
+        self._frames = self._counted_ms = 0
+        """The board's frames so far at this agent time: turns that never let time advance are a livelock."""
         self._outputs = dict.fromkeys(OutputPin, 0)
 
     @property
@@ -146,12 +154,13 @@ class PortFirmware:
         link.send([*head, (ToBoard.RUN, 0, bytes([self._levels(), len(frames)])), *frames], now_ms)
         self._alarm_ms = None
         actions: list[Action] = []
-        count = 0
+        if now_ms != self._counted_ms:
+            self._frames, self._counted_ms = 0, now_ms
         while True:
             for frame in link.receive():
-                count += 1
-                if count > MOST_FRAMES:
-                    raise FirmwareFailed(f"{MOST_FRAMES} frames in one turn")
+                self._frames += 1
+                if self._frames > MOST_FRAMES:
+                    raise FirmwareFailed(f"{MOST_FRAMES} frames at one time of its counter", by_watchdog=True)
                 if frame.kind == FromBoard.SLEEP:
                     return actions + self._sleep(frame, now_ms)
                 actions += self._take(frame, link, now_ms)

@@ -16,11 +16,11 @@ from agents.hosting.agent_process import WindowHandler, message_buffer
 from agents.hosting.link_protocol import Key, readable
 from agents.mussel.agent import Agent
 from agents.mussel.physical import Physical
-from agents.nursery.child import FIRMWARE_FAILED, FIRMWARE_HUNG, live
+from agents.nursery.child import FIRMWARE_FAILED, FIRMWARE_HUNG, FIRMWARE_SPUN, live
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
-from agents.nursery.protocol import Died
+from agents.nursery.protocol import WATCHDOG_FIRED, Died
 from agents.nursery.state_file import RECORD_BYTES, RING_BYTES, Record, RecordRing
 from agents.nursery.warm_up import warm_up, warm_up_port
 from firmware_model.packets.codec import load_codec
@@ -292,5 +292,9 @@ def _ending(status: int) -> str:
     if os.WIFSIGNALED(status):
         return f"killed by {signal.Signals(os.WTERMSIG(status)).name}"
     code = os.WEXITSTATUS(status)
-    ended = {FIRMWARE_FAILED: "its firmware failed", FIRMWARE_HUNG: "its firmware hung"}
+    ended = {
+        FIRMWARE_FAILED: "its firmware failed",
+        FIRMWARE_HUNG: "its firmware hung",
+        FIRMWARE_SPUN: WATCHDOG_FIRED,
+    }
     return f"{ended.get(code, f'ended with exit status {code}')}; see nursery.log"

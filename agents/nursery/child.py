@@ -15,6 +15,8 @@ FIRMWARE_FAILED = 65
 """The exit status of an agent whose firmware's process failed."""
 FIRMWARE_HUNG = 66
 """The exit status of an agent whose firmware's process did not end its turn."""
+FIRMWARE_SPUN = 67
+"""The exit status of an agent whose firmware let no time of its own pass, until its board's watchdog fired."""
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
 _LIBC = ctypes.CDLL(None)
@@ -56,7 +58,7 @@ def live(
         status = 0
     except FirmwareFailed as failure:
         print(f"{name.decode()}: its firmware: {failure}", file=sys.stderr, flush=True)
-        status = FIRMWARE_HUNG if failure.hung else FIRMWARE_FAILED
+        status = FIRMWARE_HUNG if failure.hung else FIRMWARE_SPUN if failure.by_watchdog else FIRMWARE_FAILED
     except BaseException:
         sys.excepthook(*sys.exc_info())
         sys.stderr.flush()

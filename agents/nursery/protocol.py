@@ -82,6 +82,10 @@ class Ended:
     """Every agent has ended, and the nursery ends."""
 
 
+WATCHDOG_FIRED = "its board's watchdog fired"
+"""The beginning of a death's reason that makes the watchdog the cause of the next boot, and not a brown-out."""
+
+
 @dataclass(frozen=True, slots=True)
 class Died:
     """An agent's process ended by itself, or somebody else killed it."""

@@ -27,14 +27,20 @@ from firmware_model.bench.conformance import (
     Result,
     Source,
     Verdict,
+    captured,
     judged,
+    lasts_ms,
     random_cases,
     shrunk,
     side_by_side,
+    traced,
     unknown_names,
 )
 from firmware_model.bench.conformance_cases import CASES
 from firmware_model.table_one import worst_case_board
+
+_AT_THETA_1_MS = 300_000
+"""The longest case for a board whose time is the wall's."""
 
 
 def add_conform(parts: Any) -> None:
@@ -60,7 +66,29 @@ def add_conform(parts: Any) -> None:
         help="also N random scripts, shortened where they differ",
     )
     conform.add_argument(
-        "--seed", type=int, default=1, metavar="N", help="of the random scripts (default: 1)"
+        "--seed", type=int, default=1, metavar="N", help="of the random scripts and of --cost (default: 1)"
+    )
+    conform.add_argument(
+        "--cost",
+        type=int,
+        default=0,
+        choices=range(0, 6),
+        metavar="MS",
+        help="each turn of PROGRAM takes 0 to MS ms, at most 5, of its board's time: races show (default: 0)",
+    )
+    conform.add_argument(
+        "--serial",
+        action="store_true",
+        help="only the cases that take less than 5 minutes of the board's time",
+    )
+    conform.add_argument(
+        "--captured", type=Path, metavar="TRACE", help="judge PROGRAM by this trace of a real board alone"
+    )
+    conform.add_argument(
+        "--capture",
+        type=Path,
+        metavar="TRACE",
+        help="write the trace of PROGRAM in --script or in one --case",
     )
     conform.add_argument("--script", metavar="WORDS", help="this script alone, as a failed case prints it")
     conform.add_argument(
@@ -76,22 +104,28 @@ def run_conform(arguments: argparse.Namespace) -> int:
     bench_of(program)  # a file that is none is told before anything starts
     waivers = {} if arguments.waive is None else _waivers(arguments.waive)
     console = Console(stderr=arguments.json)
+    cost = arguments.cost, arguments.seed
     results = []
     cases = _cases(arguments)
     for case in track(cases, "cases", console=console, transient=True, disable=arguments.json):
         try:
-            result = _judged(program, case, waivers)
+            result = _judged(program, case, waivers, *cost)
         except ValueError as error:
             raise UserError(f"--script: {error}") from None
-        if result.verdict is not Verdict.PASSED and case.name.startswith("random-"):
-            short = shrunk(case, lambda it: _judged(program, it, {}).verdict is not Verdict.PASSED)
-            result = _judged(program, short, waivers)
+        # For firmware that takes time the pauses between the words matter: such a script stays whole.
+        is_random = case.name.startswith("random-") and not arguments.cost
+        if result.verdict is not Verdict.PASSED and is_random:
+            short = shrunk(case, lambda it: _judged(program, it, {}, *cost).verdict is not Verdict.PASSED)
+            result = _judged(program, short, waivers, *cost)
         results.append(result)
+    if arguments.captured is not None:
+        results.append(_judged_by_trace(program, arguments.captured, *cost))
+    if arguments.capture is not None:
+        if len(results) != 1:
+            raise UserError("--capture: name one --case, or a --script")
+        _write(arguments.capture, "\n".join(traced(results[0].case, results[0].theirs)) + "\n")
     if arguments.junit is not None:
-        try:
-            write_atomically(arguments.junit, _junit(program, results))
-        except OSError as error:
-            raise UserError(f"{arguments.junit} cannot be written: {error.strerror}") from None
+        _write(arguments.junit, _junit(program, results))
     if arguments.json:
         print(json.dumps([_as_data(it) for it in results], indent=1))
     else:
@@ -100,19 +134,48 @@ def run_conform(arguments: argparse.Namespace) -> int:
 
 
 def _cases(arguments: argparse.Namespace) -> list[Case]:
+    if arguments.captured is not None:
+        return []
     if arguments.script is not None:
         return [Case("script", Source.CHOICE, "the same as ours", arguments.script)]
     if unknown := unknown_names(arguments.case, CASES):
         raise UserError(f"--case {unknown[0]}: there are {', '.join(case.name for case in CASES)}")
     chosen = [case for case in CASES if not arguments.case or case.name in arguments.case]
-    return [*chosen, *random_cases(arguments.random, arguments.seed)]
+    chosen += random_cases(arguments.random, arguments.seed, arguments.cost > 0)
+    return [case for case in chosen if not arguments.serial or lasts_ms(case.script) < _AT_THETA_1_MS]
 
 
-def _judged(program: Path, case: Case, waivers: dict[str, str]) -> Result:
+def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, seed: int) -> Result:
     def ours(primary: float) -> Bench:
         return Bench(worst_case_board(), primary=primary)
 
-    return judged(case, ours, lambda primary: bench_of(program, primary), FirmwareFailed, waivers)
+    def theirs(primary: float) -> Bench:
+        return bench_of(program, primary, cost_ms, seed)
+
+    return judged(case, ours, theirs, FirmwareFailed, waivers, 2 * cost_ms)
+
+
+def _judged_by_trace(program: Path, trace: Path, cost_ms: int, seed: int) -> Result:
+    """Plays a captured trace again, and compares; UserError for a file that is none."""
+    try:
+        case, found = captured(read_text(trace), trace.stem)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{trace}: {error}") from None
+    return judged(
+        case,
+        found,
+        lambda primary: bench_of(program, primary, cost_ms, seed),
+        FirmwareFailed,
+        {},
+        2 * cost_ms,
+    )
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        write_atomically(path, text)
+    except OSError as error:
+        raise UserError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def _waivers(path: Path) -> dict[str, str]:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.port_firmware import PortFirmware, link_to
+from agents.mussel.port_firmware import firmware_of
 from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench import Bench
+from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.trace import clock, line
 from firmware_model.hardware.worst_case import WorstCaseHardware
 from firmware_model.packets import Kind
@@ -53,8 +54,11 @@ def run_program(path: Path) -> int:
     return Exit.DONE
 
 
-def bench_of(path: Path, primary: float = 1.0) -> Bench:
-    """A board of the worst case with this program on it, or a real one; UserError if there is none."""
+def bench_of(path: Path, primary: float = 1.0, cost_ms: int = 0, seed: int = 1) -> Bench:
+    """A board of the worst case with this program on it, or a real one; UserError if there is none.
+
+    Each turn takes up to `cost_ms` of the board's time, chosen by `seed`.
+    """
     if not is_program(path):
         raise UserError(f"{path} is no program: compile it, and check that it may be executed (chmod +x)")
     try:
@@ -66,7 +70,9 @@ def bench_of(path: Path, primary: float = 1.0) -> Bench:
     command = (str(path.absolute() if line is None else path),)
     config = worst_case_board()
 
+    make = firmware_of(command, config)
+
     def firmware(hardware: WorstCaseHardware) -> FirmwareLike:
-        return PortFirmware(lambda: link_to(command), config, hardware, seed=1)
+        return CostlyFirmware(make(hardware), cost_ms, seed) if cost_ms else make(hardware)
 
     return Bench(config, primary=primary, firmware=firmware)

@@ -121,6 +121,12 @@ class Bench:
         self._note(actions)
         return actions
 
+    def arrives(self, there: SurfaceReached | BottomReached) -> list[Action]:
+        """Brings the body there now, whatever its motors did: by hand, or in a net."""
+        self._arrival = None
+        self._at_surface = isinstance(there, SurfaceReached)
+        return self.tell(there)
+
     def command(self, kind: Kind) -> list[Action]:
         """A packet for this board: by sound, or, for a release, by Wi-Fi."""
         data = CommandPacket(kind, self.config.agent_id).encode()

@@ -17,7 +17,7 @@ from firmware_model.actions import RunBuoyancy, SendBytes
 from firmware_model.bench.bench import Bench
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.power.charge import FULL, Flow
-from firmware_model.stimuli import PacketHeard, ResetCause, WifiReceived
+from firmware_model.stimuli import BottomReached, PacketHeard, ResetCause, SurfaceReached, WifiReceived
 
 _UNITS_MS = {"ms": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
 _COMMANDS = {
@@ -26,7 +26,10 @@ _COMMANDS = {
 _RESETS = {cause.name.lower(): cause for cause in (ResetCause.BROWN_OUT, ResetCause.WATCHDOG)}
 _WAIT = re.compile(r"(\d+)(ms|s|min|h)")
 _CHATTER = re.compile(r"chatter:(\d+):(\d+):(\d+)")
+_TRACED = re.compile(r"(\d+(?:\.\d+)?)\s*([<>])\s*(.+)")
 _TRAVEL = re.compile(r"travel:(\d+)(s|min|h)")
+_END_MS = 500
+"""The time after a script in which its last word still has an effect."""
 _ENERGY = 0.003
 """The charges at a case's end may differ by so much of what flowed."""
 _FASTEST = FULL * 4 // 1000 // 60_000
@@ -40,6 +43,7 @@ class Source(StrEnum):
     PACKETS = "docs/packets.md"
     STATES = "docs/firmware-states.md"
     CHOICE = "our choice"
+    CAPTURED = "a captured trace"
 
 
 class Verdict(StrEnum):
@@ -78,7 +82,8 @@ class History:
     """A board's deeds in a case."""
 
     events: tuple[Event, ...]
-    charge: int
+    charge: int | None
+    """None in a captured trace, which has no charge."""
     flowed: int
     """The grains that flowed into and out of its battery."""
     failure: str | None = None
@@ -103,20 +108,29 @@ STIMULI = (
     *_RESETS,
     "sound:HEX and wifi:HEX, any bytes",
     "chatter:HIGH:LOW:TIMES, the pin in ms",
+    "surfaced",
+    "landed",
     "travel:60s, the time that the body takes from now on",
 )
 
 
 def judged(
     case: Case,
-    ours: Callable[[float], Bench],
+    ours: Callable[[float], Bench] | History,
     theirs: Callable[[float], Bench],
     failures: type[Exception],
     waivers: dict[str, str],
+    late_ms: int = 0,
 ) -> Result:
-    """Runs the case on both boards. `ours` and `theirs` make a board of a charge; dead firmware raises `failures`."""
-    expected, found = (history(case, make, failures) for make in (ours, theirs))
-    reason = _difference(case, expected, found)
+    """Runs the case on both boards.
+
+    `ours` and `theirs` make a board of a charge, or `ours` is a captured history. Dead firmware raises `failures`.
+
+    `late_ms`: each event may delay those that follow from it by so much more than the case's tolerance.
+    """
+    expected = ours if isinstance(ours, History) else history(case, ours, failures)
+    found = history(case, theirs, failures)
+    reason = _difference(case, expected, found, late_ms)
     if reason is None:
         verdict = Verdict.PASSED
     elif case.name in waivers:
@@ -126,12 +140,67 @@ def judged(
     return Result(case, verdict, reason or "", expected, found)
 
 
+def lasts_ms(script: str) -> int:
+    """The time that a script takes on a board whose time is the wall's."""
+    lasting_ms = _END_MS
+    for token in script.split():
+        if found := _WAIT.fullmatch(token):
+            lasting_ms += int(found[1]) * _UNITS_MS[found[2]]
+        elif found := _CHATTER.fullmatch(token):
+            high_ms, low_ms, times = map(int, found.groups())
+            lasting_ms += (high_ms + low_ms) * times
+    return lasting_ms
+
+
+def captured(text: str, name: str) -> tuple[Case, History]:
+    """A case from a board's trace, and what the board did. ValueError names a line that is none.
+
+    Each line has a time in seconds, `<` and a word of a script, or `>` and an event as `Event.what` has it.
+    """
+    words: list[str] = []
+    events: list[Event] = []
+    end_ms = 0
+    for number, line in enumerate(text.splitlines(), start=1):
+        found = _TRACED.fullmatch(line.partition("#")[0].strip())
+        if found is None:
+            if line.partition("#")[0].strip():
+                raise ValueError(f"line {number}: {line!r} is not a time, < or >, and a word or an event")
+            continue
+        at_ms = round(float(found[1]) * 1000)
+        if at_ms < end_ms:
+            raise ValueError(f"line {number}: time goes back to {found[1]} s")
+        if found[2] == ">":
+            events.append(Event(at_ms, found[3]))
+        if wait_ms := at_ms - end_ms:
+            words.append(f"{wait_ms}ms")
+        end_ms = at_ms
+        if found[2] == "<":
+            words.append(found[3])
+    case = Case(name, Source.CAPTURED, "the board whose trace it is", " ".join(words))
+    return case, History(tuple(events), charge=None, flowed=0)
+
+
+def traced(case: Case, found: History) -> Iterator[str]:
+    """The lines of a trace that `captured` reads: the script's words and the board's events, in the order of time."""
+    now_ms = 0
+    lines = []
+    for token in case.script.split():
+        waited_ms = lasts_ms(token) - _END_MS
+        if not _WAIT.fullmatch(token):
+            lines.append((now_ms, f"{now_ms / 1000:.3f} < {token}"))
+        now_ms += waited_ms
+    lines += [(it.at_ms, f"{it.at_ms / 1000:.3f} > {it.what}") for it in found.events]
+    lines.append((now_ms, f"{now_ms / 1000:.3f} < 0ms"))
+    yield from (line for _, line in sorted(lines, key=lambda it: it[0]))
+
+
 def history(case: Case, make: Callable[[float], Bench], failures: type[Exception]) -> History:
     bench = make(case.primary)
     failure = None
     try:
         for token in case.script.split():
             _play(bench, token)
+        bench.run(ms=_END_MS)
     except failures as raised:
         failure = str(raised)
     events = [Event(it.at_ms, f"motors {it.to.name.lower()}") for it in bench.did(RunBuoyancy)]
@@ -148,7 +217,7 @@ def history(case: Case, make: Callable[[float], Bench], failures: type[Exception
     return History(tuple(sorted(events, key=lambda it: it.at_ms)), bench.primary, flowed, failure)
 
 
-def _difference(case: Case, ours: History, theirs: History) -> str | None:
+def _difference(case: Case, ours: History, theirs: History, late_ms: int) -> str | None:
     """The first difference, in words; None for none."""
     if theirs.failure is not None:
         return f"its firmware failed: {theirs.failure}"
@@ -157,9 +226,12 @@ def _difference(case: Case, ours: History, theirs: History) -> str | None:
         found = theirs.events[n] if n < len(theirs.events) else None
         if expected is None or found is None or expected.what != found.what:
             return f"expected {expected or 'nothing more'}, found {found or 'nothing more'}"
-        if abs(expected.at_ms - found.at_ms) > case.tolerance_ms:
+        if abs(expected.at_ms - found.at_ms) > case.tolerance_ms + late_ms * (n + 2):
             return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
-    late = _FASTEST * case.tolerance_ms * (len(ours.events) + 1)
+    count = len(ours.events) + 1
+    late = _FASTEST * (case.tolerance_ms + late_ms * (count + 1)) * count
+    if ours.charge is None or theirs.charge is None:
+        return None
     if abs(ours.charge - theirs.charge) > _ENERGY * ours.flowed + late:
         return f"expected a charge of {ours.charge / FULL:.4f} at the end, found {theirs.charge / FULL:.4f}"
     return None
@@ -193,6 +265,8 @@ def _play(bench: Bench, token: str) -> None:
     elif token.startswith(("rises", "falls")) and token[5:] in ("", "_unseen"):
         pin = bench.charge_pin_rises if token.startswith("rises") else bench.charge_pin_falls
         pin(noticed=not token[5:])
+    elif token in ("surfaced", "landed"):
+        bench.arrives(SurfaceReached() if token == "surfaced" else BottomReached())
     elif token.startswith(("sound:", "wifi:")):
         by, _, data = token.partition(":")
         bench.tell((PacketHeard if by == "sound" else WifiReceived)(bytes.fromhex(data)))
@@ -210,14 +284,24 @@ _RANDOM_TOKENS = (
 )
 
 
-def random_cases(count: int, seed: int) -> Iterator[Case]:
-    """Scripts of 4 to 19 random words, by a keyed hash of (seed, number)."""
+_NEAR_AN_EDGE = ("1ms", "49ms", "50ms", "51ms")
+"""Waits that come so near to a debounce that firmware which takes time may decide otherwise."""
+
+
+def random_cases(count: int, seed: int, takes_time: bool = False) -> Iterator[Case]:
+    """Scripts of 4 to 19 random words, by a keyed hash of (seed, number).
+
+    Those for firmware that `takes_time` have no wait near an edge, and 60 ms after each word, so that none of its turns
+    coincides with a deadline of ours.
+    """
+    known = [it for it in _RANDOM_TOKENS if not takes_time or it not in _NEAR_AN_EDGE]
     for n in range(count):
         words = blake2b(f"{seed} {n}".encode(), digest_size=64).digest()
-        tokens = [_RANDOM_TOKENS[byte % len(_RANDOM_TOKENS)] for byte in words[: 4 + words[63] % 16]]
+        tokens = [known[byte % len(known)] for byte in words[: 4 + words[63] % 16]]
         primary = (1.0, 0.5, 0.05)[words[62] % 3]
         requirement = "the same motors, charge and bytes as ours"
-        yield Case(f"random-{seed}-{n}", Source.CHOICE, requirement, " ".join(["3s", *tokens]), primary)
+        script = (" 60ms " if takes_time else " ").join(["3s", "437ms", *tokens])
+        yield Case(f"random-{seed}-{n}", Source.CHOICE, requirement, script, primary)
 
 
 def shrunk(case: Case, differs: Callable[[Case], bool]) -> Case:

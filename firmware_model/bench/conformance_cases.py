@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from binascii import crc_hqx
+
 from firmware_model.bench.conformance import Case, Source
 from firmware_model.packets import (
     EVERYONE,
@@ -31,6 +33,11 @@ def _of(kind: Kind, agent_id: int) -> str:
     return CommandPacket(kind, agent_id).encode().hex()
 
 
+def _checked(body: bytes) -> str:
+    """A body with the check of docs/packets.md: CRC-16/CCITT, little-endian."""
+    return (body + crc_hqx(body, 0xFFFF).to_bytes(2, "little")).hex()
+
+
 def _damaged(n: int) -> str:
     data = bytearray(_PERMISSION)
     data[n // 8] ^= 1 << n % 8
@@ -41,7 +48,7 @@ _PAPER = [
     Case("measures", Source.PAPER, "IV-A: on the bottom it draws equation (1)'s load", "1h"),
     Case("measures-20-h", Source.PAPER, "IV-A: 959 minutes empty a full battery", "20h"),
     Case("stays-down", Source.PAPER, "II: without a permission an aMussel stays on the bottom", "13h"),
-    Case("surfaces", Source.PAPER, "III-C: the aPad's permission brings it up", "3s permission 5min"),
+    Case("surfaces", Source.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"),
     Case("surfaces-once", Source.PAPER, "III-C: it rises by one run of its motors", f"{_UP} 10min"),
     Case("charges", Source.PAPER, "III-C: the charger's pin alone starts a charge", f"{_DOCKED} 5h", 0.2),
     Case("charges-from-empty", Source.PAPER, "equation (2) from its first segment", f"{_UP} rises 9h", 0.05),
@@ -57,7 +64,7 @@ _PAPER = [
         "sinks-when-released",
         Source.PAPER,
         "III-C: it sinks once its dock released it",
-        f"{_RELEASED} release 5min",
+        f"{_RELEASED} release 3min",
     ),
     Case(
         "not-before", Source.PAPER, "III-C: in its dock it does not run its motors", f"{_DOCKED} release 1h"
@@ -66,7 +73,7 @@ _PAPER = [
         "two-services",
         Source.PAPER,
         "III-C: a second service is as the first",
-        f"{_RELEASED} release 2min permission 70s rises 1h falls 1s release 5min",
+        f"{_RELEASED} release 2min permission 70s rises 1h falls 1s release 3min",
     ),
     Case(
         "empties", Source.PAPER, "IV-A: an empty battery measures nothing, and its aMussel stays", "2h", 0.05
@@ -80,24 +87,24 @@ _PAPER = [
     ),
 ]
 _PACKETS = [
-    Case("for-all", Source.PACKETS, "id 0 addresses all", f"3s sound:{_of(Kind.PERMISSION, EVERYONE)} 5min"),
+    Case("for-all", Source.PACKETS, "id 0 addresses all", f"3s sound:{_of(Kind.PERMISSION, EVERYONE)} 3min"),
     Case(
         "for-another",
         Source.PACKETS,
         "a command has the id of its receiver",
-        f"3s sound:{_of(Kind.PERMISSION, 2)} 5min",
+        f"3s sound:{_of(Kind.PERMISSION, 2)} 3min",
     ),
-    Case("for-257", Source.PACKETS, "an id has two bytes", f"3s sound:{_of(Kind.PERMISSION, 257)} 5min"),
-    Case("for-256", Source.PACKETS, "an id is little-endian", f"3s sound:{_of(Kind.PERMISSION, 256)} 5min"),
+    Case("for-257", Source.PACKETS, "an id has two bytes", f"3s sound:{_of(Kind.PERMISSION, 257)} 3min"),
+    Case("for-256", Source.PACKETS, "an id is little-endian", f"3s sound:{_of(Kind.PERMISSION, 256)} 3min"),
     Case(
-        "by-wifi", Source.PACKETS, "a permission may come by any medium", f"3s wifi:{_PERMISSION.hex()} 5min"
+        "by-wifi", Source.PACKETS, "a permission may come by any medium", f"3s wifi:{_PERMISSION.hex()} 3min"
     ),
     *(
         Case(
             f"bit-{n}-flipped",
             Source.PACKETS,
             "the CRC detects every single bit error",
-            f"3s sound:{_damaged(n)} 5min",
+            f"3s sound:{_damaged(n)} 3min",
         )
         for n in (0, 9, 17, 30, 39, 47)
     ),
@@ -105,35 +112,59 @@ _PACKETS = [
         "too-short",
         Source.PACKETS,
         "bytes that are no packet are dropped",
-        f"3s sound:{_PERMISSION[:-1].hex()} 5min",
+        f"3s sound:{_PERMISSION[:-1].hex()} 3min",
     ),
     Case(
         "too-long",
         Source.PACKETS,
         "bytes that are no packet are dropped",
-        f"3s sound:{_PERMISSION.hex()}00 5min",
+        f"3s sound:{_PERMISSION.hex()}00 3min",
     ),
-    Case("one-byte", Source.PACKETS, "bytes that are no packet are dropped", "3s sound:01 wifi:02 5min"),
-    Case("no-bytes", Source.PACKETS, "bytes that are no packet are dropped", "3s sound: wifi: 5min"),
-    Case("64-bytes", Source.PACKETS, "a v3 modem carries 64 bytes", f"3s sound:{'ff' * 64} permission 5min"),
-    Case("a-status", Source.PACKETS, "a status is no command", f"3s sound:{_STATUS.hex()} 5min"),
+    Case("one-byte", Source.PACKETS, "bytes that are no packet are dropped", "3s sound:01 wifi:02 3min"),
+    Case("no-bytes", Source.PACKETS, "bytes that are no packet are dropped", "3s sound: wifi: 3min"),
+    Case("64-bytes", Source.PACKETS, "a v3 modem carries 64 bytes", f"3s sound:{'ff' * 64} permission 3min"),
+    Case(
+        "every-bit-flipped",
+        Source.PACKETS,
+        "the CRC detects every single bit error",
+        " ".join(["3s", *(f"sound:{_damaged(n)}" for n in range(8 * len(_PERMISSION))), "3min"]),
+    ),
+    Case(
+        "every-length",
+        Source.PACKETS,
+        "bytes that are no packet are dropped",
+        " ".join(
+            [
+                "3s",
+                *(f"wifi:{(_PERMISSION * 11)[:n].hex()}" for n in range(65) if n != len(_PERMISSION)),
+                "3min",
+            ]
+        ),
+    ),
+    Case(
+        "every-kind",
+        Source.PACKETS,
+        "an unknown kind is dropped",
+        " ".join(["3s", *(f"sound:{_checked(bytes([1, kind, 1, 0]))}" for kind in range(13, 256)), "3min"]),
+    ),
+    Case("a-status", Source.PACKETS, "a status is no command", f"3s sound:{_STATUS.hex()} 3min"),
     Case(
         "another-version",
         Source.PACKETS,
         "an unknown version is dropped",
-        f"3s sound:{CommandPacket(Kind.PERMISSION, 1).encode().replace(bytes([1, 2]), bytes([9, 2]), 1).hex()} 5min",
+        f"3s sound:{CommandPacket(Kind.PERMISSION, 1).encode().replace(bytes([1, 2]), bytes([9, 2]), 1).hex()} 3min",
     ),
     Case(
         "a-beacon",
         Source.PACKETS,
         "a beacon moves no aMussel",
-        f"3s sound:{Beacon(1, 10**6).encode().hex()} 5min",
+        f"3s sound:{Beacon(1, 10**6).encode().hex()} 3min",
     ),
     Case(
         "a-log-ack",
         Source.PACKETS,
         "an acknowledgement moves no aMussel",
-        f"3s wifi:{LogAck(1, 7).encode().hex()} 5min",
+        f"3s wifi:{LogAck(1, 7).encode().hex()} 3min",
     ),
     Case(
         "a-schedule",
@@ -153,12 +184,12 @@ _PACKETS = [
         "a threshold moves no aMussel",
         f"3s sound:{SetThreshold(1, Threshold.SAFE_LEVEL, 0.5).encode().hex()} 1h",
     ),
-    Case("a-ping", Source.CHOICE, "a worst case answers no ping by sound", "3s ping 5min"),
+    Case("a-ping", Source.CHOICE, "a worst case answers no ping by sound", "3s ping 3min"),
     Case(
         "a-ping-for-all",
         Source.PACKETS,
         "nobody answers a ping to everyone",
-        f"3s sound:{_of(Kind.PING, EVERYONE)} 5min",
+        f"3s sound:{_of(Kind.PING, EVERYONE)} 3min",
     ),
     Case(
         "a-hover",
@@ -172,17 +203,17 @@ _STATES = [
         "permission-again",
         Source.STATES,
         "on its way up a further permission runs no motor",
-        "3s permission 10s permission 10s permission 5min",
+        "3s permission 10s permission 10s permission 3min",
     ),
-    Case("permission-afloat", Source.STATES, "afloat a permission runs no motor", f"{_UP} permission 5min"),
+    Case("permission-afloat", Source.STATES, "afloat a permission runs no motor", f"{_UP} permission 3min"),
     Case(
-        "permission-docked", Source.STATES, "docked a permission runs no motor", f"{_DOCKED} permission 5min"
+        "permission-docked", Source.STATES, "docked a permission runs no motor", f"{_DOCKED} permission 3min"
     ),
     Case(
         "permission-while-sinking",
         Source.STATES,
         "a permission turns a sinking one round",
-        f"{_SINKING} permission 5min",
+        f"{_SINKING} permission 3min",
     ),
     Case(
         "does-not-come-up",
@@ -194,7 +225,7 @@ _STATES = [
         "tries-again",
         Source.STATES,
         "the permission's repetition is another try",
-        "travel:4min 3s permission 8min travel:60s permission 5min",
+        "travel:4min 3s permission 8min travel:60s permission 3min",
     ),
     Case("comes-up-in-time", Source.STATES, "179 s are in time", "travel:179s 3s permission 10min"),
     Case("nobody-comes", Source.STATES, "afloat for 12 h it sinks again", f"{_UP} 13h"),
@@ -213,14 +244,14 @@ _STATES = [
         "a-release-is-used-once",
         Source.STATES,
         "a release belongs to one docking",
-        f"{_DOCKED} release 1s falls 5min permission 70s rises 1min falls 10min",
+        f"{_DOCKED} release 1s falls 3min permission 70s rises 1min falls 10min",
     ),
-    Case("a-release-afloat", Source.STATES, "afloat a release sinks it", f"{_UP} release 5min"),
-    Case("a-release-below", Source.STATES, "on the bottom a release runs no motor", "3s release 5min"),
-    Case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} sink 5min"),
-    Case("sinks-on-its-way", Source.STATES, "an order sinks it on its way up", "3s permission 20s sink 5min"),
-    Case("sink-below", Source.STATES, "on the bottom an order to sink runs no motor", "3s sink 5min"),
-    Case("sink-docked", Source.STATES, "docked, an order to sink runs no motor", f"{_DOCKED} sink 5min"),
+    Case("a-release-afloat", Source.STATES, "afloat a release sinks it", f"{_UP} release 3min"),
+    Case("a-release-below", Source.STATES, "on the bottom a release runs no motor", "3s release 3min"),
+    Case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} sink 3min"),
+    Case("sinks-on-its-way", Source.STATES, "an order sinks it on its way up", "3s permission 20s sink 3min"),
+    Case("sink-below", Source.STATES, "on the bottom an order to sink runs no motor", "3s sink 3min"),
+    Case("sink-docked", Source.STATES, "docked, an order to sink runs no motor", f"{_DOCKED} sink 3min"),
     Case("docked-again", Source.STATES, "a rising pin charges a released one", f"{_RELEASED} rises 1h", 0.4),
     Case(
         "docked-on-its-way-down",
@@ -256,19 +287,19 @@ _STATES = [
         "chatter-mostly-low",
         Source.STATES,
         "after 2 s of chatter the level of most of the time counts",
-        f"{_UP} chatter:10:30:100 5min",
+        f"{_UP} chatter:10:30:100 3min",
         0.4,
     ),
     Case(
         "chatter-that-turns",
         Source.STATES,
         "each 2 s of chatter are judged by themselves",
-        f"{_UP} chatter:30:10:100 chatter:10:30:200 5min",
+        f"{_UP} chatter:30:10:100 chatter:10:30:200 3min",
         0.4,
     ),
     Case("missed-rise", Source.STATES, "a minute's look finds a lost edge", f"{_UP} rises_unseen 1h", 0.4),
     Case(
-        "missed-fall", Source.STATES, "a minute's look finds a lost edge", f"{_DOCKED} falls_unseen 5min", 0.4
+        "missed-fall", Source.STATES, "a minute's look finds a lost edge", f"{_DOCKED} falls_unseen 3min", 0.4
     ),
     Case(
         "a-wake-finds-it",
@@ -328,7 +359,27 @@ _STATES = [
     Case(
         "empties-afloat", Source.STATES, "afloat an empty battery runs no motor", f"{_UP} 3h rises 1h", 0.05
     ),
-    Case("permission-in-a-boot", Source.CHOICE, "a booting board takes no command", "1s permission 5min"),
-    Case("boot-time", Source.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 5min"),
+    Case(
+        "chatter-40-percent-high",
+        Source.STATES,
+        "after 2 s of chatter the level of most of the time counts",
+        f"{_UP} chatter:20:30:200 3min",
+        0.4,
+    ),
+    Case(
+        "chatter-60-percent-high",
+        Source.STATES,
+        "after 2 s of chatter the level of most of the time counts",
+        f"{_UP} chatter:30:20:200 rises 1h",
+        0.4,
+    ),
+    Case(
+        "sinks-again-after-a-net",
+        Source.STATES,
+        "one that comes up by itself floats, and sinks after 12 h",
+        f"{_UP} sink 3min surfaced 13h",
+    ),
+    Case("permission-in-a-boot", Source.CHOICE, "a booting board takes no command", "1s permission 3min"),
+    Case("boot-time", Source.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 3min"),
 ]
 CASES = (*_PAPER, *_PACKETS, *_STATES)

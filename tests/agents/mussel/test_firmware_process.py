@@ -160,7 +160,7 @@ def test_a_frame_that_cannot_be_is_a_stated_failure(tmp_path: Path, reason: str)
 def test_a_flood_without_a_sleep_is_a_livelock(tmp_path: Path) -> None:
     flood = frames(HELLO, *((FromBoard.LOG, 0, b"again") for _ in range(10_001)))
     on = bench(CONFIG, script(tmp_path, flood))
-    with pytest.raises(FirmwareFailed, match="10000 frames in one turn"):
+    with pytest.raises(FirmwareFailed, match="10000 frames at one time"):
         on.run(ms=1)
 
 
@@ -233,3 +233,24 @@ def test_a_program_that_is_none_fails(tmp_path: Path) -> None:
     on = bench(CONFIG, tmp_path / "nothing")
     with pytest.raises(FirmwareFailed, match="exit status 127"):
         on.run(ms=1)
+
+
+def test_turns_that_never_let_time_pass_are_the_watchdog_s(tmp_path: Path) -> None:
+    """An alarm at 0 rings at once, for ever: 10 000 frames at one time of the counter are a livelock."""
+    program = script(
+        tmp_path,
+        "import struct, binascii\n"
+        "def frame(kind, port, n, payload):\n"
+        "    body = struct.pack('<BBHII', kind, port, len(payload), 0, n) + payload\n"
+        "    body += struct.pack('<H', binascii.crc_hqx(body, 0xFFFF))\n"
+        "    return b''.join(bytes([len(it) + 1]) + it for it in body.split(b'\\0')) + b'\\0'\n"
+        "port.sendall(frame(65, 0, 0, b'\\1\\0board'))\n"
+        "n = 1\n"
+        "while port.recv(4096):\n"
+        "    port.sendall(frame(66, 1, n, bytes(4)))\n"
+        "    n += 1\n",
+    )
+    on = bench(CONFIG, program)
+    with pytest.raises(FirmwareFailed, match="10000 frames at one time") as failed:
+        on.run(ms=1)
+    assert failed.value.by_watchdog

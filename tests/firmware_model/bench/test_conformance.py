@@ -10,16 +10,23 @@ import pytest
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
+    History,
     Source,
     Verdict,
+    captured,
     history,
     judged,
+    lasts_ms,
     random_cases,
     shrunk,
     side_by_side,
+    traced,
 )
 from firmware_model.bench.conformance_cases import CASES
+from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.config import BoardConfig
+from firmware_model.firmware import Firmware
+from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.table_one import worst_case_board
 
 DIVE = Case(
@@ -41,7 +48,7 @@ OURS = board(worst_case_board())
 def test_the_cases_are_sixty_and_more_with_a_name_each() -> None:
     assert len(CASES) >= 60
     assert len({case.name for case in CASES}) == len(CASES)
-    assert {case.source for case in CASES} == set(Source)
+    assert {case.source for case in CASES} == set(Source) - {Source.CAPTURED}
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -130,3 +137,89 @@ def test_random_scripts_are_the_same_for_a_seed() -> None:
 def test_an_unknown_word_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match="'jump' is neither a wait nor one of permission"):
         history(replace(DIVE, script="3s jump"), OURS, Died)
+
+
+def test_a_body_may_surface_by_itself() -> None:
+    """A net brings it up after it sank; it floats, and by hand 12 h (its float time-out) later it sinks."""
+    net = replace(DIVE, script="3s permission 70s sink 5min surfaced 13h")
+    events = [str(event) for event in history(net, OURS, Died).events]
+    assert events == ["3.000 s motors float", "73.000 s motors sink", "43573.000 s motors sink"]
+
+
+def test_a_script_s_time_is_that_of_its_waits_and_chatter() -> None:
+    assert lasts_ms("3s 2min chatter:30:10:100 ping") == 3000 + 120_000 + 4000 + 500
+
+
+TRACE = """\
+# a trace by hand, of a board whose debounce is 80 ms
+3.000 < permission
+3.000 > motors float
+73.000 < rises
+73.080 > charges
+100.0 < 0ms
+"""
+
+
+def test_a_captured_trace_judges_another_board() -> None:
+    case, found = captured(TRACE, "reef")
+    assert case.script == "3000ms permission 70000ms rises 80ms 26920ms 0ms"
+    assert isinstance(found, History)
+    slower = board(replace(worst_case_board(), pin_debounce_ms=80))
+    assert judged(case, found, slower, Died, {}).verdict is Verdict.PASSED
+    result = judged(case, found, OURS, Died, {})
+    assert result.verdict is Verdict.FAILED
+    assert result.reason == "expected 73.080 s charges, found it at 73.050 s"
+
+
+def test_a_trace_that_was_written_is_the_case_that_was_played() -> None:
+    ours = history(DIVE, OURS, Died)
+    case, found = captured("\n".join(traced(DIVE, ours)), "dive")
+    assert found.events == ours.events
+    assert history(case, OURS, Died).events == history(replace(DIVE, primary=1.0), OURS, Died).events
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("3 permission", "line 1: '3 permission' is not a time"),
+        ("3 < ping\n2 < ping", "line 2: time goes back"),
+    ],
+)
+def test_a_line_that_is_none_is_named(text: str, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        captured(text, "reef")
+
+
+def costly(cost_ms: int, seed: int) -> Callable[[float], Bench]:
+    config = worst_case_board()
+
+    def make(primary: float) -> Bench:
+        return Bench(
+            config,
+            primary=primary,
+            firmware=lambda hardware: CostlyFirmware(
+                Firmware(config, MusselbedCodec(), hardware, 0), cost_ms, seed
+            ),
+        )
+
+    return make
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_firmware_that_takes_time_acts_late_and_passes(seed: int) -> None:
+    """Four turns lead to the sinking, each of at most 5 ms, and one of them acts late at least."""
+    events = history(DIVE, costly(5, seed), Died).events
+    late_ms = [
+        found.at_ms - due_ms
+        for found, due_ms in zip(events, (3000, 73_050, 3_673_050, 3_674_000), strict=True)
+    ]
+    assert all(0 <= it <= 10 for it in late_ms)
+    assert any(late_ms)
+    assert history(DIVE, costly(5, seed), Died).events == events
+    assert judged(DIVE, OURS, costly(5, seed), Died, {}, 10).verdict is Verdict.PASSED
+
+
+def test_a_turn_sees_the_pin_as_it_is_when_it_acts() -> None:
+    """The pin is high for 1 ms: by hand, a turn that takes longer finds it low, and the edge never happened."""
+    touch = replace(DIVE, script="3s permission 70s rises 1ms falls 5min")
+    assert [it.what for it in history(touch, costly(5, 1), Died).events] == ["motors float"]
