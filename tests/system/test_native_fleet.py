@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from killing import gone, kill_9
+from killing import gone, kill_9, pid_of_supervisor
 from native_boards import NATIVE, compiled
 
 from agents.coordinator import Coordinator, Died, Heard
@@ -28,6 +32,8 @@ from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
+from apad_bridge.analysis.invariants import check_run
+from apad_bridge.records.run_directory import RunDirectory
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -218,3 +224,82 @@ def test_a_flight_of_other_boards_has_the_journal_of_ours(
     ]
     assert samples[0] == samples[1]
     assert bool(samples[1]) == (name == "C, whole")
+
+
+def descendants(pid: int) -> list[int]:
+    with suppress(FileNotFoundError):
+        return [it for child in children(pid) for it in (child, *descendants(child))]
+    return []
+
+
+def is_board(pid: int, program: str) -> bool:
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/comm").read_text().strip() == program
+    return False
+
+
+def parent_of(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+
+
+@pytest.mark.parametrize("order", [("board", "supervisor", "agent"), ("agent", "board", "supervisor")])
+def test_whatever_is_killed_over_ros_nothing_is_lost(
+    tmp_path: Path, board: Path, order: tuple[str, ...]
+) -> None:
+    """kill -9 of a board's firmware, of another's agent, of the supervisor and at last of the nursery, in one flight.
+
+    The run's own check replays its stimuli on our boards: the states of all aMussels are those that it recorded.
+    """
+    data = yaml.safe_load(SCENARIO.read_text())
+    data["duration_s"] = 900
+    shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
+    shutil.copy(board, tmp_path / "c_board")
+    data["fleet"]["firmware"] = "c_board"
+    (tmp_path / "pool.yaml").write_text(yaml.safe_dump(data))
+    out = tmp_path / "run"
+    run = [sys.executable, str(MUSSELBED), "run", str(tmp_path / "pool.yaml"), "--speed", "10", "--json"]
+    with subprocess.Popen(
+        [*run, "--out", str(out), "--on-supervisor-death", "resume"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        fly_on(process, out)
+        boards = sorted(it for it in descendants(process.pid) if is_board(it, "c_board"))
+        assert len(boards) == 12
+        agents = [parent_of(it) for it in boards]
+        (nursery,) = {parent_of(it) for it in agents}
+        victims = {"board": lambda: boards[2], "agent": lambda: agents[7]}
+        for what in order:
+            kill_9(victims[what]() if what in victims else pid_of_supervisor(out))
+            fly_on(process, out)
+        died = [it for it in lines(out) if it["kind"] == "died"]
+        assert sorted(it["cause"] for it in died) == ["BROWN_OUT", "BROWN_OUT"], died
+        assert len({it["id"] for it in died}) == 2
+        left = {it for it in descendants(process.pid) if is_board(it, "c_board")}
+        assert len(left) == 12 and len(left & set(boards)) == 10
+        kill_9(nursery)
+        fly_on(process, out)
+        process.send_signal(signal.SIGINT)
+        _, mistakes = process.communicate(timeout=PATIENCE_S)
+    assert check_run(RunDirectory.open(out)) == [], mistakes
+
+
+def lines(out: Path) -> list[dict[str, Any]]:
+    path = out / "journal.jsonl"
+    text = path.read_text() if path.exists() else ""
+    return [json.loads(it) for it in text.splitlines() if it.endswith("}")]
+
+
+def fly_on(process: subprocess.Popen[str], out: Path) -> None:
+    """Returns once the flight has gone on for 15 s of mission time; it ends a test whose run has ended."""
+    goal_ms = last_ms(out) + 15_000
+    until_s = time.monotonic() + PATIENCE_S
+    while last_ms(out) < goal_ms:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until_s, lines(out)[-3:]
+        select.select([], [], [], 0.1)
+
+
+def last_ms(out: Path) -> int:
+    return max((it["t"] for it in lines(out)), default=0)
