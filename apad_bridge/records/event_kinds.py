@@ -617,52 +617,6 @@ KINDS: tuple[Kind, ...] = (
         ),
     ),
     Kind(
-        EventKind.MASTER_GONE,
-        "another party's ROS master does not answer",
-        (Field("uri", TEXT, "its address"), Field("why", TEXT, "the symptom")),
-    ),
-    Kind(
-        EventKind.MASTER_BACK,
-        "that master answers again, and the run has registered everything",
-        (
-            Field("uri", TEXT, "its address"),
-            Field("gone_s", NUMBER, "the length of its absence, by the wall clock", "s"),
-            Field("registered", INTEGER, "topics and services"),
-        ),
-    ),
-    Kind(
-        EventKind.GRAPH_DEAF,
-        "no node can connect to the run's own node: its services and its new subscribers get no answer",
-        (Field("why", TEXT, "the symptom"),),
-    ),
-    Kind(
-        EventKind.GRAPH_HEARS,
-        "nodes can connect again",
-        (Field("deaf_s", NUMBER, "the length of that, by the wall clock", "s"),),
-    ),
-    Kind(
-        EventKind.VEHICLE_SILENT,
-        "a real aPad stopped publishing",
-        (Field("name", TEXT, "the aPad"), Field("since_ms", INTEGER, "since when", "mission ms")),
-    ),
-    Kind(
-        EventKind.VEHICLE_HEARD,
-        "it publishes again",
-        (
-            Field("name", TEXT, "the aPad"),
-            Field("since_ms", INTEGER, "since when it was silent", "mission ms"),
-        ),
-    ),
-    Kind(
-        EventKind.UNREADABLE,
-        "a node publishes messages that the run cannot use, for the first time; the summary counts them under `dropped`",
-        (
-            Field("topic", TEXT, "the topic"),
-            Field("node", TEXT, "the node"),
-            Field("why", TEXT, "why they are dropped"),
-        ),
-    ),
-    Kind(
         EventKind.RESUMED,
         "another supervisor continues the run",
         (

@@ -39,13 +39,7 @@ def is_failure(kind: str, data: Mapping[str, Any]) -> bool:
                 order == "permit to surface"
             )  # any other order that is refused fails as a primitive, too
         case (
-            (
-                EventKind.GUARD
-                | EventKind.PILOT
-                | EventKind.OTHERS
-                | EventKind.GRAPH_DEAF
-                | EventKind.UNREADABLE
-            ),
+            (EventKind.GUARD | EventKind.PILOT | EventKind.OTHERS),
             _,
         ):
             return True
@@ -120,20 +114,6 @@ def event_text(kind: str, data: Mapping[str, Any]) -> str | None:
             return "a pilot steers the aPad" if steers else "the pilot has let go of the aPad"
         case EventKind.OTHERS, {"client": client}:
             return f"{client or 'a client that this stack does not name'} commands the aPad"
-        case EventKind.MASTER_GONE, _:
-            return "the ROS master is gone"
-        case EventKind.MASTER_BACK, _:
-            return "the ROS master is back"
-        case EventKind.GRAPH_DEAF, {"why": why}:
-            return f"no ROS node can connect to this run: {why}"
-        case EventKind.GRAPH_HEARS, _:
-            return "ROS nodes can connect to this run again"
-        case EventKind.VEHICLE_SILENT, _:
-            return "the aPad is silent"
-        case EventKind.VEHICLE_HEARD, _:
-            return "the aPad publishes again"
-        case EventKind.UNREADABLE, {"topic": topic, "node": node, "why": why}:
-            return f"messages of {node} on {topic} are dropped: {why}"
         case EventKind.RESUMED, _:
             return "another supervisor continued"
         case EventKind.END, _:

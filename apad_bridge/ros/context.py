@@ -14,6 +14,7 @@ import rospy
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.doctor.finding import Status
 from apad_bridge.doctor.origin_check import check_origin
+from apad_bridge.events import Event, VehicleHeard, VehicleSilent
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
@@ -37,7 +38,6 @@ from apad_bridge.ros.links.packet_topics import (
 )
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.handshakes import HearingWatch
-from apad_bridge.ros.system.inbox import GraphEvent
 from apad_bridge.ros.system.master_watch import MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
 from apad_bridge.ros.system.route import why_gone
@@ -352,7 +352,7 @@ def _standard_topics(
 
 
 class _Listener(Protocol):
-    def take_events(self) -> list[GraphEvent]: ...
+    def take_events(self) -> list[Event]: ...
 
 
 def _graph_events(
@@ -361,7 +361,7 @@ def _graph_events(
     scenario: Scenario,
     vehicle: APadLink | ContactsLink,
     listeners: Sequence[_Listener],
-) -> Callable[[int], list[GraphEvent]]:
+) -> Callable[[int], list[Event]]:
     """Reports what cannot be read, when nobody can connect to us, and when another's master or vehicle goes and comes.
 
     With a master or a vehicle of ours the run ends.
@@ -369,7 +369,7 @@ def _graph_events(
     hearing = HearingWatch()
     stack.callback(hearing.close)
 
-    def refused(now_ms: int) -> list[GraphEvent]:
+    def refused(now_ms: int) -> list[Event]:
         return [*hearing.take(), *(event for listener in listeners for event in listener.take_events())]
 
     if options.apad is APadKind.SIM:
@@ -378,11 +378,11 @@ def _graph_events(
     stack.callback(master.close)
     silence, name = SilenceWatch(), scenario.apad.name
 
-    def take(now_ms: int) -> list[GraphEvent]:
-        events = [*master.take(), *refused(now_ms)]
+    def take(now_ms: int) -> list[Event]:
+        events: list[Event] = [*master.take(), *refused(now_ms)]
         if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
-            kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
-            events.append((kind, {"name": name, "since_ms": changed.since_ms}))
+            kind = VehicleSilent if changed.is_silent else VehicleHeard
+            events.append(kind(name, changed.since_ms))
             master.request_registration()
         return events
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
+from apad_bridge.events import Event
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
+from apad_bridge.mission.orders import Note
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, NoFaults
@@ -56,8 +58,8 @@ class FlightContext:
     """The counts of messages that the context dropped, by reason."""
     show_forecast: Callable[[int, Callable[[], Forecast]], None] = lambda now_ms, forecast: None
     """Receives the forecast of each tick."""
-    take_events: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
-    """Returns the context's new events (kind, data): a master that is gone, a vehicle that is silent."""
+    take_events: Callable[[int], Sequence[Note | Event]] = lambda now_ms: []
+    """Returns the context's new events: a master that is gone, a vehicle that is silent."""
     serial_lines: SerialLines = field(default_factory=SerialLines)
     """Serial lines, which are polled between ticks too."""
     roster: Roster | NoRoster = field(default_factory=NoRoster)

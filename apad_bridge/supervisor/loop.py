@@ -219,10 +219,12 @@ class Flight:
             watch(now_ms)
 
     def _record_noticed(self, now_ms: MissionMs) -> None:
-        for kind, data in [*self._vehicle.gate.take_events(), *self._context.take_events(now_ms)]:
+        for kind, data in self._vehicle.gate.take_events():
             self._recorder.event(now_ms, kind, **data)
+        for event in self._context.take_events(now_ms):
+            self._tell(event, now_ms)
 
-    def _tell(self, event: Event, now_ms: MissionMs) -> None:
+    def _tell(self, event: Note | Event, now_ms: MissionMs) -> None:
         self._recorder.event(now_ms, event.kind, **event.data)
 
     def _act(self, now_ms: MissionMs) -> bool:

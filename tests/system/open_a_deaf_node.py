@@ -46,12 +46,12 @@ def main() -> None:
     until_s = time.monotonic() + 60
     while not (told := watch.take()) and time.monotonic() < until_s:
         time.sleep(0.05)
-    print(json.dumps(told), flush=True)
+    print(json.dumps([[it.kind, it.data] for it in told]), flush=True)
     # As it was before: the same thread's work, begun again.
     tcpros_base._tcpros_server.tcp_ros_server.start()
     while not (told := watch.take()) and time.monotonic() < until_s:
         time.sleep(0.05)
-    print(json.dumps([kind for kind, _ in told]), flush=True)
+    print(json.dumps([it.kind for it in told]), flush=True)
     watch.close()
     gateway.close()
     rospy.signal_shutdown("done")

@@ -27,7 +27,7 @@ def main() -> None:
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     while not ended.wait(0.05):
         for event in watch.take():
-            print(json.dumps(event), flush=True)
+            print(json.dumps([event.kind, event.data]), flush=True)
     watch.close()
     gateway.close()
 

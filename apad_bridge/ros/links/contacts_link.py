@@ -11,8 +11,9 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.events import Event
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
-from apad_bridge.ros.system.inbox import GraphEvent, Inbox
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.vehicle.capabilities import published_docks
@@ -69,7 +70,7 @@ class ContactsLink:
         """Unusable messages, by reason."""
         return self._inbox.dropped + self._readings.dropped + self._docks.dropped
 
-    def take_events(self) -> list[GraphEvent]:
+    def take_events(self) -> list[Event]:
         return self._inbox.take_events()
 
     def advance(self, now_ms: int) -> list[LinkFact]:

@@ -8,7 +8,8 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.ros.system.inbox import GraphEvent, Inbox
+from apad_bridge.events import Event
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.user_texts import text_folders
@@ -47,7 +48,7 @@ class LaboratorySubscribers:
     def dropped(self) -> Counter[str]:
         return self._inbox.dropped + self._dropped
 
-    def take_events(self) -> list[GraphEvent]:
+    def take_events(self) -> list[Event]:
         """Publishers whose messages cannot be read, each once."""
         return self._inbox.take_events()
 

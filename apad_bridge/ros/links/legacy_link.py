@@ -17,8 +17,9 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import rospy
 
+from apad_bridge.events import Event
 from apad_bridge.ros.links.service_calls import CallFailed
-from apad_bridge.ros.system.inbox import GraphEvent, Inbox
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
@@ -89,7 +90,7 @@ class LegacyLink(ABC, Generic[Core]):
         """Messages of the vehicle without an effect, by reason."""
         return self._inbox.dropped + self._core.dropped
 
-    def take_events(self) -> list[GraphEvent]:
+    def take_events(self) -> list[Event]:
         """Publishers on the vehicle's topics whose messages cannot be read, each once."""
         return self._inbox.take_events()
 

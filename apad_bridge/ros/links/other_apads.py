@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.ros.system.inbox import GraphEvent, Inbox
+from apad_bridge.events import Event
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
@@ -37,7 +38,7 @@ class OtherAPads:
     def dropped(self) -> Counter[str]:
         return self._inbox.dropped
 
-    def take_events(self) -> list[GraphEvent]:
+    def take_events(self) -> list[Event]:
         """Publishers whose messages cannot be read, each once."""
         return self._inbox.take_events()
 

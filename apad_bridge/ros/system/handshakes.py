@@ -28,6 +28,7 @@ from rospy.impl import tcpros_base
 from rospy.impl.tcpros_base import init_tcpros_server
 
 from agents.hosting.descriptors import SHORT_OF_FILES
+from apad_bridge.events import GraphDeaf, GraphHears
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.lost_links import end_when_unacknowledged
 
@@ -106,13 +107,13 @@ class HearingWatch:
         """`look` returns why the node answers nobody, None where it does."""
         self._period_s = period_s
         self._look = look
-        self._events: Inbox[tuple[str, dict[str, Any]]] = Inbox()
+        self._events: Inbox[GraphHears | GraphDeaf] = Inbox()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watch of the node", daemon=True)
         self._thread.start()
 
-    def take(self) -> list[tuple[str, dict[str, Any]]]:
-        """The events since the last call: `graph_deaf`, and `graph_hears` when it is over."""
+    def take(self) -> list[GraphHears | GraphDeaf]:
+        """The events since the last call; the second kind when the first is over."""
         return self._events.take()
 
     def close(self) -> None:
@@ -125,13 +126,13 @@ class HearingWatch:
             begun_s, why = time.monotonic(), self._look()
             if why is None:
                 if failed >= _FAILED:
-                    self._events.put(("graph_hears", {"deaf_s": round(begun_s - since_s, 1)}), always=True)
+                    self._events.put(GraphHears(round(begun_s - since_s, 1)), always=True)
                 failed = 0
                 continue
             since_s = since_s if failed else begun_s
             failed += 1
             if failed == _FAILED:
-                self._events.put(("graph_deaf", {"why": why}), always=True)
+                self._events.put(GraphDeaf(why), always=True)
 
 
 @dataclass(slots=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
+
+from apad_bridge.events import Event, Unreadable
 
 Item = TypeVar("Item")
 
-GraphEvent = tuple[str, dict[str, Any]]
-"""An event's kind and data, for the journal."""
 CAPACITY = 20_000
 """Two minutes of an aPad that holds four aMussels. In a longer stall the newest telemetry is lost, and counted."""
 _MOST_REPORTED = 50
@@ -25,7 +25,7 @@ class Inbox(Generic[Item]):
         self._items: list[Item] = []
         self._reported: set[tuple[str, str]] = set()
         """The topics, and the nodes whose messages on them could not be read."""
-        self._events: list[GraphEvent] = []
+        self._events: list[Event] = []
         self._arrived = threading.Condition()
 
     @property
@@ -54,9 +54,9 @@ class Inbox(Generic[Item]):
             if (topic, node) in self._reported or len(self._reported) >= _MOST_REPORTED:
                 return
             self._reported.add((topic, node))
-            self._events.append(("unreadable", {"topic": topic, "node": node, "why": why}))
+            self._events.append(Unreadable(topic, node, why))
 
-    def take_events(self) -> list[GraphEvent]:
+    def take_events(self) -> list[Event]:
         """The publishers refused since the last call."""
         with self._arrived:
             events, self._events = self._events, []

@@ -26,7 +26,8 @@ from rospy.impl.registration import (
 )
 
 from apad_bridge.doctor.network import Timed, Unreachable, call_for_reply
-from apad_bridge.ros.system.inbox import GraphEvent, Inbox
+from apad_bridge.events import MasterBack, MasterGone
+from apad_bridge.ros.system.inbox import Inbox
 
 PERIOD_S = 1.0
 _CALL_S = 5.0
@@ -42,7 +43,7 @@ class MasterWatch:
     def __init__(self, master_uri: str, period_s: float = PERIOD_S) -> None:
         self._uri = master_uri
         self._period_s = period_s
-        self._events: Inbox[GraphEvent] = Inbox()
+        self._events: Inbox[MasterGone | MasterBack] = Inbox()
         self._gone_since_s: float | None = None
         self._connected: set[tuple[str, str]] = set()
         """The topics, and the nodes from which they came, at the last look."""
@@ -54,7 +55,7 @@ class MasterWatch:
         self._thread = threading.Thread(target=self._watch, name="watch of the master", daemon=True)
         self._thread.start()
 
-    def take(self) -> list[GraphEvent]:
+    def take(self) -> list[MasterGone | MasterBack]:
         return self._events.take()
 
     def request_registration(self) -> None:
@@ -72,7 +73,7 @@ class MasterWatch:
             except (Unreachable, OSError, HTTPException, xmlrpc.client.Error) as error:
                 if self._gone_since_s is None:
                     self._gone_since_s = time.monotonic()
-                    self._report("master_gone", uri=self._uri, why=str(error))
+                    self._report(MasterGone(self._uri, str(error)))
 
     def _look(self) -> None:
         code, _, _ = call_for_reply(self._uri, "lookupNode", rospy.get_name())
@@ -88,7 +89,7 @@ class MasterWatch:
         self._gone_since_s = None
         if code != 1 or was_gone is not None:
             gone_s = 0.0 if was_gone is None else time.monotonic() - was_gone
-            self._report("master_back", uri=self._uri, gone_s=round(gone_s, 1), registered=registered)
+            self._report(MasterBack(self._uri, round(gone_s, 1), registered))
 
     def _note_connections(self) -> None:
         connected = {
@@ -133,6 +134,6 @@ class MasterWatch:
         self._lost &= named
         return len(calls)
 
-    def _report(self, kind: str, **data: Any) -> None:
-        rospy.logwarn("%s: %s", kind, data)
-        self._events.put((kind, data), always=True)
+    def _report(self, event: MasterGone | MasterBack) -> None:
+        rospy.logwarn("%s: %s", event.kind, event.data)
+        self._events.put(event, always=True)

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 from agents.time_scale import MissionMs
+from apad_bridge.events import Event
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
+from apad_bridge.mission.orders import Note
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.parent_protocol import (
     ORDERS_FILE,
@@ -30,8 +31,6 @@ from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
-
-Event = tuple[str, dict[str, Any]]
 
 
 class MemberLink:
@@ -55,7 +54,7 @@ class MemberLink:
         self._pending: dict[int, TransferredBelief] = {}
         """aMussels to take on when this mission's time reaches the time of the transferred belief."""
         self._stood_down = False
-        self._events: list[Event] = []
+        self._events: list[Note | Event] = []
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
         def watch(now_ms: MissionMs) -> None:
@@ -68,7 +67,7 @@ class MemberLink:
 
         return watch
 
-    def take_events(self, now_ms: int) -> list[Event]:
+    def take_events(self, now_ms: int) -> list[Note | Event]:
         """Returns the events since the last call, for the journal."""
         events, self._events = self._events, []
         return events
@@ -100,7 +99,7 @@ class MemberLink:
             estimate = None if belief is None else supervisor.beliefs.estimator.kept(belief)
             gave.append(HandedOver(agent_id, now_ms, estimate))
             supervisor.stop_serving(agent_id)
-            self._events.append((EventKind.HANDED_ON, {"id": agent_id}))
+            self._events.append(Note(EventKind.HANDED_ON, {"id": agent_id}))
         self._pending = {
             it: transfer for it, transfer in orders.serves.items() if it not in allocation.served
         }
@@ -123,7 +122,7 @@ class MemberLink:
                 agent_id,
                 None if transfer.estimate is None else estimator.restored(agent_id, transfer.estimate),
             )
-            self._events.append((EventKind.TOOK_ON, {"id": agent_id}))
+            self._events.append(Note(EventKind.TOOK_ON, {"id": agent_id}))
 
     def _view(self, supervisor: Supervisor) -> APadView:
         view = view_of(self._name, self._start_m, supervisor)

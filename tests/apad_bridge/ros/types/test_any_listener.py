@@ -11,6 +11,7 @@ import pytest
 import rospy
 from std_msgs.msg import Bool, Float32MultiArray, Float64, Int32, String
 
+from apad_bridge.events import Unreadable
 from apad_bridge.ros.links import generation_a, generation_b
 from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, NavSts
@@ -90,11 +91,8 @@ def test_a_text_for_a_number_is_dropped_counted_and_told_once_with_its_node(subs
     assert inbox.take() == [BatteryReceived(UNSTAMPED, 55.0)]
     assert inbox.dropped == {f"apad1/battery_level: {why}": 3}
     events = inbox.take_events()
-    assert [(kind, it["node"]) for kind, it in events] == [
-        ("unreadable", "/stranger"),
-        ("unreadable", "/another"),
-    ]
-    assert events[0][1] == {"topic": "apad1/battery_level", "node": "/stranger", "why": why}
+    topic = "apad1/battery_level"
+    assert events == [Unreadable(topic, "/stranger", why), Unreadable(topic, "/another", why)]
     assert inbox.take_events() == []
 
 
@@ -112,8 +110,9 @@ def test_a_pose_with_a_field_of_another_kind_is_dropped(subscribed: Inboxed, fie
     subscribers, inbox = subscribed
     subscribers._subscribers[0].callback(on_the_wire(twisted(field, kind)()))
     assert inbox.take() == [] and sum(inbox.dropped.values()) == 1
-    ((_, told),) = inbox.take_events()
-    assert told["node"] == "/stranger" and "auv_msgs/NavSts has" in told["why"]
+    (told,) = inbox.take_events()
+    assert isinstance(told, Unreadable)
+    assert told.node == "/stranger" and "auv_msgs/NavSts has" in told.why
 
 
 def test_a_pose_whose_numbers_are_narrower_is_read() -> None:
@@ -135,7 +134,7 @@ def test_the_guards_of_several_aPads_keep_the_last_place_of_one_with_a_strangers
     position(on_the_wire(twisted("north", "string")()))
     position(on_the_wire(String(data="hello")))
     assert [it.place_m for it in others.bodies()] == [(3.0, 4.0)]
-    assert [it["node"] for _, it in others.take_events()] == ["/stranger"]
+    assert [it.node for it in others.take_events()] == ["/stranger"]
     others.close()
 
 
@@ -162,5 +161,5 @@ def test_a_laboratorys_message_of_another_type_is_dropped_counted_and_told_once(
     permissions(on_the_wire(Float64(data=float("inf"))), (heard[1], None))
     assert subscribers.take(0) == []
     assert subscribers.dropped == {"/modem: data holds no bytes": 3, "/permit: says no id": 1}
-    assert [it["node"] for _, it in subscribers.take_events()] == ["/stranger"]
+    assert [it.node for it in subscribers.take_events()] == ["/stranger"]
     subscribers.close()
