@@ -187,7 +187,13 @@ OURS_OF_APAD = Section(
         ),
         *(
             _service(f"musselbed/{{apad}}/{name}", "std_srvs/Trigger", "supervisor", "of a mission by hand")
-            for name in ("pause", "resume", "end", "take_over", "give_back")
+            for name in ("take_over", "give_back")
+        ),
+        *(
+            _service(
+                f"musselbed/{{apad}}/{name}", "std_srvs/Trigger", "supervisor", f"as `musselbed {name} RUN`"
+            )
+            for name in ("stop", "continue", "abort")
         ),
         _service(
             "musselbed/{apad}/read_run",

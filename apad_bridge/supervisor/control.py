@@ -40,7 +40,7 @@ TICK_S = 3.0
 """A person who stops is told after so many wall seconds that no tick came, and that only the vehicle's switch helps."""
 TOLD_S = 6.0
 """A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s."""
-LONGEST_REMARK = 2000
+LONGEST_REMARK, LONGEST_NAME = 2000, 100
 """Characters."""
 _AGAIN_S = 0.02
 """A client waits so long before it tries again to connect to a supervisor whose queue is full."""
@@ -62,7 +62,7 @@ class Act(StrEnum):
 @dataclass(frozen=True, slots=True)
 class Request:
     act: Act
-    by: Annotated[str, Field(min_length=1, max_length=100)]
+    by: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
     """The person's name."""
     text: Annotated[str, Field(max_length=LONGEST_REMARK)] = ""
     """The remark."""
@@ -72,7 +72,7 @@ class Request:
     """The number of the stop after which to continue; None: the newest."""
     pilot_left: bool = False
     """The person who continues says that no pilot steers any more, whatever the pilot's flag says."""
-    lookout: Annotated[str, Field(max_length=100)] = ""
+    lookout: Annotated[str, Field(max_length=LONGEST_NAME)] = ""
     """The person who watches the water on the way back inside the fence."""
     goal_m: tuple[FiniteFloat, FiniteFloat] | None = None
     """The goal (north, east) of a go-to or a hold, which need one."""

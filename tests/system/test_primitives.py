@@ -79,7 +79,7 @@ cancelled = []
 go_to.send_goal(GoToGoal(north_m=north_m + 300), feedback_cb=lambda _: cancelled or cancelled.append(go_to.cancel_goal()))
 assert go_to.wait_for_result(rospy.Duration(2000))
 told["cancelled"] = [go_to.get_state(), go_to.get_result().status, go_to.get_result().message]
-told["ended"] = rospy.ServiceProxy("/musselbed/apad1/end", Trigger)().success
+told["ended"] = rospy.ServiceProxy("/musselbed/apad1/abort", Trigger)().success
 print(json.dumps(told))
 """
 SUCCEEDED, PREEMPTED = 3, 2
@@ -153,6 +153,10 @@ def test_an_apad_is_flown_by_calls(
     assert called.stdout.count("success: True") == 3
     assert len(calls) == 9 and "aMussel 7 never reported" in called.stdout
     assert "no mission to which to give the aPad back" in called.stdout
+    # A stop by a service is a person's: numbered, taken by the vehicle, and in force until `continue`.
+    assert "stop 1: hold, " in called.stdout
+    journal = read_journal(run / "journal.jsonl").lines
+    assert [it["order"] for it in journal if it["kind"] == "operator"] == ["stop", "continue"]
     first = read_journal(run / "journal.jsonl").first("run")
     assert first is not None
     agent = first["agents"][0]
@@ -172,7 +176,7 @@ def test_an_apad_is_flown_by_calls(
     assert told["empty"] == [False, "dock 2 is empty"]
     assert told["cancelled"] == [PREEMPTED, 2, "cancelled"]
     assert told["ended"] is True
-    assert finished(flight)["ended_by"] == "a call"
+    assert finished(flight)["ended_by"] == "a call: abort by node /somebody"
     docks = [
         (it["dock"], it["agent"], it["closed"])
         for it in read_journal(run / "journal.jsonl").lines

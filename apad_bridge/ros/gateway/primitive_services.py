@@ -16,7 +16,6 @@ from typing import Any
 import rospy
 
 from apad_bridge.mission.call_queue import CallQueue, FlightMission, Snapshot
-from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused
 from apad_bridge.ros.gateway.primitive_actions import PrimitiveActions, docking_act
@@ -77,13 +76,6 @@ class PrimitiveServices:
             rospy.Service(below("hold_position"), HoldPosition, self._hold_position),
             rospy.Service(below("dock"), Dock, self._dock),
             rospy.Service(below("undock"), Undock, self._undock),
-            rospy.Service(below("pause"), Trigger, self._trigger(_pause)),
-            rospy.Service(below("resume"), Trigger, self._trigger(_resume)),
-            rospy.Service(
-                below("end"),
-                Trigger,
-                self._mission_trigger(_end),
-            ),
             rospy.Service(
                 below("take_over"), Trigger, self._mission_trigger(lambda mission: mission.take_over())
             ),
@@ -135,9 +127,6 @@ class PrimitiveServices:
             return response(accepted=False, message=str(refused))
         return response(accepted=True, message="")
 
-    def _trigger(self, act: Callable[[ManualMission], str]) -> Callable[[Any], Any]:
-        return lambda _: _triggered(lambda: self._command_source.call(act))
-
     def _mission_trigger(self, act: Callable[[FlightMission], str]) -> Callable[[Any], Any]:
         return lambda _: _triggered(lambda: self._command_source.call_mission(act))
 
@@ -147,20 +136,6 @@ class PrimitiveServices:
             self._published = now
             self._goto_status.publish(Int32(now[0]))
             self._docking_status.publish(Int32(now[1]))
-
-
-def _pause(mission: ManualMission) -> str:
-    mission.pause()
-    return ""
-
-
-def _resume(mission: ManualMission) -> str:
-    return "" if mission.resume() else "nothing was paused"
-
-
-def _end(flown: FlightMission) -> str:
-    flown.finish(MissionEnd(EndReason.CALL))
-    return ""
 
 
 def _triggered(call: Callable[[], str]) -> Any:

@@ -1,8 +1,9 @@
-"""Lets a console on another machine follow the supervisor's run, and give it a person's orders.
+"""Lets a console on another machine follow the supervisor's run, and anybody on the graph give it a person's orders.
 
 The run's directory stays where the supervisor is. `/musselbed/NAME/read_run` gives the bytes of its files from an offset
 on, and `/musselbed/NAME/give_order` takes what `musselbed stop` and the others write into the socket there, by the same
-rules. Both run in rospy's threads, and the flight waits for neither.
+rules. `/musselbed/NAME/stop`, `continue` and `abort` give these orders without a text, so that a ROS tool can: a stop
+answers when the vehicle has taken it, or with the reason. All run in rospy's threads, and the flight waits for none.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +21,12 @@ import rospy
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
-from apad_bridge.supervisor.control import answered_line
+from apad_bridge.supervisor.control import LONGEST_NAME, Act, Request, answer_of, answered_line
 
 use_generated_messages()
 
 from musselbed_msgs.srv import GiveOrder, GiveOrderResponse, ReadRun, ReadRunResponse  # noqa: E402
+from std_srvs.srv import Trigger, TriggerResponse  # noqa: E402
 
 JOURNAL, SUMMARY = "journal.jsonl", "summary.json"
 FILES = ("scenario.yaml", "run.json", JOURNAL, SUMMARY)
@@ -46,6 +49,10 @@ class RunServices:
         self._services = [
             rospy.Service(ours_of_apad(apad, "read_run"), ReadRun, self._read),
             rospy.Service(ours_of_apad(apad, "give_order"), GiveOrder, self._order),
+            *(
+                rospy.Service(ours_of_apad(apad, act.value), Trigger, partial(self._act, act))
+                for act in (Act.STOP, Act.CONTINUE, Act.ABORT)
+            ),
         ]
 
     def close(self) -> None:
@@ -72,13 +79,21 @@ class RunServices:
             self._all_read.set()
         return ReadRunResponse(exists=True, data=data)
 
+    def _act(self, act: Act, request: Any) -> Any:
+        """The caller's node stands for the person, because ROS names nobody else."""
+        by = f"node {request._connection_header['callerid']}"[:LONGEST_NAME]
+        answer = answer_of(self._run_dir, Request(act, by))
+        told = [] if answer.stop is None else [f"stop {answer.stop}: {answer.mode}, {answer.state}"]
+        told += [answer.message] if answer.message else []
+        return TriggerResponse(success=answer.accepted, message="; ".join(told))
+
     def _order(self, request: Any) -> Any:
         return GiveOrderResponse(answered_line(self._run_dir, request.request.encode()).decode())
 
 
 @contextmanager
 def run_offered(run_dir: Path, apad: str) -> Iterator[None]:
-    """Offers both services while it is entered."""
+    """Offers the services while it is entered."""
     services = RunServices(run_dir, apad)
     try:
         yield
