@@ -25,9 +25,34 @@ SPHERICAL_DB = 20.0
 
 
 def thorp_db_per_km(frequency_khz: float) -> float:
-    """Absorption of sea water by Thorp's formula (Thorp 1967, in the form of Fisher and Simmons for kHz and km)."""
+    """Absorption of sea water by Thorp's formula (Thorp 1967, in kHz and km, with the constant term of Urick's book).
+
+    It was fitted for 0.1 to 50 kHz, to water of about 4 degrees at about a kilometre's depth. It is not the formula of
+    Fisher and Simmons (1977), which has temperature and depth.
+    """
     squared = frequency_khz**2
     return 0.11 * squared / (1 + squared) + 44 * squared / (4100 + squared) + 2.75e-4 * squared + 0.003
+
+
+THORP_KHZ = (0.1, 50.0)
+"""The range of Thorp's formula."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeaWater:
+    """The water that decides the speed of sound. A scenario's block `sea_water`, in the range of Mackenzie's formula."""
+
+    temperature_c: Annotated[float, Ge(2), Le(30)]
+    salinity_psu: Annotated[float, Ge(25), Le(40)]
+    depth_m: Annotated[float, Ge(0), Le(8000)] = 0.0
+
+    @property
+    def sound_speed_m_s(self) -> float:
+        """Mackenzie's nine terms (J. Acoust. Soc. Am. 70, 1981, 807), within 0.07 m/s in their range."""
+        t, s, d = self.temperature_c, self.salinity_psu - 35, self.depth_m
+        warm = 4.591 * t - 5.304e-2 * t**2 + 2.374e-4 * t**3
+        deep = 1.630e-2 * d + 1.675e-7 * d**2 - 7.139e-13 * t * d**3
+        return 1448.96 + warm + 1.340 * s - 1.025e-2 * t * s + deep
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,12 +132,13 @@ class Sound:
     """
 
     sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
+    """With `sea_water` that of its formula instead."""
     source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
     """Level at 1 m."""
     spreading_db: Annotated[float, Ge(0), Le(60)] = SPHERICAL_DB
     """Loss per tenfold distance."""
     absorption_db_per_km: NotNegative | None = None
-    """None: Thorp's formula at `frequency_khz`."""
+    """None: Thorp's formula at `frequency_khz`, which must then lie in its range, `THORP_KHZ`."""
     frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
     noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
     """Ambient noise, re 1 uPa^2/Hz."""
@@ -139,8 +165,12 @@ class Sound:
     """Standard deviation of a measured range."""
     error_curve: ErrorCurve | None = None
     """None: the nanomodem's own, in harsh multipath."""
+    sea_water: SeaWater | None = None
+    """None: `sound_speed_m_s` stands."""
 
     def __post_init__(self) -> None:
+        if self.sea_water is not None:
+            object.__setattr__(self, "sound_speed_m_s", self.sea_water.sound_speed_m_s)
         for name in ("sound_speed_m_s", "frequency_khz", "bandwidth_hz", "range_limit_m"):
             if not 0 < getattr(self, name) < inf:
                 raise ValueError(f"{name} must be positive")
@@ -148,6 +178,10 @@ class Sound:
         for name in (*not_negative, "thruster_noise_db", "range_noise_m"):
             if not 0 <= getattr(self, name) < inf:
                 raise ValueError(f"{name} must not be negative")
+        if self.absorption_db_per_km is None and not THORP_KHZ[0] <= self.frequency_khz <= THORP_KHZ[1]:
+            raise ValueError(
+                f"Thorp's formula holds from {THORP_KHZ[0]:g} to {THORP_KHZ[1]:g} kHz: state absorption_db_per_km"
+            )
         if not 0 <= self.absorption < inf:
             raise ValueError("absorption_db_per_km must not be negative")
         for name in ("reverberation_s", "turnaround_s"):

@@ -65,6 +65,8 @@ from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
 _MS_PER_MIN = 60_000
+_LEAST_MIN = 1 / _MS_PER_MIN
+"""No charge takes less than a millisecond, whatever its curve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,7 +310,7 @@ def _best_gain(per_min: Sequence[tuple[float, float]], surfacing: float, besides
             if rate <= 0:
                 break
             minutes += (end - starts[index]) / rate
-            found.append((end - starts[first] - surfacing) / (minutes + besides_min))
+            found.append((end - starts[first] - surfacing) / max(_LEAST_MIN, minutes + besides_min))
     return max(found)
 
 
@@ -328,7 +330,7 @@ def _gain_from_empty(board: BoardConfig, sinking: float, besides_min: float = 0.
                 return found
             minutes += (part_end - low) / net / _MS_PER_MIN
             low = part_end
-            found = max(found, (low / FULL - sinking) / (minutes + besides_min))
+            found = max(found, (low / FULL - sinking) / max(_LEAST_MIN, minutes + besides_min))
     return found
 
 

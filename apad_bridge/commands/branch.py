@@ -29,7 +29,7 @@ def add_parser(commands: Any) -> None:
             "musselbed branch runs/pool-12-1 --at 14:20 --strategy greedy",
             "musselbed branch runs/pool-12-1 --at 860 --set pool_threshold=0.5 --set charge_to=0.8 --json",
             "musselbed branch runs/bay-120-1 --at 1:00:00 --lose-apad apad2",
-            note="See docs/studies.md.",
+            note="See docs/recipes.md.",
         ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")

@@ -26,7 +26,7 @@ def add_parser(commands: Any) -> None:
         epilog=ending(
             "musselbed explain runs/pool-12-20260504T101500Z --at 10:00",
             "musselbed explain runs/pool-12-20260504T101500Z --json",
-            note="See docs/studies.md.",
+            note="See docs/recipes.md.",
         ),
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")

@@ -429,7 +429,7 @@ class Ticks:
         the time is where both meet.
         """
         waiting = [it for it in beliefs if it.state not in DOCKED and it.state not in BEYOND_HELP]
-        batch = 1 if self._is_asynchronous else min(self._config.batch, len(waiting))
+        batch = min(1 if self._is_asynchronous else self._config.batch, len(waiting))
         if not batch:
             return _NEVER_MS
 

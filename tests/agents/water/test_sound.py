@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.water.sound import NANOMODEM_ERRORS, ErrorCurve, Sound, thorp_db_per_km
+from agents.water.sound import NANOMODEM_ERRORS, ErrorCurve, SeaWater, Sound, thorp_db_per_km
 
 
 def test_snr_is_that_of_the_modems_figures() -> None:
@@ -29,6 +29,20 @@ def test_practical_spreading_loses_fifteen_decibels_a_decade() -> None:
 def test_thorp_by_hand(khz: float, db: float) -> None:
     """At 28 kHz: 0.11 * 784/785 + 44 * 784/4884 + 0.000275 * 784 + 0.003 = 0.1099 + 7.0631 + 0.2156 + 0.003."""
     assert thorp_db_per_km(khz) == pytest.approx(db, abs=2e-4)
+
+
+def test_mackenzie_s_own_check_value() -> None:
+    """The paper of the formula gives 1550.744 m/s for 25 degrees, 35 parts in a thousand and 1000 m."""
+    water = SeaWater(25, 35, 1000)
+    assert water.sound_speed_m_s == pytest.approx(1550.744, abs=5e-4)
+    assert Sound(sea_water=water).delay_us(1550.744) == pytest.approx(1_000_000, abs=1)
+    assert SeaWater(20, 38).sound_speed_m_s == pytest.approx(1525.0, abs=0.3)  # a warm Adriatic pool, by hand
+
+
+def test_thorp_s_formula_is_not_used_outside_its_range() -> None:
+    with pytest.raises(ValueError, match=r"from 0.1 to 50 kHz: state absorption_db_per_km"):
+        Sound(frequency_khz=200)
+    assert Sound(frequency_khz=200, absorption_db_per_km=60).absorption == 60
 
 
 def test_sound_takes_two_thirds_of_a_millisecond_a_metre() -> None:

@@ -44,6 +44,7 @@ beliefs: {estimator: twin, twin: {drain_deviation: 0.05, sensor_noise: 0.005, bi
                                   fix_deviation_m: 0.5, current_deviation_m_s: 0.01}}
 water:
   sound: {reverberation_s: 0.1, fading_db: 3, absorption_db_per_km: 3,
+          sea_water: {temperature_c: 20, salinity_psu: 38, depth_m: 2},
           error_curve: {snrs_db: [0, 10], sizes: [8, 64], rates: [[0.9, 0.1], [0.95, 0.2]]}}
   wifi: {}
   talk: {ping_period_s: 10, turn: [1, 2], assigns: true, beacon_period_s: 60}
