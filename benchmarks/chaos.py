@@ -101,7 +101,7 @@ def flown(scenario: Scenario, faults: Sequence[FaultAt], kills: int = 0) -> Outc
             frame = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(frame.filename).name}, line {frame.lineno}"
             return Outcome(0, (f"no exception: {type(error).__name__}: {error} ({where})",))
-        broken = tuple(f"{it.law}: {it.reason}" for it in check_run(directory))
+        broken = tuple(f"{it.rule}: {it.reason}" for it in check_run(directory))
         lines = read_journal(directory.journal).lines
     happened = sum(it["kind"] == EventKind.FAULT and "refused" not in it for it in lines)
     return Outcome(happened, broken, supervisors.begun - 1)

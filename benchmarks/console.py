@@ -30,7 +30,7 @@ from rich.console import Console
 
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.supervisor.control import listens
-from benchmarks.gateway import NODES, SCENARIO, TIMEOUT_S, Node
+from benchmarks.gateway import NODES, TIMEOUT_S, Node, flown
 
 AGENTS = 24
 BROWSERS = (0, 100)
@@ -138,17 +138,12 @@ def _flown_s(pairs: int) -> int:
 
 
 class Flight:
-    """A mission of 24 aMussels at real time and theta 30, beside the simulated aPad's node, a console and a rospy node."""
+    """A mission at real time and theta 30, beside the simulated aPad's node, a console and a rospy node."""
 
-    def __init__(self, stack: ExitStack, duration_s: int) -> None:
+    def __init__(self, stack: ExitStack, duration_s: int, agents: int = AGENTS) -> None:
         home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
         scenario, self.run = home / "flown.yaml", home / "run"
-        data = yaml.safe_load(SCENARIO.read_text())
-        data["duration_s"] = duration_s
-        data["area"] |= {"fence": [[-50, -50], [80, -50], [80, 80], [-50, 80]], "home_m": [14, 10.5]}
-        data["guards"] = {"battery_reserve": 0.1}
-        data["fleet"] |= {"count": AGENTS, "start": {"charge": [0.5, 0.9]}}
-        scenario.write_text(yaml.safe_dump(data))
+        scenario.write_text(yaml.safe_dump(flown(duration_s, agents)))
         self._duration_s = duration_s
         master = start_master(home, timeout_s=20, orphan_s=0)
         stack.callback(master.stop)

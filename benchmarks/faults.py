@@ -509,7 +509,7 @@ def _killed_with_leaks(attempt: Try) -> str | None:
     if (lost := _expect(flying, {0})) is not None:
         return lost
     broken = check_run(RunDirectory.open(attempt.run_dir))
-    return f"{len(broken)} broken laws, the first: {broken[0].law}: {broken[0].reason}" if broken else None
+    return f"{len(broken)} broken rules, the first: {broken[0].rule}: {broken[0].reason}" if broken else None
 
 
 def _leaked_ms(lines: Sequence[Line]) -> int | None:

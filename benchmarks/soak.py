@@ -1,7 +1,7 @@
 """Memory, descriptors and threads of each process in an hour at real time, and in ten days at once: they have to stay flat.
 
-- An hour at real time and theta 30, over ROS: the flight of `benchmarks/run console`, with a browser that stays. The bare
-  rospy node that reads the ticks is the floor: what its memory does is rospy's own.
+- An hour at real time and theta 30, over ROS: the flight of `benchmarks/run console` with 12 aMussels, and a browser that
+  stays. The bare rospy node that reads the ticks is the floor: what its memory does is rospy's own.
 - Ten days of 120 aMussels with five aPads at theta 30, in virtual time, each aMussel a process. The aPads' energy is
   unlimited.
 
@@ -35,8 +35,10 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.check import broken_rules
-from benchmarks.console import AGENTS, Clients, Flight, end_program
+from benchmarks.console import Clients, Flight, end_program
 
+AGENTS = 12
+"""So few that each of them docks well before the hour is over: the growth with first dockings then ends in it."""
 LOOK_S = 10.0
 WARM_PART = 0.25
 PROC = Path("/proc")
@@ -68,7 +70,7 @@ def at_real_time(minutes: float) -> dict[str, Any]:
     seen: dict[str, list[Used]] = defaultdict(list)
     docked: list[int] = []
     with ExitStack() as stack:
-        flight = Flight(stack, round(60 * minutes))
+        flight = Flight(stack, round(60 * minutes), AGENTS)
         browser = Clients(flight.url, 1)
         stack.callback(browser.close)
         kinds = {

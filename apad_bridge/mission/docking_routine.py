@@ -20,6 +20,7 @@ from enum import Enum, auto
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events import Released
 from apad_bridge.mission.charging_watch import is_charged
+from apad_bridge.mission.dock_witnesses import doubt
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
@@ -247,10 +248,16 @@ class DockingRoutine:
     def undock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Opens the mechanism that holds the aMussel.
 
-        A service counts by the belief at this order: on the way down the aMussel draws from its battery again.
+        A service counts by the belief at this order: on the way down the aMussel draws from its battery again. It counts
+        where the docking has more witnesses than the vehicle.
         """
         self._wait = self._next = self._search = None
-        self._book.set(leaves_full=is_charged(self._beliefs.get(agent_id), self.config))
+        belief = self._beliefs.get(agent_id)
+        leaves_full = is_charged(belief, self.config)
+        if leaves_full and (reason := doubt(belief, self._book.named.get(agent_id))) is not None:
+            self._book.note("docks_disagree", id=agent_id, reason=reason)
+            leaves_full = False
+        self._book.set(leaves_full=leaves_full)
         self.mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self.mechanism)
 

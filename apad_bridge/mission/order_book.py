@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from apad_bridge.events import Event, LegBegan
@@ -42,10 +43,15 @@ class OrderBook:
         """The aPad's place (north, east) in metres; None until it was heard."""
         self.apad_battery: float | None = None
         """The part of a full battery that the aPad has; None until it was heard."""
+        self.named: dict[int, bool] = {}
+        """By aMussel reported in a dock, whether the vehicle's service about its docks names it."""
         self._orders: list[Order] = []
 
     def battery_heard(self, fraction: float) -> None:
         self.apad_battery = fraction
+
+    def docks_named(self, named: Mapping[int, bool]) -> None:
+        self.named = dict(named)
 
     def moved(self, north_m: float, east_m: float) -> None:
         """Takes the aPad's position, and counts the way while a leg is under way."""
@@ -59,6 +65,7 @@ class OrderBook:
         match outcome:
             case DockChanged(_, dock_index, agent_id, closed, docked):
                 self.set(docked=docked)
+                self.named.pop(agent_id, None)
                 self.note("dock", dock=dock_index, agent=agent_id, closed=closed)
             case PrimitiveSucceeded(_, primitive_id) if leg is not None and primitive_id == leg.primitive_id:
                 self._end_leg(as_planned=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from apad_bridge.mission.ending import MissionEnd
@@ -27,6 +28,10 @@ class Mission(Protocol):
 
     def battery_heard(self, fraction: float) -> None:
         """Takes the aPad's battery, as a part of a full one."""
+        ...
+
+    def docks_named(self, named: Mapping[int, bool]) -> None:
+        """Takes the word of the vehicle's service about its docks: whether it names each aMussel reported in one."""
         ...
 
     def await_person(self, reason: str) -> None:

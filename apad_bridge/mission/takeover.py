@@ -7,7 +7,7 @@ aMussels aboard first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from apad_bridge.events import Event, Overridden
@@ -65,6 +65,9 @@ class Takeover:
 
     def battery_heard(self, fraction: float) -> None:
         self._flying.battery_heard(fraction)
+
+    def docks_named(self, named: Mapping[int, bool]) -> None:
+        self._flying.docks_named(named)
 
     def await_person(self, reason: str) -> None:
         self._flying.await_person(reason)
@@ -193,6 +196,7 @@ class Takeover:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if (manual := self.by_hand) is not None:
             self._orders += manual.take_orders()
+        mission.docks_named(self._flying.named)
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)

@@ -14,6 +14,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import StandDownRule
+from apad_bridge.mission.dock_witnesses import ON_BOTTOM
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
@@ -48,6 +49,7 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    DocksNamed,
     GoalOfOthers,
     PilotReported,
     PoseReported,
@@ -70,7 +72,6 @@ from apad_bridge.vehicle.primitives import (
 )
 from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 from firmware_model.packets.codec import Codec
-from firmware_model.states import State
 
 EMPTY_MS = 3000
 """A battery that is empty all of a sudden ends the mission when its readings say so for this long."""
@@ -90,13 +91,13 @@ _PRIORITY: dict[type, int] = {
     CommandedByOthers: 2,
     PilotReported: 2,
     GoalOfOthers: 2,
+    DocksNamed: 2,
     SoundHeard: 3,
     RangeHeard: 3,
     WifiHeard: 3,
     EndRequested: 4,
     StandDownRequested: 4,
 }
-_ON_BOTTOM = frozenset({State.ACTIVE, State.EMPTY, State.SLEEPING})
 PRIMITIVE_NAMES: dict[type, str] = {
     GoToPoint: "go to point",
     HoldPosition: "hold position",
@@ -254,6 +255,8 @@ class Supervisor:
             case CommandedByOthers():
                 if not self.has_ended:
                     self.mission.take_over(by="vehicle")
+            case DocksNamed(_, held, named):
+                self.mission.docks_named({agent_id: agent_id in named for agent_id in held})
             case PoseReported():
                 self.pose = fact
                 self.mission.moved(fact.north_m, fact.east_m)
@@ -289,7 +292,7 @@ class Supervisor:
         if not isinstance(packet, Status):
             return []
         agent_id, state = basic_of(packet).agent_id, basic_of(packet).state
-        if state not in _ON_BOTTOM or agent_id not in self.mission.docks:
+        if state not in ON_BOTTOM or agent_id not in self.mission.docks:
             self._doubted.discard(agent_id)
             return []
         if agent_id in self._doubted:

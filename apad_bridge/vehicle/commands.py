@@ -160,6 +160,17 @@ class DockOpened:
 
 
 @dataclass(frozen=True, slots=True)
+class DocksNamed:
+    """The vehicle's service about its docks, which answers apart from its reports, names some of those reported."""
+
+    at_ms: int
+    held: frozenset[int]
+    """The aMussels in docks by the vehicle's reports."""
+    named: frozenset[int]
+    """Those that the service names; never empty, because a service that names nobody may know of no docking."""
+
+
+@dataclass(frozen=True, slots=True)
 class CommandedByOthers:
     """Another party commands a vehicle that is a person's to give back: the mission should stand aside."""
 
@@ -194,6 +205,7 @@ VehicleFact = (
     | CommandFailed
     | DockClosed
     | DockOpened
+    | DocksNamed
     | CommandedByOthers
     | PilotReported
     | GoalOfOthers

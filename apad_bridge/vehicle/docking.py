@@ -34,6 +34,7 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    DocksNamed,
     GoalOfOthers,
     GoTo,
     Hold,
@@ -259,7 +260,7 @@ class DockingPort:
                 )
             case DockClosed() | DockOpened():
                 self._take_dock(stimulus, now_ms, actions)
-            case BatteryReported() | CommandedByOthers() | PilotReported() | GoalOfOthers():
+            case BatteryReported() | CommandedByOthers() | PilotReported() | GoalOfOthers() | DocksNamed():
                 pass  # the supervisor takes them from the vehicle directly
         return actions
 

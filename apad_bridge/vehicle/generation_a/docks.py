@@ -2,8 +2,9 @@
 
 A silence of that topic is no proof. The published server publishes for as many docks as are closed, counted from the
 first, and so falls silent about a higher dock when a lower one opens. So the aPad is asked what it holds before a
-silence that nobody ordered counts as a release. An answer that names none of the held aMussels is none: the public docking
-simulator counts by itself, and knows nothing of perches. Then a living action server holds what it held.
+silence that nobody ordered counts as a release. It is asked after each docking too, because the mission counts a docking by
+more than one witness. An answer that names none of the held aMussels is none: the public docking simulator counts by
+itself, and knows nothing of perches. Then a living action server holds what it held.
 
 A perch that seemed to fail may have been done late, and the one that repeats it makes the published server hold the
 aMussel twice. Its position then goes on after the release: that is no new docking, and the aPad has to release it again.
@@ -17,7 +18,7 @@ from dataclasses import dataclass
 
 from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.capabilities import DockPlaces, published_docks
-from apad_bridge.vehicle.commands import DockClosed, DockOpened
+from apad_bridge.vehicle.commands import DockClosed, DockOpened, DocksNamed
 from apad_bridge.vehicle.generation_a.messages import DocksReceived, HeldPositionReceived
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.telemetry import Readings
@@ -181,6 +182,7 @@ class ReportedDocks:
         self._held[message.agent_id] = _Holding(free[0], message.at_ms, place_m, False)
         self.lost_m.pop(message.agent_id, None)
         self._forget_release(message.agent_id)
+        self._asks = True
         return [
             DockClosed(message.at_ms, free[0], message.agent_id),
             Carried(message.at_ms, message.agent_id, *place_m),
@@ -209,6 +211,8 @@ class ReportedDocks:
         for agent_id in sorted(alone - self._named_alone):
             self._disagree(agent_id, f"{_SERVICE} names it, and no position_static shows it: taken for free")
         self._named_alone = alone
+        if named:
+            facts.append(DocksNamed(answer.at_ms, frozenset(self._held), frozenset(named)))
         for agent_id, holding in list(self._held.items()):
             if holding.asked_ms is None:
                 continue

@@ -600,6 +600,40 @@ def test_a_resumed_undocking_is_ordered_again() -> None:
     assert bench.mission.state.services == 1
 
 
+@pytest.mark.parametrize(
+    ("state", "named", "counts"),
+    [
+        (State.CHARGING, {}, True),
+        (State.CHARGING, {1: False}, True),
+        (State.ACTIVE, {}, False),
+        (State.ACTIVE, {1: True}, True),
+        (State.FLOATING, {}, False),
+    ],
+)
+def test_a_service_counts_by_more_than_the_vehicle_s_report_and_the_mission_goes_on_without(
+    state: State, named: dict[int, bool], counts: bool
+) -> None:
+    bench = Bench(agents=1)
+    bench.mission.receive(DockChanged(0, 2, 1, True, ((2, 1),)), 0)
+    bench.mission.docks_named(named)
+    bench.told.say(1, 0, state, 1.0)
+    bench.tick()
+    bench.tick()
+    bench.succeed()
+    assert len(bench.notes("docks_disagree")) == (not counts)
+    assert isinstance(bench.primitive(), UndockMussel)
+    bench.succeed()
+    assert bench.notes("released") == [{"agent": 1, "full": counts}]
+    assert (bench.mission.state.services, bench.mission.state.phase) == (int(counts), Phase.IDLE)
+
+
+def test_the_docks_service_is_no_witness_of_a_later_docking() -> None:
+    bench = Bench(agents=2)
+    bench.mission.docks_named({1: True, 2: False})
+    bench.mission.receive(DockChanged(0, 2, 1, True, ((2, 1),)), 0)
+    assert bench.mission.named == {2: False}
+
+
 def test_an_undocking_that_ended_without_a_supervisor_is_a_service() -> None:
     bench = Bench(agents=1, state=replace(undocking_state(), docked=()))
     bench.told.say(1, 0, State.FLOATING, 1.0)

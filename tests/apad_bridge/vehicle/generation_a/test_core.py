@@ -15,6 +15,7 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    DocksNamed,
     GoTo,
     Hold,
     OpenDock,
@@ -51,6 +52,7 @@ def says(core: GenerationACore, at_ms: int, key: str, code: GoalCode, text: str 
 
 def shows(core: GenerationACore, at_ms: int, agent_id: int, released: bool = False) -> None:
     core.receive(HeldPositionReceived(at_ms, agent_id, 2.0, 3.0, released), at_ms)
+    core.take_question()  # that after a docking, which a test of its own has
 
 
 def is_at(core: GenerationACore, at_ms: int) -> None:
@@ -58,8 +60,8 @@ def is_at(core: GenerationACore, at_ms: int) -> None:
 
 
 def tells(core: GenerationACore, now_ms: int) -> list[LinkFact]:
-    """The new facts, without readings of pose and battery, and without acceptances."""
-    readings = PoseReported | BatteryReported | CommandAccepted
+    """The new facts, without readings of pose and battery, acceptances, and the docks' service's word."""
+    readings = PoseReported | BatteryReported | CommandAccepted | DocksNamed
     return [it for it in core.advance(now_ms) if not isinstance(it, readings)]
 
 
@@ -365,6 +367,27 @@ def test_witnesses_of_a_dock_that_disagree_are_told_once(names: set[str], told: 
             core.receive(DocksReceived(now_ms, frozenset(names)), now_ms)
     events = [data for kind, data in gate.take_events() if kind == EventKind.DOCKS_DISAGREE]
     assert sorted((it["id"], it["reason"]) for it in events) == sorted(told.items())
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (frozenset({"amussel7"}), [DocksNamed(2_000, frozenset({7, 8}), frozenset({7}))]),
+        (frozenset({"amussel9"}), []),  # the published service knows nothing of perches
+        (frozenset(), []),
+        (None, []),
+    ],
+)
+def test_the_vehicle_is_asked_after_each_docking_and_its_answer_frees_no_amussel_that_is_shown(
+    core: GenerationACore, answer: frozenset[str] | None, told: list[DocksNamed]
+) -> None:
+    for at_ms, agent_id in ((0, 7), (1_000, 8)):
+        core.receive(HeldPositionReceived(at_ms, agent_id, 2.0, 3.0, False), at_ms)
+        assert core.take_question() and not core.take_question()
+    tells(core, 1_000)
+    core.receive(DocksReceived(2_000, answer), 2_000)
+    assert [it for it in core.advance(2_000) if isinstance(it, DocksNamed | DockOpened)] == told
+    assert core.docks.holds(7) and core.docks.holds(8)
 
 
 @pytest.mark.parametrize("refused", [True, False])
