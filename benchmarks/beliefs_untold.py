@@ -1,0 +1,308 @@
+"""Coverage in flight of twins that are told nothing of their boards: aged batteries, other drains, sensors that are off.
+
+The twins know the catalogue's numbers. Each board of a population draws its own: an ageing of 0 to 40 % of the capacity,
+a drain of 20 % more or less, and for each battery's sensor a bias of 0.05 either way and a noise of 0.005 in every
+packet. The charge that a coil delivers is the catalogue's. All draws are uniform (the noise is normal) and follow from
+the population's seed. One population has boards that equal their twins, and is reported apart.
+
+The judge reads the agents' truth channel, and computes coverage and NEES itself. A round of charge ends with a release.
+The bins overlap: a charging aMussel is docked too. The shares of packets received are of all packets, by sound and by
+Wi-Fi, after the first one of each aMussel.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from agents.fleet import Spread
+from agents.hosting.in_process import InProcessHost
+from agents.mussel.outputs import Truth
+from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.flight_config import FlightConfig, flight_config
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.charge_state import RATE
+from apad_bridge.beliefs.twin_parameters import Calls
+from apad_bridge.beliefs.twin_state import TwinState
+from apad_bridge.runs.flying import in_process_context
+from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.sample_collection import SampleCollection
+from firmware_model.config import BoardConfig
+from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.power.ageing import AS_NEW, rescaled
+from firmware_model.power.charge import ChargeModel, fraction
+from firmware_model.states import State
+
+Packet = TypeVar("Packet", StatusPacket, ShortStatus)
+SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
+MISSION_S = 36_000
+"""Four rounds of charge and more for most aMussels: 300 h of agent time."""
+TUNED_ON = (3401, 3402)
+HEARD = (1.0, 0.3, 0.1)
+SAMPLED_MS = 10_000
+NOISE = 0.005
+MOST_AGED, MOST_DRAIN, MOST_BIAS = 0.4, 0.2, 0.05
+TWIN = {
+    "drain_deviation": 0.05,
+    "sensor_noise": NOISE,
+    "bias_deviation": 0.002,
+    "unscheduled": 0.0,
+    "fix_deviation_m": 0.5,
+}
+BINS = {
+    "sleeping": {State.SLEEPING, State.SAMPLING, State.PROCESSING, State.AWAITING_SLOT, State.TRANSMITTING},
+    "floating": {State.FLOATING, State.RELEASED},
+    "docked": {State.CHARGING, State.REPORTING},
+    "charging": {State.CHARGING, State.REPORTING},
+}
+ROUNDS = 3
+"""The rounds of charge after which a twin should know its board."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """What one board is, and its twin is not told: of the catalogue's capacity and load, and of the readings."""
+
+    ageing: float = 0.0
+    drain: float = 1.0
+    bias: float = 0.0
+    secondary_bias: float = 0.0
+
+    def board(self, nominal: BoardConfig) -> BoardConfig:
+        return rescaled(nominal, round(AS_NEW * self.drain), round(AS_NEW * (1 - self.ageing)))
+
+
+class Population(Spread):
+    """A spread that holds each board's draw."""
+
+    def __init__(self, boards: dict[int, Drawn]) -> None:
+        super().__init__()
+        object.__setattr__(self, "boards", boards)
+
+    def applied(self, board: BoardConfig, seed: int) -> BoardConfig:
+        return self.boards[board.agent_id].board(board)
+
+
+def population(seed: int, ids: tuple[int, ...], equal: bool = False) -> dict[int, Drawn]:
+    """The boards by id; with `equal`, each is its twin's own."""
+    luck = random.Random(f"boards {seed}")
+    if equal:
+        return dict.fromkeys(ids, Drawn())
+    return {
+        agent_id: Drawn(
+            luck.uniform(0, MOST_AGED),
+            luck.uniform(1 - MOST_DRAIN, 1 + MOST_DRAIN),
+            luck.uniform(-MOST_BIAS, MOST_BIAS),
+            luck.uniform(-MOST_BIAS, MOST_BIAS),
+        )
+        for agent_id in ids
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One belief beside its truth."""
+
+    agent_id: int
+    state: State
+    rounds: int
+    """The rounds of charge that it had so far."""
+    error: float
+    deviation: float
+    covered: bool
+    width: float
+    at_an_end: bool
+    """The truth, or more than half of the belief, is exactly 0 or 1, where a deviation means nothing."""
+    charging: bool
+    ageing_error: float
+    """The estimated minus the true ageing; NaN for a twin that estimates none."""
+    true: float
+    at_ms: int
+    heard_ms: int
+
+
+def scenario_of(seed: int) -> Scenario:
+    shipped = load(SCENARIO)
+    data = resolve(shipped) | {"seed": seed, "duration_s": MISSION_S}
+    data["fleet"]["start"] = {"charge": [0.5, 1.0]}
+    data["beliefs"] = {"estimator": "twin", "twin": TWIN}
+    return from_data(data, shipped.name)
+
+
+def flown(seed: int, heard: float, equal: bool = False) -> list[Row]:
+    """Flies one population, and compares each belief with its truth each 10 s of the mission."""
+    scenario = scenario_of(seed)
+    config = _told_of_losses(flight_config(scenario), heard)
+    boards = population(seed, tuple(scenario.fleet.ids), equal)
+    initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
+    drawn = replace(fleet_parts.fleet_config(config), spread=Population(boards))
+    host = InProcessHost(drawn, initial_states)
+    fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
+    supervisor = parts.supervisor(config, samples=SampleCollection(config.ids))
+    recorder = Judge(scenario, config.board, boards)
+    flight = Flight(supervisor, in_process_context(config, fleet), recorder)
+    _heard_by_sensors(flight, boards, seed, heard)
+    flight.run()
+    return recorder.rows
+
+
+def _told_of_losses(config: FlightConfig, heard: float) -> FlightConfig:
+    """The share of lost packets is no part of a board: a twin that weighs silence has to know it."""
+    assert config.twin is not None
+    parameters = config.twin.parameters
+    assert parameters.calls is not None
+    calls = Calls(parameters.calls.every_ms, max(parameters.calls.missed, 1 - heard))
+    return replace(config, twin=replace(config.twin, parameters=replace(parameters, calls=calls)))
+
+
+def _heard_by_sensors(flight: Flight, boards: dict[int, Drawn], seed: int, heard: float) -> None:
+    """Has the beliefs learn from the share `heard` of the packets, with what each board's sensors read."""
+    beliefs = flight.supervisor.beliefs
+    hear, hear_short = beliefs.hear, beliefs.hear_short
+    luck, sensors = random.Random(f"losses {seed}"), random.Random(f"noise {seed}")
+    first: set[int] = set()
+
+    def is_lost(agent_id: int) -> bool:
+        if agent_id in first and luck.random() >= heard:
+            return True
+        first.add(agent_id)
+        return False
+
+    def read(packet: Packet) -> Packet:
+        board = boards[packet.agent_id]
+        charges = packet.primary + board.bias, packet.secondary + board.secondary_bias
+        primary, secondary = (min(1.0, max(0.0, it + sensors.gauss(0, NOISE))) for it in charges)
+        return replace(packet, primary=primary, secondary=secondary)
+
+    def status(packet: StatusPacket, at_ms: int) -> str | None:
+        return "lost" if is_lost(packet.agent_id) else hear(read(packet), at_ms)
+
+    def short(packet: ShortStatus, at_ms: int) -> str | None:
+        return "lost" if is_lost(packet.agent_id) else hear_short(read(packet), at_ms)
+
+    beliefs.hear, beliefs.hear_short = status, short  # type: ignore[method-assign]
+
+
+class Judge(MemoryRecorder):
+    """Compares beliefs with the truth channel."""
+
+    def __init__(self, scenario: Scenario, nominal: BoardConfig, boards: dict[int, Drawn]) -> None:
+        super().__init__(scenario)
+        self.rows: list[Row] = []
+        self._boards = boards
+        self._models: dict[int, ChargeModel] = {
+            agent_id: board.board(nominal).charge for agent_id, board in boards.items()
+        }
+        self._newest: dict[int, Truth] = {}
+        self._docked: set[int] = set()
+        self._rounds = dict.fromkeys(boards, 0)
+
+    def truths(self, truths: list[Truth]) -> None:
+        super().truths(truths)
+        for truth in truths:
+            self._newest[truth.agent_id] = truth
+            if truth.physical.docked:
+                self._docked.add(truth.agent_id)
+            elif truth.agent_id in self._docked:
+                self._docked.remove(truth.agent_id)
+                self._rounds[truth.agent_id] += 1
+
+    def tick(self, now_ms: int, beliefs: list[Belief], *rest: Any) -> None:
+        for belief in beliefs if now_ms % SAMPLED_MS == 0 else ():
+            self.rows.append(self._row(belief, now_ms))
+
+    def _row(self, belief: Belief, now_ms: int) -> Row:
+        agent_id, truth = belief.agent_id, self._newest[belief.agent_id]
+        true = fraction(self._models[agent_id].charge_at(truth.physical.primary, self._theta * now_ms))
+        low, high = belief.charge_interval()
+        at_an_end = belief.probability_at_most(0.0) + 1 - belief.probability_at_most(1 - 1e-9) > 0.5
+        return Row(
+            agent_id,
+            truth.state,
+            self._rounds[agent_id],
+            belief.primary - true,
+            math.sqrt(belief.charge_cov[0]),
+            low <= true <= high,
+            high - low,
+            not 0 < true < 1 or at_an_end,
+            true < 1,
+            _ageing(belief) - self._boards[agent_id].ageing,
+            true,
+            now_ms,
+            belief.heard_ms,
+        )
+
+
+def _ageing(belief: Belief) -> float:
+    twin_state = belief.estimator_state
+    assert isinstance(twin_state, TwinState)
+    return 1 - 1 / float(twin_state.mean[RATE])
+
+
+def score(rows: list[Row]) -> dict[str, Any]:
+    squares = [(row.error / row.deviation) ** 2 for row in rows if not row.at_an_end and row.deviation > 1e-9]
+    if not rows:
+        return {"samples": 0, "coverage": None, "nees": None, "width": None, "rmse": None}
+    return {
+        "samples": len(rows),
+        "coverage": sum(row.covered for row in rows) / len(rows),
+        "nees": math.fsum(squares) / len(squares) if squares else None,
+        "width": math.fsum(row.width for row in rows) / len(rows),
+        "rmse": math.sqrt(math.fsum(row.error**2 for row in rows) / len(rows)),
+    }
+
+
+def binned(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
+    for name, states in BINS.items():
+        yield name, [row for row in rows if row.state in states and (row.charging or name != "charging")]
+
+
+def measure(seeds: tuple[int, ...] = TUNED_ON) -> dict[str, Any]:
+    """`bins`: the scores by population, share of packets, rounds of charge and bin; `ageing`: its errors after them."""
+    jobs = [(seed, heard, equal) for equal in (False, True) for heard in HEARD for seed in seeds]
+    found: dict[tuple[bool, float], list[Row]] = {}
+    with (
+        Progress(console=Console(stderr=True), transient=True) as progress,
+        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
+    ):
+        task = progress.add_task("flying", total=len(jobs))
+        for (_, heard, equal), rows in zip(jobs, pool.map(_flown, jobs), strict=True):
+            found.setdefault((equal, heard), []).extend(rows)
+            progress.advance(task)
+    bins = []
+    for (equal, heard), rows in found.items():
+        for after in (0, ROUNDS):
+            some = [row for row in rows if (row.rounds >= ROUNDS) is bool(after)]
+            for name, here in binned(some):
+                head = {"boards": "as told" if equal else "untold", "heard": heard, "rounds": after, "bin": name}
+                bins.append({**head, **score(here)})
+    return {"seeds": list(seeds), "mission_s": MISSION_S, "bins": bins}
+
+
+def _flown(job: tuple[int, float, bool]) -> list[Row]:
+    return flown(*job)
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(title=f"Twins told nothing of their boards, populations {result['seeds']}")
+    names = ("boards", "heard", "rounds", "bin", "samples", "coverage", "nees", "width", "rmse")
+    for name in names:
+        table.add_column(name, justify="left" if name in ("boards", "bin") else "right")
+    for row in result["bins"]:
+        table.add_row(*(f"{it:.3f}" if isinstance(it := row[name], float) else str(it) for name in names))
+    console.print(table)
