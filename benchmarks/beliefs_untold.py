@@ -52,7 +52,9 @@ Packet = TypeVar("Packet", StatusPacket, ShortStatus)
 SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
 MISSION_S = 36_000
 """Four rounds of charge and more for most aMussels: 300 h of agent time."""
-TUNED_ON = (3401, 3402)
+TUNED_ON = (3401, 3402, 3403)
+JUDGED_ON = (734901, 734902, 734903, 734904)
+"""Drawn and written down before any of them was flown."""
 HEARD = (1.0, 0.3, 0.1)
 SAMPLED_MS = 10_000
 NOISE = 0.005
@@ -272,7 +274,7 @@ def binned(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
         yield name, [row for row in rows if row.state in states and (row.charging or name != "charging")]
 
 
-def measure(seeds: tuple[int, ...] = TUNED_ON) -> dict[str, Any]:
+def measure(seeds: tuple[int, ...] = JUDGED_ON) -> dict[str, Any]:
     """`bins`: the scores by population, share of packets, rounds of charge and bin; `ageing`: its errors after them."""
     jobs = [(seed, heard, equal) for equal in (False, True) for heard in HEARD for seed in seeds]
     found: dict[tuple[bool, float], list[Row]] = {}
@@ -289,7 +291,12 @@ def measure(seeds: tuple[int, ...] = TUNED_ON) -> dict[str, Any]:
         for after in (0, ROUNDS):
             some = [row for row in rows if (row.rounds >= ROUNDS) is bool(after)]
             for name, here in binned(some):
-                head = {"boards": "as told" if equal else "untold", "heard": heard, "rounds": after, "bin": name}
+                head = {
+                    "boards": "as told" if equal else "untold",
+                    "heard": heard,
+                    "rounds": after,
+                    "bin": name,
+                }
                 bins.append({**head, **score(here)})
     return {"seeds": list(seeds), "mission_s": MISSION_S, "bins": bins}
 

@@ -20,10 +20,11 @@ from apad_bridge.beliefs.twin_parameters import (
     Schedule,
     Sensor,
     TwinParameters,
+    Untold,
     Water,
 )
 from apad_bridge.scenario.estimator_options import TwinModel
-from apad_bridge.scenario.schema import DriftMode, Positioning, Scenario
+from apad_bridge.scenario.schema import DriftMode, HearingMode, Positioning, Scenario
 from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
 from firmware_model.power.charge import FULL, ChargeModel, Segments
 from firmware_model.power.rails import Rail, rails_of
@@ -103,14 +104,14 @@ def schedules(
 def twin_parameters(
     scenario: Scenario, model: TwinModel, board: BoardConfig, body: BodyConfig, reports: ReportConfig
 ) -> TwinParameters:
-    scale, firmware = scenario.time_scale, board.whole
+    scale, firmware, untold = scenario.time_scale, board.whole, _untold(scenario, model)
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
     return TwinParameters(
         scale=scale,
         drain=_drain(board),
-        charger=_charger(board.charge),
+        charger=_charger(board.charge, 0.0 if untold else _CAPACITY_DEVIATION),
         sensor=Sensor(
             model.sensor_noise,
             (0.0,) * 4,
@@ -137,13 +138,21 @@ def twin_parameters(
             is_ground_truth=scenario.hearing.positioning is Positioning.GROUND_TRUTH,
             way_down_s=body.sinking.sinking_ms / scale.agent_span(1000),
         ),
-        drain_deviation=math.hypot(model.drain_deviation, _CAPACITY_DEVIATION),
+        drain_deviation=math.hypot(model.drain_deviation, 0.0 if untold else _CAPACITY_DEVIATION),
         ageing_per_day=_AGEING_PER_DAY,
         clock=ClockParameters(1000.0, 20.0, scale.agent_time(1000.0)),
         board=board,
         sinking=body.sinking,
         calls=None if scenario.water is None else Calls(reports.period_ms, _MISSED),
+        untold=untold,
     )
+
+
+def _untold(scenario: Scenario, model: TwinModel) -> Untold | None:
+    """Returns the ranges of what the twins learn; None where every packet is received, as in the paper."""
+    if scenario.hearing.mode is HearingMode.PAPER:
+        return None
+    return Untold(model.untold.ageing, model.untold.drain, model.untold.bias)
 
 
 def readings_apart_ms(scale: TimeScale) -> int:
@@ -239,10 +248,10 @@ def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
     return offsets
 
 
-def _charger(model: ChargeModel) -> Charger:
+def _charger(model: ChargeModel, rate_deviation: float) -> Charger:
     def per_min(segments: Segments) -> tuple[tuple[float, float], ...]:
         return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
 
     one_coil = per_min(model.segments)
     coils = per_min(model.segments_by_two)[-1][1] / one_coil[-1][1] if model.segments_by_two else 1.0
-    return Charger(one_coil, coils, _COIL_DEVIATION, _CAPACITY_DEVIATION)
+    return Charger(one_coil, coils, _COIL_DEVIATION, rate_deviation)

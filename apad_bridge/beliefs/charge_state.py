@@ -1,8 +1,10 @@
-"""The state vector of a twin's power filter, with its prediction and its update: eight numbers, estimated together.
+"""The state vector of a twin's power filter, with its prediction and its update: ten numbers, estimated together.
 
 The numbers are both charges at the anchor; the drain, relative to the nominal kind's; four voltage biases, because a
-sensor reads low under a load and high on a charger; and the charging rate, relative to the nominal kind's. Drain, biases
-and charging rate differ between aMussels; the filter learns them from packets.
+sensor reads low under a load and high on a charger; the charging rate, relative to the nominal kind's; and a constant
+bias of each battery's sensor. Drain, biases and charging rate differ between aMussels; the filter learns them from
+packets. On the scale of voltage an aged battery discharges and charges faster alike, by 1 / capacity: so the charging
+rate tells the capacity, and the drain over the rate tells the load.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ from apad_bridge.beliefs.spent_charge import Spent
 from apad_bridge.beliefs.twin_parameters import Sensor, TwinParameters
 
 Array = NDArray[np.float64]
-PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING, RATE = range(8)
-SIZE = 8
+PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING, RATE, SENSOR, SECONDARY_SENSOR = range(10)
+SIZE = 10
 _UNKNOWN_SD = 0.6
 """Deviation of an unknown charge: wider than [0, 1], so that the first packet alone decides."""
 _UNINFORMATIVE = 1e4
@@ -33,6 +35,9 @@ _CERTAIN = 1e-16
 """A smaller variance is only rounding."""
 _BIAS_WANDERS = 0.15
 """The share of its deviation between aMussels by which a bias wanders in a day."""
+_SENSOR_WANDERS = 0.02
+"""The same for the constant bias of a sensor."""
+_IMPROBABLE = 1e-3
 _MAX_ANCHORS = 4
 _ALIKE_TOLERANCE = 0.01
 _BIAS_OF = {
@@ -57,10 +62,11 @@ class Anchor(NamedTuple):
 
 
 def _measurement_matrix(mode: Mode) -> Array:
-    """The 2 x 8 matrix from the state to the two measured charges: a load biases the primary alone, a charger both."""
+    """The 2 x 10 matrix from the state to the two measured charges: a load biases the primary alone, a charger both."""
     bias = _BIAS_OF[mode]
     reading = np.zeros((2, SIZE))
     reading[0, PRIMARY] = reading[1, SECONDARY] = reading[0, bias] = 1.0
+    reading[0, SENSOR] = reading[1, SECONDARY_SENSOR] = 1.0
     if bias == CHARGING:
         reading[1, CHARGING] = 1.0
     return reading
@@ -72,14 +78,25 @@ _IDENTITY = np.eye(SIZE)
 
 def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
     sensor = parameters.sensor
-    mean = np.array([0.5, 0.5, 1.0, *sensor.bias, 1.0])
+    mean = np.array([0.5, 0.5, 1.0, *sensor.bias, 1.0, 0.0, 0.0])
     rate = parameters.charger.rate_deviation
-    sds = (_UNKNOWN_SD, _UNKNOWN_SD, parameters.drain_deviation, *sensor.bias_deviation, rate)
-    return mean, np.diag(np.square(sds))
+    sds = (_UNKNOWN_SD, _UNKNOWN_SD, parameters.drain_deviation, *sensor.bias_deviation, rate, 0.0, 0.0)
+    cov = np.diag(np.square(sds))
+    untold = parameters.untold
+    if untold is not None:
+        # The drain on the scale of voltage is the load times 1 / capacity, and the charging rate is 1 / capacity.
+        faster, variance = untold.rate
+        load_var = parameters.drain_deviation**2 + untold.drain**2 / 3
+        mean[DRAIN] = mean[RATE] = faster
+        cov[RATE, RATE] += variance
+        cov[DRAIN, RATE] = cov[RATE, DRAIN] = cov[RATE, RATE]
+        cov[DRAIN, DRAIN] = cov[RATE, RATE] + load_var * (faster**2 + cov[RATE, RATE])
+        cov[SENSOR, SENSOR] = cov[SECONDARY_SENSOR, SECONDARY_SENSOR] = untold.bias**2 / 3
+    return mean, cov
 
 
 def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
-    """The 8 x 8 process noise: the drain of an ageing battery does a random walk, and so do the biases.
+    """The 10 x 10 process noise: the drain of an ageing battery does a random walk, and so do the biases.
 
     Without theirs the filter would grow ever surer of a bias by what its model of the loads leaves out alike each time.
     """
@@ -87,6 +104,9 @@ def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
     noise[DRAIN, DRAIN] = parameters.ageing_per_day**2 * days
     for row, deviation in zip((ASLEEP, AWAKE, HIGH, CHARGING), parameters.sensor.bias_deviation, strict=True):
         noise[row, row] = (_BIAS_WANDERS * deviation) ** 2 * days
+    if parameters.untold is not None:
+        wanders = (_SENSOR_WANDERS * parameters.untold.bias) ** 2 * days
+        noise[SENSOR, SENSOR] = noise[SECONDARY_SENSOR, SECONDARY_SENSOR] = wanders
     return noise
 
 
@@ -155,6 +175,46 @@ def bounded(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Arra
     return mean, cov
 
 
+def split_at_ends(row: Anchor) -> list[Anchor]:
+    """The state as hypotheses: each battery has reached an end of the scale and rests there, or it has not.
+
+    At an end the charge is known, so a reading there tells the sensor's bias; and a charge that no longer rises, or
+    falls, tells that the end is reached. One Gaussian can say neither.
+    """
+    rows = [row]
+    for battery in (PRIMARY, SECONDARY):
+        rows = [part for one in rows for part in _split(one, battery)]
+    return rows
+
+
+def _split(row: Anchor, battery: int) -> list[Anchor]:
+    mean, variance = float(row.mean[battery]), float(row.cov[battery, battery])
+    if variance < _CERTAIN:
+        at = min(1.0, max(0.0, mean))
+        return [
+            row
+            if at == mean
+            else Anchor(row.weight, *with_moments(row.mean, row.cov, battery, (at, 0.0), 0.0))
+        ]
+    sd = math.sqrt(variance)
+    below_0, above_1 = normal_cdf(-mean / sd), normal_cdf((mean - 1) / sd)
+    within = max(0.0, 1 - below_0 - above_1)
+    parts = []
+    if within > _IMPROBABLE:
+        state = row.mean, row.cov
+        if max(below_0, above_1) > _IMPROBABLE:
+            state = _conditioned(*state, battery, truncated(mean, variance))
+        parts.append(Anchor(row.weight * within, *state))
+    for probability, end, side in ((below_0, 0.0, -1.0), (above_1, 1.0, 1.0)):
+        if probability > _IMPROBABLE:
+            bound = side * (end - mean) / sd
+            rise = normal_pdf(bound) / probability
+            beyond = mean + side * sd * rise, variance * max(1e-9, 1 - rise * (rise - bound))
+            state = _conditioned(row.mean, row.cov, battery, beyond)
+            parts.append(Anchor(row.weight * probability, *with_moments(*state, battery, (end, 0.0), 0.0)))
+    return parts
+
+
 def _conditioned(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> tuple[Array, Array]:
     """Conditions the state on one number with the new mean and variance `to`; given that number, the others keep their
     distribution.
@@ -185,7 +245,7 @@ def measured(
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
     # filterpy's own log likelihood is not used: its function gives the posterior's, which no packet ever contradicts.
-    variance = float(cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0])
+    variance = float(reading[0] @ cov @ reading[0] + noise[0, 0])
     surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
     on_charger = bias == CHARGING
     top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and on_charger else 1.0

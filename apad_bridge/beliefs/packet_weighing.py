@@ -141,7 +141,12 @@ class HypothesisWeigher:
         sensor = self.parameters.sensor
         offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
         total = math.fsum(row.weight for row in hypotheses)
-        hypotheses = sorted(map(_clamped_if_outside, hypotheses), key=lambda row: -row.weight)
+        learns = self.parameters.untold is not None
+        if learns:
+            hypotheses = [part for row in hypotheses for part in charge.split_at_ends(row)]
+        else:
+            hypotheses = list(map(_clamped_if_outside, hypotheses))
+        hypotheses.sort(key=lambda row: -row.weight)
         rows: list[tuple[float, Array, Array]] = []
         surprise = math.inf
         for weight, mean, cov in hypotheses:
@@ -157,9 +162,12 @@ class HypothesisWeigher:
         best = max(row[0] for row in rows)
         after = [Anchor(math.exp(density - best), mean, cov) for density, mean, cov in rows]
         likely = [row for row in after if row.weight > _DROPPED_WEIGHT]
-        return self._anchored_at_packet(
-            twin_state, schedule, bounded(charge.moment_matched(likely), after_measuring=True), reading
-        )
+        if learns:
+            # A battery that rests at an end stays there; only one that does not is held inside.
+            anchor = charge.moment_matched([bounded(row, after_measuring=True) for row in likely])
+        else:
+            anchor = bounded(charge.moment_matched(likely), after_measuring=True)
+        return self._anchored_at_packet(twin_state, schedule, anchor, reading)
 
     def _widened(
         self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading

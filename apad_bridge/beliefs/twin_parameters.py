@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import fsum
+from math import fsum, log
 
 from agents.time_scale import TimeScale
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
@@ -111,6 +111,34 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True)
+class Untold:
+    """The most by which a board differs from the catalogue's in what nobody told its twin, which learns it.
+
+    A twin begins with uniform distributions over these ranges.
+    """
+
+    ageing: float
+    """The share of the capacity that is lost, from 0 on; both batteries of an aMussel age alike."""
+    drain: float
+    """Relative, either way."""
+    bias: float
+    """A sensor's, either way, in every state alike; each battery's sensor has its own."""
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.ageing < 1 and self.drain >= 0 and self.bias >= 0):
+            raise ValueError("an ageing lies in [0, 1), and a drain and a bias are not negative")
+
+    @property
+    def rate(self) -> tuple[float, float]:
+        """Mean and variance of 1 / capacity: how much faster an aged battery charges and discharges."""
+        if self.ageing == 0:
+            return 1.0, 0.0
+        left = 1 - self.ageing
+        mean = -log(left) / self.ageing
+        return mean, 1 / left - mean**2
+
+
+@dataclass(frozen=True, slots=True)
 class Habits:
     """The modes of `SUBMERGED` that an aMussel takes up by itself; it decides at whole multiples of `every_ms`."""
 
@@ -195,6 +223,8 @@ class TwinParameters:
     sinking: Sinking
     calls: Calls | None = None
     """Packets from the surface; None if it is unknown when a surfaced aMussel should be received."""
+    untold: Untold | None = None
+    """None for a twin whose board is told but for `drain_deviation` and the charger's deviations."""
 
     @property
     def motor_run_ms(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Lt
+from annotated_types import Ge, Gt, Le, Lt
 
 from apad_bridge.scenario.quantities import NotNegative, Positive, frozen
 
@@ -18,6 +18,21 @@ class Estimator(StrEnum):
 
 
 Deviation = Annotated[float, Gt(0), Lt(1)]
+
+
+@frozen
+class Untold:
+    """The most by which a board may differ from its scenario's: a twin is told none of it, and learns it.
+
+    With `hearing` of the paper a twin learns none of it.
+    """
+
+    ageing: Annotated[float, Ge(0), Le(0.6)] = 0.4
+    """The share of both batteries' capacity that is lost."""
+    drain: Annotated[float, Ge(0), Le(0.5)] = 0.2
+    """Relative, either way."""
+    bias: Annotated[float, Ge(0), Le(0.2)] = 0.05
+    """Of each battery's sensor, either way."""
 
 
 @frozen
@@ -36,6 +51,7 @@ class TwinModel:
     """Deviation of a packet's place along one axis."""
     current_deviation_m_s: NotNegative = 0.0
     """Deviation along one axis of the water's current where aMussels float."""
+    untold: Untold = Untold()
 
 
 @frozen

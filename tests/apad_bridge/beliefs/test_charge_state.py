@@ -1,4 +1,4 @@
-"""The eight numbers of a twin's filter against calculations by hand: updates by readings, and process noise."""
+"""The ten numbers of a twin's filter against calculations by hand: updates by readings, and process noise."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from scenario_files import SOUND_FILE
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, RATE, SECONDARY, SIZE
+from apad_bridge.beliefs.charge_state import SENSOR as BIAS
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
-from apad_bridge.beliefs.twin_parameters import Sensor
+from apad_bridge.beliefs.twin_parameters import Sensor, Untold
 from apad_bridge.scenario.loader import load
 
 SENSOR = Sensor(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)
@@ -27,7 +28,7 @@ def state(charge_1: float, charge_2: float, **variances: float) -> tuple[charge.
     for name, variance in variances.items():
         row = getattr(charge, name.upper())
         cov[row, row] = variance
-    return np.array([charge_1, charge_2, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]), cov
+    return np.array([charge_1, charge_2, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), cov
 
 
 def test_a_charger_lifts_what_both_batteries_read() -> None:
@@ -81,7 +82,8 @@ def test_a_dock_makes_the_charge_go_with_the_charging_rate() -> None:
 
 
 def test_drain_and_biases_wander_by_a_days_deviation_in_a_day() -> None:
-    """Random walks: after four days the deviation is twice that of one day. A bias wanders by 15 % of 0.02."""
+    """Random walks: after four days the deviation is twice that of one day. A bias wanders by 15 % of 0.02,
+    and a sensor's constant one by 2 % of 0.05."""
     scenario = load(SOUND_FILE)
     twin = flight_config(scenario).twin
     assert twin is not None
@@ -92,4 +94,44 @@ def test_drain_and_biases_wander_by_a_days_deviation_in_a_day() -> None:
         assert np.sqrt(noise[[ASLEEP, CHARGING], [ASLEEP, CHARGING]]) == pytest.approx(
             [0.003 * sqrt(days)] * 2
         )
-        assert np.count_nonzero(noise) == 5
+        assert sqrt(noise[BIAS, BIAS]) == pytest.approx(0.001 * sqrt(days))
+        assert np.count_nonzero(noise) == 7
+
+
+def test_a_twin_that_is_told_nothing_begins_with_the_moments_of_uniform_ranges() -> None:
+    """Capacities of 0.6 to 1 and loads of 0.8 to 1.2, against a million draws of both."""
+    scenario = load(SOUND_FILE)
+    twin = flight_config(scenario).twin
+    assert twin is not None
+    parameters = replace(twin.parameters, untold=Untold(0.4, 0.2, 0.05), drain_deviation=0.0)
+    mean, cov = charge.prior_state(parameters)
+    luck = np.random.default_rng(1)
+    rate = 1 / luck.uniform(0.6, 1.0, 1_000_000)
+    drain = luck.uniform(0.8, 1.2, 1_000_000) * rate
+    assert mean[[DRAIN, RATE]] == pytest.approx([drain.mean(), rate.mean()], rel=2e-3)
+    assert cov[np.ix_([DRAIN, RATE], [DRAIN, RATE])] == pytest.approx(np.cov(drain, rate), rel=1e-2)
+    assert sqrt(cov[BIAS, BIAS]) == pytest.approx(0.05 / sqrt(3))
+
+
+def test_a_battery_may_have_reached_the_end_and_then_its_reading_is_the_sensors_bias() -> None:
+    """Charge and bias are known by their sum, 0.98, alone: predicted 0.02 higher, half of it is full.
+
+    The full half has a bias of -0.02 less half a Gaussian's mean, 0.04 * sqrt(2 / pi), beyond the end.
+    """
+    mean, cov = state(1.0, 0.5, primary=16e-4, sensor=16e-4)
+    mean[BIAS] = -0.02
+    cov[PRIMARY, BIAS] = cov[BIAS, PRIMARY] = -16e-4
+    within, full = charge.split_at_ends(charge.Anchor(1.0, mean, cov))
+    assert (within.weight, full.weight) == pytest.approx((0.5, 0.5))
+    half = 0.04 * sqrt(2 / np.pi)
+    assert full.mean[[PRIMARY, BIAS]] == pytest.approx([1.0, -0.02 - half])
+    assert within.mean[[PRIMARY, BIAS]] == pytest.approx([1 - half, -0.02 + half])
+    assert full.cov[PRIMARY, PRIMARY] == 0 and full.cov[BIAS, BIAS] == pytest.approx(16e-4 * (1 - 2 / np.pi))
+    # A reading of 0.95 then is a bias of nearly -0.05, and no battery that is not full.
+    bias, _, _, _ = charge.measured(full.mean, full.cov, SENSOR, Mode.CHARGING_PRIMARY, (0.95, 0.5))
+    assert bias[PRIMARY] == 1 and bias[BIAS] == pytest.approx(-0.05, abs=0.001)
+
+
+def test_a_battery_far_from_both_ends_is_not_split() -> None:
+    row = charge.Anchor(0.7, *state(0.5, 0.6, primary=1e-4, secondary=1e-4, sensor=1e-3))
+    assert charge.split_at_ends(row) == [row]

@@ -39,7 +39,7 @@ KNOWLEDGE = TWINS.parameters
 
 
 def anchor(weight: float, primary: float, sd: float = 0.02) -> Anchor:
-    mean, cov = np.array([primary, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]), np.zeros((SIZE, SIZE))
+    mean, cov = np.array([primary, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.zeros((SIZE, SIZE))
     cov[PRIMARY, PRIMARY] = sd**2
     return Anchor(weight, mean, cov)
 
