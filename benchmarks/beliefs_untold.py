@@ -29,6 +29,7 @@ from rich.table import Table
 from agents.fleet import Spread
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
+from agents.time_scale import MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.beliefs.belief import Belief
@@ -224,13 +225,13 @@ class Judge(MemoryRecorder):
                 self._docked.remove(truth.agent_id)
                 self._rounds[truth.agent_id] += 1
 
-    def tick(self, now_ms: int, beliefs: list[Belief], *rest: Any) -> None:
+    def tick(self, now_ms: MissionMs, beliefs: list[Belief], *rest: Any) -> None:
         for belief in beliefs if now_ms % SAMPLED_MS == 0 else ():
             self.rows.append(self._row(belief, now_ms))
 
     def _row(self, belief: Belief, now_ms: int) -> Row:
         agent_id, truth = belief.agent_id, self._newest[belief.agent_id]
-        true = fraction(self._models[agent_id].charge_at(truth.physical.primary, self._theta * now_ms))
+        true = fraction(self._models[agent_id].charge_at(truth.physical.primary, self._scale.agent_ms(now_ms)))
         low, high = belief.charge_interval()
         at_an_end = belief.probability_at_most(0.0) + 1 - belief.probability_at_most(1 - 1e-9) > 0.5
         return Row(
