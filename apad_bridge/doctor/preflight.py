@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok, warn
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.clearance import stopping_room
+from apad_bridge.vehicle.guards.guarded_vehicle import LOOK_MS
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.fence import Fence
@@ -33,8 +34,8 @@ MOST_CHARGE = 1.05
 WATCHDOG_STATES = frozenset({"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME"})
 """The states of `launch_scripts/vehicle_watchdog`."""
 REACTION_S = 3.0
-"""A bad position has to end in a safe state within so long. The monitor looks once a second."""
-_LOOK_S = 1.0
+"""A bad position has to end in a safe state within so long. The guards look at it five times a second."""
+_LOOK_S = LOOK_MS / 1000
 _TOO_LATE_S = 10.0
 
 

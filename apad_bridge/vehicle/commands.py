@@ -189,12 +189,15 @@ class PilotReported:
 
 @dataclass(frozen=True, slots=True)
 class GoalOfOthers:
-    """Another client's go-to, where the stack shows it. Guards judge it like our own."""
+    """Another client's go-to, where the stack shows it. Guards judge it like our own.
+
+    A goal whose message was not heard has no place: nobody here can tell where it leads.
+    """
 
     at_ms: int
     client: str
-    north_m: float
-    east_m: float
+    north_m: float | None
+    east_m: float | None
 
 
 VehicleFact = (

@@ -462,6 +462,7 @@ class GenerationACore:
                 self._pilot_runs = self._server.pilot_runs
                 self._facts.append(PilotReported(now_ms, self._pilot_runs))
             self._facts += [CommandedByOthers(now_ms, client) for client in dict.fromkeys(new)]
+            self._facts += [GoalOfOthers(now_ms, it, None, None) for it in self._server.take_unseen(now_ms)]
         runs_ours = any(it.pre_empted_ms is None for it in self._goals.values())
         for key, sent in list(self._goals.items()):
             if isinstance(sent.command, Hold) and sent.pre_empted_ms is not None:

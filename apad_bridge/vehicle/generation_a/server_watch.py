@@ -10,6 +10,11 @@ from apad_bridge.vehicle.telemetry import Readings
 SERVER_SILENT_MS = 5_000
 """The status comes five times a second, goals or none. A server that is silent for so long, while the aPad's positions
 come, is dead."""
+UNSEEN_MS = 500
+"""A goal that runs for so long and was never seen on its way to the server: its client sent it before this end was
+connected to it. Nobody here can tell where it leads."""
+SEEN_MS = 10_000
+"""A goal that was seen is remembered for so long before it runs."""
 
 
 class ServerWatch:
@@ -27,6 +32,10 @@ class ServerWatch:
         """Goals of others under way at the newest status."""
         self._clients: dict[str, str] = {}
         """The node of each goal that was seen on its way to the server, by key."""
+        self._seen_ms: dict[str, int] = {}
+        """The time at which each goal was seen on its way to the server, by key."""
+        self._first_ms: dict[str, int] = {}
+        """The time of the first status of each goal of others since the bench was opened, by key, until it is judged."""
         self._new: list[str] = []
         self._was_silent = False
 
@@ -59,6 +68,7 @@ class ServerWatch:
         """Takes a goal on its way to the server."""
         if not self.is_ours(goal.key):
             self._clients[goal.key] = goal.client
+            self._seen_ms[goal.key] = goal.at_ms
 
     def receive(self, message: GoalStatusReceived) -> None:
         if not message.whole:
@@ -66,7 +76,9 @@ class ServerWatch:
         self.status_ms = max(self.status_ms, message.at_ms)
         others = {it.key: it.code for it in message.words if not self.is_ours(it.key)}
         if self._others is not None:
-            self._new += [self.client_of(key) for key in others if key not in self._others]
+            new = [key for key in others if key not in self._others]
+            self._new += [self.client_of(key) for key in new]
+            self._first_ms |= dict.fromkeys(new, message.at_ms)
         self._others = set(others)
         self._running = {key for key, code in others.items() if code not in ENDS}
         self._clients = {key: node for key, node in self._clients.items() if key in self._others}
@@ -75,6 +87,16 @@ class ServerWatch:
         """The nodes of the goals that other parties have sent since the last call; empty names for unknown ones."""
         new, self._new = self._new, []
         return new
+
+    def take_unseen(self, now_ms: int) -> list[str]:
+        """The nodes of other parties' goals that run, and were not seen on their way to the server, each goal once."""
+        due = [key for key, at_ms in self._first_ms.items() if now_ms - at_ms >= UNSEEN_MS]
+        for key in due:
+            del self._first_ms[key]
+        unseen = [self.client_of(key) for key in due if key in self._running and key not in self._seen_ms]
+        kept = self._others or set()
+        self._seen_ms = {k: at for k, at in self._seen_ms.items() if k in kept or now_ms - at < SEEN_MS}
+        return [it for it in unseen if it not in self._pilots]
 
     def silent_for_ms(self, readings: Readings, since_ms: int = -1) -> int:
         """Time of the server's silence, from `since_ms` on, while the aPad's positions came."""

@@ -203,7 +203,8 @@ class GuardedVehicle:
             case CommandedByOthers(_, client):
                 self._others_command(client, now_ms)
             case GoalOfOthers(_, client, north_m, east_m):
-                self._judge_others(client, (north_m, east_m), now_ms)
+                goal_m = None if north_m is None or east_m is None else (north_m, east_m)
+                self._judge_others(client, goal_m, now_ms)
             case PilotReported() if (
                 not self.gate.pilot and self._safety.needs_person and self.gate.others == ""
             ):
@@ -221,10 +222,15 @@ class GuardedVehicle:
         elif stop is None and self.gate.others == "":
             self.gate.others = f"{who} commands the aPad: continue, take it over, or give it back"
 
-    def _judge_others(self, client: str, goal_m: Point, now_ms: int) -> None:
-        """Ends another client's go-to that a guard would refuse us."""
+    def _judge_others(self, client: str, goal_m: Point | None, now_ms: int) -> None:
+        """Ends another client's go-to that a guard would refuse us, or of which nobody can tell where it leads."""
         situation = self.gate.situation(now_ms)
         if self.gate.pilot or situation.place_m is None or situation.position_fault:
+            return
+        if goal_m is None:
+            if self._safety.needs_person:
+                reason = f"{client or 'another client'} sent a goal that was not heard: nobody can tell where it leads"
+                self._react(Finding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
             return
         if fault := self._safety.waters.fault_of_way(situation.place_m, goal_m):
             reason = f"{client or 'another client'} ordered a go-to that leaves the waters: {fault}"

@@ -200,9 +200,11 @@ class PositionWatch:
     def least_speed_m_s(self) -> float:
         """The speed that the vehicle makes at least, by the errors of places and times; 0 where it turns."""
         last, samples = self._newest, self._samples
+        if last is None:
+            return 0.0
         error_m = max(PLACE_ERROR_M, NOISE_ERRORS * self._noise_m)
         least_m_s = 0.0
-        for before in samples if last is not None else ():
+        for before in samples:
             span_ms = _span_ms(before, last)
             seconds = (span_ms + _error_ms(before, last)) / 1000
             if span_ms >= VELOCITY_MS or (before is samples[0] and span_ms > 0):

@@ -16,6 +16,7 @@ from apad_bridge.vehicle.commands import (
     DockClosed,
     DockOpened,
     DocksNamed,
+    GoalOfOthers,
     GoTo,
     Hold,
     OpenDock,
@@ -575,3 +576,31 @@ def test_a_stop_cancels_the_goals_that_run_and_those_on_their_way_by_their_keys(
     assert order is not None and set(order.ends) == {"run-1", "/joy-1-2.0", "/neptus-7-3.0"}
     again = core.command(Hold(3, 1.0, 1.0), 1_700)
     assert again is not None and again.ends == ()
+
+
+def test_another_s_goal_that_runs_and_was_not_heard_is_told_once() -> None:
+    """Its client sent it when the server, and not yet this bench, was connected to it."""
+    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", takes_back=False)
+    told: list[LinkFact] = []
+    for at_ms in range(0, 4_000, 200):
+        words = (GoalStatusEntry("/neptus-7-3.0", GoalCode.ACTIVE),) if at_ms >= 1_000 else ()
+        core.receive(GoalStatusReceived(at_ms, words, whole=True), at_ms)
+        told += [it for it in tells(core, at_ms) if isinstance(it, GoalOfOthers)]
+    (unseen,) = told
+    assert (unseen.client, unseen.north_m) == ("/neptus", None)
+    assert 1_500 <= unseen.at_ms <= 2_000
+
+
+@pytest.mark.parametrize("seen_ms", [700, 950, 1_300])
+def test_another_s_goal_that_was_heard_has_its_place_and_is_told_once(seen_ms: int) -> None:
+    """Its message and the statuses come over two connections, in any order; a status between may not know it yet."""
+    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", takes_back=False)
+    told: list[LinkFact] = []
+    for at_ms in range(0, 4_000, 50):
+        if at_ms == seen_ms:
+            core.receive(GoalSeen(at_ms, "/neptus-7-3.0", GO_TO, 9.0, 8.0, "/neptus"), at_ms)
+        if at_ms % 200 == 0:
+            words = (GoalStatusEntry("/neptus-7-3.0", GoalCode.ACTIVE),) if at_ms >= 1_000 else ()
+            core.receive(GoalStatusReceived(at_ms, words, whole=True), at_ms)
+        told += [it for it in tells(core, at_ms) if isinstance(it, GoalOfOthers)]
+    assert told == [GoalOfOthers(seen_ms, "/neptus", 9.0, 8.0)]

@@ -395,6 +395,18 @@ def test_another_clients_goal_outside_the_fence_is_ended_and_its_node_named() ->
     assert ("others", {"client": "/planner"}) in bench.vehicle.gate.take_events()
 
 
+def test_a_goal_that_nobody_heard_is_ended_because_nobody_can_tell_where_it_leads() -> None:
+    bench, simulated = Guarded(is_real=True), Guarded()
+    for it in (bench, simulated):
+        it.at(5.0, 5.0)
+        it.wire.facts += [GoalOfOthers(it.now_ms, "/planner", None, None)]
+        it.at(5.0, 5.0)
+    (held,) = bench.wire.out
+    assert isinstance(held, Hold) and held.pre_empts
+    assert "/planner sent a goal that was not heard" in bench.vehicle.gate.awaits_person
+    assert simulated.wire.out == []
+
+
 def test_a_client_that_orders_again_after_a_persons_stop_is_stopped_again_and_named() -> None:
     bench = Guarded(is_real=True)
     bench.at(5.0, 5.0)
