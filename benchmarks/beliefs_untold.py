@@ -79,7 +79,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """What one board is, and its twin is not told: of the catalogue's capacity and load, and of the readings."""
+    """One board, of which its twin is not told: of the catalogue's capacity and load, and of the readings."""
 
     ageing: float = 0.0
     drain: float = 1.0
@@ -231,7 +231,9 @@ class Judge(MemoryRecorder):
 
     def _row(self, belief: Belief, now_ms: int) -> Row:
         agent_id, truth = belief.agent_id, self._newest[belief.agent_id]
-        true = fraction(self._models[agent_id].charge_at(truth.physical.primary, self._scale.agent_ms(now_ms)))
+        true = fraction(
+            self._models[agent_id].charge_at(truth.physical.primary, self._scale.agent_ms(now_ms))
+        )
         low, high = belief.charge_interval()
         at_an_end = belief.probability_at_most(0.0) + 1 - belief.probability_at_most(1 - 1e-9) > 0.5
         return Row(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok, warn
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.clearance import stopping_room
-from apad_bridge.vehicle.guards.guarded_vehicle import LOOK_MS
+from apad_bridge.scenario.guard_options import LOOK_MS
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.fence import Fence

@@ -32,7 +32,7 @@ class Untold:
     drain: Annotated[float, Ge(0), Le(0.5)] = 0.2
     """Relative, either way."""
     bias: Annotated[float, Ge(0), Le(0.2)] = 0.05
-    """Of each battery's sensor, either way."""
+    """The bias of each battery's sensor, either way."""
 
 
 @frozen

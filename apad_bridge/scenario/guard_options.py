@@ -6,6 +6,9 @@ from enum import StrEnum
 
 from apad_bridge.scenario.quantities import Fraction, NotNegative, Positive, PositiveSeconds, frozen
 
+LOOK_MS = 200
+"""A real vehicle's position is looked at so often between two ticks: a tick is a third of the time that a stop may take."""
+
 
 class WhenOutside(StrEnum):
     """The reaction to an aPad outside its fence: hold there and call a pilot, or go back to the nearest place inside."""

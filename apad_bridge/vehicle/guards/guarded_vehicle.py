@@ -11,6 +11,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from apad_bridge.scenario.guard_options import LOOK_MS
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -39,8 +40,6 @@ _Answer = CommandAccepted | Arrived | CommandFailed
 RETURN_RADIUS_M = 1.0
 WAY_BACK_M_S = 0.3
 PILOT_HAD_IT = "a pilot has steered the aPad: continue, or take it over"
-LOOK_MS = 200
-"""A real vehicle's position is looked at so often between two ticks: a tick is a third of the time that a stop may take."""
 REST_M = 0.5
 REST_MS = 3_000
 """A vehicle that stays within `REST_M` for so long is at rest."""

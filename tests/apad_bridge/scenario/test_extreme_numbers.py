@@ -21,7 +21,7 @@ from apad_bridge.scenario.schema import Scenario
 VALUES = (-0.0, 0, 5e-324, 1e-300, 1e308, 2**63, math.nan, math.inf, -math.inf)
 FLIGHT = """
 duration_s: 20
-fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: paper, amplitude_m: 0.005},
+fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: paper, amplitude_m: 0.005, current_m_s: [0.1, 0.05]},
         firmware: {executable: /bin/true, agents: [1]},
         spread: {drain: 0.05, capacity: 0.05, secondary_start: 0.1, drain_bias: 0.1}}
 hearing: {mode: paper, report_period_s: 5}
@@ -41,7 +41,8 @@ SOUND = """
 fleet: {count: 2, start: {charge: [0.3, 0.8]}, drift: {mode: physical}, hosting: one_process}
 hearing: {mode: physical, report_period_s: 5}
 beliefs: {estimator: twin, twin: {drain_deviation: 0.05, sensor_noise: 0.005, bias_deviation: 0.02, unscheduled: 0.01,
-                                  fix_deviation_m: 0.5, current_deviation_m_s: 0.01}}
+                                  fix_deviation_m: 0.5, current_deviation_m_s: 0.01,
+                                  untold: {ageing: 0.4, drain: 0.2, bias: 0.05}}}
 water:
   sound: {reverberation_s: 0.1, fading_db: 3, absorption_db_per_km: 3,
           sea_water: {temperature_c: 20, salinity_psu: 38, depth_m: 2},
@@ -49,7 +50,7 @@ water:
   wifi: {}
   talk: {ping_period_s: 10, turn: [1, 2], assigns: true, beacon_period_s: 60}
   localisation: {}
-  current: {tides: [{period_h: 12, north_m_s: 0.05, east_m_s: 0.02}], profile: [[0, 1], [2, 0.5]]}
+  current: {steady_m_s: [0.1, 0.05], tides: [{period_h: 12, north_m_s: 0.05, east_m_s: 0.02}], profile: [[0, 1], [2, 0.5]]}
   wind: {north_m_s: 2, east_m_s: 1}
   fields: {patches: [{begins_s: 0, growing_s: 60, place_m: [10, 10], drift_m_s: [0.1, 0.1], radius_m: 5,
                       oxygen_mg_l: 4, temperature_c: 20, turbidity_ntu: 5}]}
