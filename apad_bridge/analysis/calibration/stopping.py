@@ -5,11 +5,14 @@ farthest place for the vehicle's. So all legs share one stopping distance here, 
 and speed. The interval comes from the legs' scores, the slopes of their squared errors over the shared distance. It holds
 the distances at which the mean score does not differ from 0 by Student's t (Godambe 1960, "An optimum property of regular
 maximum likelihood estimation"). It asks of the noise only that it is independent from leg to leg.
+
+A stop has one of two shapes: thrusters brake with a constant deceleration, and the water slows a hull without thrust by a
+share of its speed. The shape that fits counts, and where the noise hides which one that is, the interval holds both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +36,8 @@ _FINE: Floats = np.asarray(np.linspace(-0.27, 0.27, 13), np.float64)
 _NOISY_M = 0.1
 """Positions that scatter by more do not tell a stop from the begin of a motion back: there any sign of one is enough."""
 _REST_S, _LATER_S, _BACK_M = 1.0, 2.5, 0.02
+_SHAPE_LEVEL = 0.01
+"""Level of the test by which one shape is told from the other."""
 _SURE, _DOUBTED = 0.001, 0.05
 """Levels of the test by which a motion after the rest is told from noise."""
 
@@ -69,17 +74,20 @@ def stopping_distance(tracks: Sequence[StopTrack]) -> Figure | None:
         return None
     speed_m_s = float(np.mean([it.speed_m_s for it in tracks]))
     rest_m = float(np.median([it.guess_m for it in tracks]))
-    distances_m = _WIDE * rest_m
     is_noisy = float(np.median([it.noise_m for it in tracks])) > _NOISY_M
     if returns := _returns(tracks, rest_m, _DOUBTED if is_noisy else _SURE):
         if is_noisy:
             return None
         tracks = [it.until(it.corner_s + rest_m / it.speed_m_s + _RETURN_S) for it in tracks]
-    low_m, middle_m, high_m = _interval(distances_m, _errors(tracks, distances_m, speed_m_s, returns=returns))
-    if high_m >= distances_m[-1] or middle_m <= distances_m[0]:
+    wide_m = _WIDE * rest_m
+    shapes: tuple[Shape, ...] = (_constant, _exponential)
+    wide = {it: _errors(tracks, wide_m, speed_m_s, it, returns=returns) for it in shapes}
+    found = [_found(tracks, wide_m, wide[it], speed_m_s, it, returns=returns) for it in _shapes_of(wide)]
+    if any(it is None for it in found):
         return None
-    distances_m = np.asarray(np.geomspace(low_m / 1.1, 1.1 * high_m, _NARROW), np.float64)
-    low_m, middle_m, high_m = _interval(distances_m, _errors(tracks, distances_m, speed_m_s, returns=returns))
+    intervals = [it for it in found if it is not None]
+    middle_m = intervals[0][1]
+    low_m, high_m = min(it[0] for it in intervals), max(it[2] for it in intervals)
     if middle_m <= _LEAST_SHARE * rest_m:
         return None
     # A braking that begins between two positions is not known better than this.
@@ -87,6 +95,31 @@ def stopping_distance(tracks: Sequence[StopTrack]) -> Figure | None:
     half_m = speed_m_s * period_s / 4
     low_m, high_m = min(low_m, middle_m - half_m), max(high_m, middle_m + half_m)
     return Figure(middle_m, max(0.0, low_m), high_m, len(tracks), "m", "shared fit, scores")
+
+
+def _shapes_of(wide: Mapping[Shape, Floats]) -> list[Shape]:
+    """The shape that fits, by a paired t test of the legs' least errors; both, the longer one first, where none is sure."""
+    least = {it: errors[:, int(np.argmin(errors.sum(axis=0)))] for it, errors in wide.items()}
+    if stats.ttest_rel(least[_constant], least[_exponential]).pvalue >= _SHAPE_LEVEL:
+        return [_constant, _exponential]
+    return [min(least, key=lambda it: float(least[it].sum()))]
+
+
+def _found(
+    tracks: Sequence[StopTrack],
+    wide_m: Floats,
+    errors: Floats,
+    speed_m_s: float,
+    shape: Shape,
+    *,
+    returns: bool,
+) -> tuple[float, float, float] | None:
+    """(low, middle, high) of one shape: m. None where the noise hides how long the stop is at most."""
+    low_m, middle_m, high_m = _interval(wide_m, errors)
+    if high_m >= wide_m[-1] or middle_m <= wide_m[0]:
+        return None
+    narrow_m = np.asarray(np.geomspace(low_m / 1.1, 1.1 * high_m, _NARROW), np.float64)
+    return _interval(narrow_m, _errors(tracks, narrow_m, speed_m_s, shape, returns=returns))
 
 
 def _interval(distances_m: Floats, errors: Floats) -> tuple[float, float, float]:
@@ -127,22 +160,45 @@ def _returns(tracks: Sequence[StopTrack], rest_m: float, level: float) -> bool:
     return back_m > _BACK_M and bool(stats.ttest_1samp(backs_m, 0.0, alternative="greater").pvalue < level)
 
 
-def _errors(tracks: Sequence[StopTrack], distances_m: Floats, speed_m_s: float, *, returns: bool) -> Floats:
-    """Squared errors (stops x distances), each by the best time of braking, place and speed of its stop."""
+Shape = Callable[[Floats, float], Floats]
+"""The way (in seconds of the cruise) at times since a braking began, by the stopping distance in seconds of the cruise."""
+
+
+def _constant(since_s: Floats, stopping_s: float) -> Floats:
+    """A constant deceleration, for twice as long as the cruise takes for the distance."""
+    braked_s = np.clip(since_s, 0, 2 * stopping_s)
+    return np.asarray(np.minimum(since_s, 0) + braked_s - braked_s**2 / (4 * stopping_s))
+
+
+def _exponential(since_s: Floats, stopping_s: float) -> Floats:
+    """A deceleration in proportion to the speed, which falls to 1/e while the cruise would take the distance."""
+    braked_s = np.clip(since_s, 0, None)
+    return np.asarray(np.minimum(since_s, 0) - stopping_s * np.expm1(-braked_s / stopping_s))
+
+
+def _errors(
+    tracks: Sequence[StopTrack], distances_m: Floats, speed_m_s: float, shape: Shape, *, returns: bool
+) -> Floats:
+    """Squared errors (stops x distances), each by the best time of braking, place and speed of its stop.
+
+    The distance grows with the square of the speed under a constant deceleration, and with the speed under the other.
+    """
     rows = []
     for it in tracks:
         along_m = it.along_m - it.along_m.mean()
-        lasts_s = 2 * distances_m * it.speed_m_s / speed_m_s**2
-        rows.append([_least_error(it, along_m, float(braking_s), returns) for braking_s in lasts_s])
+        stopping_s = distances_m / speed_m_s
+        if shape is _constant:
+            stopping_s = stopping_s * it.speed_m_s / speed_m_s
+        rows.append([_least_error(it, along_m, shape, float(each_s), returns) for each_s in stopping_s])
     return np.array(rows)
 
 
-def _least_error(track: StopTrack, along_m: Floats, braking_s: float, returns: bool) -> float:
-    """The least squared error of a stop whose braking lasts so long, over the time at which it begins."""
-    begins_s = track.corner_s - braking_s / 2 + _COARSE
-    coarse = _errors_at(track.times_s, along_m, begins_s, braking_s, returns)
+def _least_error(track: StopTrack, along_m: Floats, shape: Shape, stopping_s: float, returns: bool) -> float:
+    """The least squared error of a stop of this distance, over the time at which it begins."""
+    begins_s = track.corner_s - stopping_s + _COARSE
+    coarse = _errors_at(track.times_s, along_m, begins_s, shape, stopping_s, returns)
     begins_s = begins_s[int(np.argmin(coarse))] + _FINE
-    fine = _errors_at(track.times_s, along_m, begins_s, braking_s, returns)
+    fine = _errors_at(track.times_s, along_m, begins_s, shape, stopping_s, returns)
     best = int(np.argmin(fine))
     if best in (0, len(fine) - 1):
         return float(fine[best])
@@ -151,14 +207,15 @@ def _least_error(track: StopTrack, along_m: Floats, braking_s: float, returns: b
     return float(at - (before - after) ** 2 / (8 * curvature) if curvature > 0 else at)
 
 
-def _errors_at(times_s: Floats, along_m: Floats, begins_s: Floats, braking_s: float, returns: bool) -> Floats:
+def _errors_at(
+    times_s: Floats, along_m: Floats, begins_s: Floats, shape: Shape, stopping_s: float, returns: bool
+) -> Floats:
     """The squared error for each time at which the braking may begin; place, speed and return are fitted linearly."""
     since_s = times_s[None, :] - begins_s[:, None]
-    braked_s = np.clip(since_s, 0, braking_s)
-    way_s = np.minimum(since_s, 0) + braked_s - braked_s**2 / (2 * braking_s)
+    way_s = shape(since_s, stopping_s)
     columns = [np.ones_like(way_s), way_s]
     if returns:
-        after_s = np.clip(since_s - braking_s, 0, None)
+        after_s = np.clip(since_s - 2 * stopping_s, 0, None)
         columns += [after_s**2, after_s**3]
     rows = np.stack(columns, axis=-1)
     # Of a return that no position shows nothing is known: the small term keeps its part at 0.
