@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import os
+import resource
 import select
 import sys
 from collections.abc import Sequence
@@ -216,6 +217,12 @@ def _run(arguments: list[str]) -> int:
         print(f"musselbed {chosen.command}: {error}", file=sys.stderr)
         return Exit.USER_MISTAKE
     except MemoryError:
+        print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
+        return Exit.PEER_FAILED
+    except SystemError:
+        # An import of CPython's that finds no memory may say this in place of a MemoryError.
+        if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+            raise
         print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
         return Exit.PEER_FAILED
     except ImportError as error:

@@ -129,6 +129,8 @@ def test_the_figures_are_those_of_the_summary(browser: webdriver.Chrome, flown: 
         "emptied": str(summary["emptied"]),
         "lost": str(summary["amussels_lost"]),
         "samples": str(summary["samples_taken"]),
+        "at equal charge": f"{summary['uptime_equal_charge']:.2f} %",
+        "charge gained": f"{100 * summary['charge_gain_mean']:.1f} %",
     }
     taken = browser.execute_script("return data.agents.map((it) => it.taken[it.taken.length - 1])")
     assert sum(taken) == summary["samples_taken"]
