@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from fleets import STILL
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from native_boards import compiled, script
 
@@ -130,12 +130,18 @@ def is_sending_cut_short(truths: list[Truth]) -> bool:
     )
 
 
+def lasting(truths: list[Truth]) -> list[Truth]:
+    """The truths that held for a millisecond or more: a board may pass through a state in one step or in two."""
+    return [truth for truth, after in pairwise(truths) if truth.at_ms != after.at_ms] + truths[-1:]
+
+
 @pytest.mark.parametrize("name", CONFIGS)
 @settings(
     max_examples=40,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
+@example(story=[(2000, SoundArrived(CODEC.encode(CommandPacket(Kind.HOVER, 7))))], cuts=[], charges=(0.001, 0.15))
 @given(
     story=st.lists(st.tuples(TIMES, st.sampled_from(STIMULI)), max_size=12, unique_by=lambda it: it[0]),
     cuts=st.lists(TIMES, max_size=6),
@@ -150,7 +156,7 @@ def test_it_lives_the_life_of_our_board(
     assume(not is_sending_cut_short(truths))
     theirs = life(replace(config, firmware=(str(c_board),)), story, cuts, charges)
     assert theirs[0] == outputs
-    assert theirs[1] == truths
+    assert lasting(theirs[1]) == lasting(truths)
 
 
 def frames(*sent: tuple[int, int, bytes]) -> bytes:
