@@ -7,6 +7,9 @@ reference of the vehicle's controllers, and `position` is where the vehicle is. 
 from __future__ import annotations
 
 import math
+import struct
+import threading
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -14,6 +17,7 @@ from typing import Any
 import rospy
 from std_msgs.msg import Float64
 
+from apad_bridge.ros.links.second_connection import FirstArrivals, SecondConnections
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
@@ -25,6 +29,8 @@ use_generated_messages()
 
 from auv_msgs.msg import NavSts  # noqa: E402
 
+_POSE = struct.Struct("<Iq3d")
+"""A position as it was sent: number, stamp, place and yaw. Bytes, since NaN does not equal itself."""
 POSE_FIELDS = ("header.stamp", "position.north", "position.east", "orientation.yaw")
 
 
@@ -45,7 +51,14 @@ class LegacySubscribers:
         self._subscribers: list[rospy.Subscriber] = []
         self._vital: list[rospy.Subscriber] = []
         """No flight begins without these."""
-        self._listen(of_apad(name, "position"), NavSts, pose_fields, self._take_pose, is_vital=True)
+        self._first_arrivals: defaultdict[str, FirstArrivals] = defaultdict(FirstArrivals)
+        """By the publisher's name."""
+        self._one_at_a_time = threading.Lock()
+        position = of_apad(name, "position")
+        self._second = SecondConnections(
+            self._listener.receiver(position, NavSts, pose_fields, self._take_pose, 1)
+        )
+        self._position = self._listen(position, NavSts, pose_fields, self._take_pose, 0, is_vital=True)
         self._listen(of_apad(name, "stateRef"), NavSts, pose_fields, self._take_state, is_vital=stamped)
         self._listen(of_apad(name, "battery_level"), Float64, ("data",), self._take_battery)
 
@@ -57,6 +70,7 @@ class LegacySubscribers:
     def close(self) -> None:
         for subscriber in self._subscribers:
             subscriber.unregister()
+        self._second.close()
 
     def _listen(
         self,
@@ -83,11 +97,20 @@ class LegacySubscribers:
     def _stamp(self, message: Any) -> int:
         return to_ms(message.header.stamp) if self._stamped else UNSTAMPED
 
-    def _take_pose(self, message: Any) -> None:
-        position, yaw = message.position, message.orientation.yaw
+    def _take_pose(self, message: Any, connection: int) -> None:
+        """Takes a position that came over the first connection (0) or the second (1)."""
+        position, yaw, publisher = message.position, message.orientation.yaw, _publisher(message)
         stamp_ms = to_ms(message.header.stamp) or None  # 0 is no time
         pose = PoseReceived(self._stamp(message), position.north, position.east, yaw, stamp_ms)
-        self._inbox.put(replace(pose, speed_m_s=_speed_m_s(message), publisher=_publisher(message)))
+        sent = _POSE.pack(
+            message.header.seq, message.header.stamp.to_nsec(), position.north, position.east, yaw
+        )
+        # The connections have a thread each: what came first must be put first.
+        with self._one_at_a_time:
+            if self._first_arrivals[publisher].is_new(connection, sent):
+                self._inbox.put(replace(pose, speed_m_s=_speed_m_s(message), publisher=publisher))
+        if connection == 0:
+            self._second.follow(self._position)
 
     def _take_state(self, message: Any) -> None:
         self._inbox.put(StateRefReceived(self._stamp(message)))

@@ -21,9 +21,18 @@ class AnyListener:
     def listen(
         self, topic: str, ours: Any, fields: tuple[str, ...], take: Callable[..., None], *arguments: Any
     ) -> rospy.Subscriber:
-        """Calls `take(message, *arguments)`, which reads `fields`, for each message.
+        """Calls `take(message, *arguments)`, which reads `fields`, for each message."""
+        # Without a delay: a small message could otherwise wait for the acknowledgement of the one before.
+        return rospy.Subscriber(
+            topic, rospy.AnyMsg, self.receiver(topic, ours, fields, take, *arguments), tcp_nodelay=True
+        )
 
-        Each of these fields has the kind of value that it has in `ours`: the core of a flight trusts them.
+    def receiver(
+        self, topic: str, ours: Any, fields: tuple[str, ...], take: Callable[..., None], *arguments: Any
+    ) -> Callable[[Any], None]:
+        """Returns the function that takes a message of any definition off a connection and calls `take` with it.
+
+        Each of `fields` has the kind of value that it has in `ours`: the core of a flight trusts them.
         """
         unfit: dict[str, str | None] = {ours._md5sum: None}
         """By md5, why messages of that definition are not read; None for one that is."""
@@ -49,8 +58,7 @@ class AnyListener:
             except (ValueError, AttributeError, KeyError, TypeError) as error:
                 self._refuse(topic, _node_of(raw), str(error))
 
-        # Without a delay: a small message could otherwise wait for the acknowledgement of the one before.
-        return rospy.Subscriber(topic, rospy.AnyMsg, receive, tcp_nodelay=True)
+        return receive
 
 
 def _node_of(raw: Any) -> str:

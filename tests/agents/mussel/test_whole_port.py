@@ -141,7 +141,9 @@ def lasting(truths: list[Truth]) -> list[Truth]:
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-@example(story=[(2000, SoundArrived(CODEC.encode(CommandPacket(Kind.HOVER, 7))))], cuts=[], charges=(0.001, 0.15))
+@example(
+    story=[(2000, SoundArrived(CODEC.encode(CommandPacket(Kind.HOVER, 7))))], cuts=[], charges=(0.001, 0.15)
+)
 @given(
     story=st.lists(st.tuples(TIMES, st.sampled_from(STIMULI)), max_size=12, unique_by=lambda it: it[0]),
     cuts=st.lists(TIMES, max_size=6),

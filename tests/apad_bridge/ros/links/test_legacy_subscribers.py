@@ -24,7 +24,7 @@ def test_a_position_keeps_its_own_stamp_and_on_our_clock_its_time(
     message.position.north, message.position.east, message.orientation.yaw = 1.0, 2.0, 0.5
     message.gbody_velocity.x, message.gbody_velocity.y = 0.3, 0.4
     message._connection_header = {"callerid": "/nav"}
-    subscribers._take_pose(message)
+    subscribers._take_pose(message, 0)
     at_ms = (stamp_ms or 0) if stamped else UNSTAMPED
     assert inbox.take() == [PoseReceived(at_ms, 1.0, 2.0, 0.5, stamp_ms, 0.5, "/nav")]
     subscribers.close()

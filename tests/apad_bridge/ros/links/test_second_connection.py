@@ -1,0 +1,227 @@
+"""Positions over two connections: what a connection that stands still may not hold back, and that nothing counts twice."""
+
+from __future__ import annotations
+
+import io
+import queue
+import socket
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+from xmlrpc.server import SimpleXMLRPCServer
+
+import pytest
+import rospy
+from hypothesis import given
+from hypothesis import strategies as st
+from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
+
+from apad_bridge.ros.links import second_connection
+from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, NavSts
+from apad_bridge.ros.links.second_connection import FirstArrivals, SecondConnections
+from apad_bridge.ros.system.inbox import Inbox
+
+SOON_S = 10.0
+TOPIC = "/apad1/position"
+
+
+class Publisher:
+    """One node on another machine, as its sockets show it: XML-RPC for the address, TCPROS for the messages."""
+
+    def __init__(self, topic: str = TOPIC, takes: bool = True) -> None:
+        self.handshakes: queue.Queue[socket.socket] = queue.Queue()
+        self.asked: queue.Queue[tuple[str, str]] = queue.Queue()
+        self._topic, self._takes = topic, takes
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._server = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
+        self._server.register_function(self._request_topic, "requestTopic")
+        self.uri = f"http://127.0.0.1:{self._server.server_address[1]}/"
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _request_topic(self, caller: str, topic: str, protocols: list[list[str]]) -> tuple[int, str, Any]:
+        self.asked.put((caller, topic))
+        if not self._takes:
+            return 0, "not a publisher of it", 0
+        return 1, "", ["TCPROS", *self._listener.getsockname()]
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                sock, _ = self._listener.accept()
+            except OSError:
+                return
+            asked = read_ros_handshake_header(sock, io.BytesIO(), 4096)
+            assert (asked["topic"], asked["md5sum"], asked["tcp_nodelay"]) == (self._topic, "*", "1")
+            header = {"md5sum": NavSts._md5sum, "type": NavSts._type, "callerid": "/nav"}
+            sock.sendall(encode_ros_handshake_header(header))
+            self.handshakes.put(sock)
+
+    def close(self) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+        self._listener.close()
+
+
+@pytest.fixture
+def publisher() -> Iterator[Publisher]:
+    made = Publisher()
+    yield made
+    made.close()
+
+
+@pytest.fixture(autouse=True)
+def far_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(second_connection, "is_local_address", lambda host: False)
+
+
+def subscriber_of(*publishers: Publisher) -> Any:
+    """A rospy subscriber, as far as its connections are read."""
+    connections = [
+        SimpleNamespace(transport_type="TCPROS", endpoint_id=it.uri, dest_address=("127.0.0.1", 1))
+        for it in publishers
+    ]
+    return SimpleNamespace(impl=SimpleNamespace(connections=connections), resolved_name=TOPIC)
+
+
+def position(number: int) -> NavSts:
+    message = NavSts()
+    message.header.seq, message.position.north = number, 0.1 * number
+    return message
+
+
+def framed(message: Any) -> bytes:
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return len(buffer.getvalue()).to_bytes(4, "little") + buffer.getvalue()
+
+
+def over_the_first(message: NavSts) -> Any:
+    """The message as rospy's own connection hands it over."""
+    raw = rospy.AnyMsg()
+    raw.deserialize(framed(message)[4:])
+    raw._connection_header = {"md5sum": NavSts._md5sum, "type": NavSts._type, "callerid": "/nav"}
+    return raw
+
+
+def test_a_first_connection_that_stands_still_holds_no_position_back(publisher: Publisher) -> None:
+    """After the first position on rospy's connection, three come over the second alone, and later all over the first."""
+    inbox: Inbox[Any] = Inbox()
+    subscribers = LegacySubscribers("apad1", inbox, stamped=False)
+    subscribers._position = subscriber_of(publisher)
+    subscribers._take_pose(position_with_header(0), 0)
+    second = publisher.handshakes.get(timeout=SOON_S)
+    second.sendall(b"".join(framed(position(number)) for number in range(4)))
+    norths: list[float] = []
+    while len(norths) < 4:
+        arrived = inbox.take(SOON_S)
+        assert arrived
+        norths += [pose.north_m for pose in arrived]
+        assert {pose.publisher for pose in arrived} == {"/nav"}
+    for number in range(1, 5):
+        subscribers._take_pose(position_with_header(number), 0)
+    norths += [pose.north_m for pose in inbox.take()]
+    assert norths == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    subscribers.close()
+    assert second.recv(1) == b""
+
+
+def position_with_header(number: int) -> NavSts:
+    message = position(number)
+    message._connection_header = {"callerid": "/nav"}
+    return message
+
+
+def test_each_publisher_gets_one_second_connection_and_another_after_its_end(
+    publisher: Publisher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(second_connection, "_AGAIN_S", 0.0)
+    got: queue.Queue[Any] = queue.Queue()
+    connections = SecondConnections(got.put)
+    other = Publisher()
+    both = subscriber_of(publisher, other)
+    connections.follow(both)
+    first, _ = publisher.handshakes.get(timeout=SOON_S), other.handshakes.get(timeout=SOON_S)
+    connections.follow(both)
+    first.sendall(framed(position(7)))
+    assert got.get(timeout=SOON_S)._connection_header["callerid"] == "/nav"
+    assert publisher.handshakes.empty() and other.handshakes.empty()
+    first.close()
+    while publisher.handshakes.empty():
+        connections.follow(both)
+        try:
+            publisher.handshakes.put(publisher.handshakes.get(timeout=0.01))
+        except queue.Empty:
+            continue
+    assert other.handshakes.empty()
+    connections.close()
+    other.close()
+
+
+def test_a_publisher_that_refuses_is_asked_again_only_later() -> None:
+    publisher = Publisher(takes=False)
+    connections = SecondConnections(lambda raw: None)
+    connections.follow(subscriber_of(publisher))
+    assert publisher.asked.get(timeout=SOON_S)[1] == TOPIC
+    connections.follow(subscriber_of(publisher))
+    assert publisher.asked.empty()
+    publisher.close()
+
+
+def test_a_publisher_on_this_machine_gets_none(publisher: Publisher, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: queue.Queue[str] = queue.Queue()
+
+    def is_local(host: str) -> bool:
+        looked.put(host)
+        return True
+
+    monkeypatch.setattr(second_connection, "is_local_address", is_local)
+    connections = SecondConnections(lambda raw: None)
+    connections.follow(subscriber_of(publisher))
+    assert looked.get(timeout=SOON_S) == "127.0.0.1"
+    for _ in range(3):
+        connections.follow(subscriber_of(publisher))
+    assert publisher.asked.empty() and publisher.handshakes.empty()
+
+
+@given(
+    count=st.integers(0, 30),
+    switches=st.lists(st.booleans(), max_size=80),
+    begins=st.tuples(st.integers(0, 5), st.integers(0, 10)),
+)
+def test_each_message_counts_once_and_in_order(
+    count: int, switches: list[bool], begins: tuple[int, int]
+) -> None:
+    """However the connections take turns, and whichever begins later. None is lost of what both bring."""
+    ways = [list(range(begin, count)) for begin in begins]
+    arrivals, taken = FirstArrivals(), []
+    for second in [*switches, *[False] * count, *[True] * count]:
+        if ways[second]:
+            message = ways[second].pop(0)
+            if arrivals.is_new(int(second), message):
+                taken.append(message)
+    assert taken == sorted(set(taken))
+    assert taken[-1:] == list(range(min(begins), count))[-1:]
+    if begins[0] == begins[1]:
+        assert taken == list(range(begins[0], count))
+
+
+@given(st.integers(1, 20), st.lists(st.booleans(), max_size=60))
+def test_messages_that_are_all_alike_go_on_counting(count: int, switches: list[bool]) -> None:
+    """A frozen position without stamps has as many messages as came over the connection that brought most."""
+    arrivals = FirstArrivals()
+    new = sum(arrivals.is_new(int(second), "frozen") for second in switches)
+    assert new == max(switches.count(False), switches.count(True))
+
+
+def test_one_that_begins_ahead_counts_again_as_soon_as_the_other_has_caught_up() -> None:
+    arrivals = FirstArrivals()
+    told = [arrivals.is_new(*it) for it in [(0, 1), (1, 4), (0, 2), (0, 3), (0, 4), (1, 5), (0, 5), (1, 6)]]
+    assert told == [True, False, True, True, True, True, False, True]
+
+
+def test_a_connection_that_is_alone_forgets_what_it_brought() -> None:
+    arrivals = FirstArrivals()
+    assert all(arrivals.is_new(0, number) for number in range(10_000))
+    assert sum(map(len, arrivals._unpaired)) <= 600
