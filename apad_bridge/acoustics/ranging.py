@@ -17,7 +17,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
-from apad_bridge.events import RangeMeasured
+from apad_bridge.events.sound import RangeMeasured
 from apad_bridge.mission.events import Ping, RangeHeard, SupervisorAction
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle.commands import PoseReported

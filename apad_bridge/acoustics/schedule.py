@@ -22,7 +22,7 @@ from agents.modem.frames import SHORT_MS, duration_ms
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs, TimeScale
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
-from apad_bridge.events import Asked, Unanswered
+from apad_bridge.events.sound import Asked, NoAnswer
 from apad_bridge.mission.events import Ping, Send, SupervisorAction
 from apad_bridge.scenario.water import Water
 from firmware_model.config import Timeslots
@@ -152,7 +152,7 @@ class AcousticScheduler:
         """
         config, agent_ms = self._config, self._config.scale.agent_ms(now_ms)
         actions: list[SupervisorAction] = [
-            Unanswered(agent_id) for agent_id in self._status_requests.given_up(agent_ms)
+            NoAnswer(agent_id) for agent_id in self._status_requests.given_up(agent_ms)
         ]
         self.unanswered += len(actions)
         if self._free_from_ms > agent_ms + config.scale.agent_span(1000):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside
 from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
@@ -33,7 +34,6 @@ from apad_bridge.vehicle.guards.monitor import (
     MakesProgress,
     Monitor,
     PositionIsGood,
-    Reaction,
     SpeedIsAllowed,
     Stopping,
 )

@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events import Released
+from apad_bridge.events.mission import AMusselReleased
+from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.charging_watch import is_charged
 from apad_bridge.mission.dock_witnesses import doubt
 from apad_bridge.mission.order_book import OrderBook
@@ -255,7 +256,7 @@ class DockingRoutine:
         belief = self._beliefs.get(agent_id)
         leaves_full = is_charged(belief, self.config)
         if leaves_full and (reason := doubt(belief, self._book.named.get(agent_id))) is not None:
-            self._book.note("docks_disagree", id=agent_id, reason=reason)
+            self._book.tell(DocksDisagree(agent_id, reason))
             leaves_full = False
         self._book.set(leaves_full=leaves_full)
         self.mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
@@ -350,7 +351,7 @@ class DockingRoutine:
         """Ends an undocking: the aMussel is free."""
         full = self._book.state.leaves_full
         self._book.order(TellClear(agent_id))
-        self._book.tell(Released(agent_id, full))
+        self._book.tell(AMusselReleased(agent_id, full))
         self._book.set(services=self._book.state.services + full)
 
     def _close(self, order: DockMussel) -> None:

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from apad_bridge import events
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.mission import LeftAlone, StandsDown, StepGivenUp, Stuck
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first
@@ -159,7 +159,7 @@ class EnergyExchange(OrderBook):
             elif self._behaviour.success is not None:
                 self._behaviour.success(self, now_ms)
         if (reason := self._breakdown.take()) is not None:
-            self.tell(events.Stuck(reason))
+            self.tell(Stuck(reason))
         return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
@@ -198,7 +198,7 @@ class EnergyExchange(OrderBook):
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
-            self.tell(events.StandsDown(reason))
+            self.tell(StandsDown(reason))
             self.docking_routine.pre_empt()
             self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
         return self.take_orders()
@@ -323,7 +323,7 @@ class EnergyExchange(OrderBook):
         if self.docks[step.dock_index] is not None:
             # The dock was to be empty by now, and did not open.
             if None not in self.docks:
-                self.tell(events.GivenUp(step.agent_id, step.kind.value, "no dock is free"))
+                self.tell(StepGivenUp(step.agent_id, step.kind.value, "no dock is free"))
                 self._finish_step(now_ms)
                 return
             step = replace(step, dock_index=self.docks.index(None))
@@ -375,7 +375,7 @@ class EnergyExchange(OrderBook):
         docked = self._to_release
         beliefs = {agent_id: self._beliefs.get(agent_id) for agent_id in docked}
         for agent_id, reason in self._charging.give_up_stalled(beliefs, now_ms):
-            self.tell(events.GivenUp(agent_id, "charge", reason))
+            self.tell(StepGivenUp(agent_id, "charge", reason))
         if not docked:
             self._idle(now_ms)
             return
@@ -477,7 +477,7 @@ class EnergyExchange(OrderBook):
         tries[agent_id] = tries.get(agent_id, 0) + 1
         self.set(failed_tries=tuple(sorted(tries.items())))
         if tries[agent_id] == self._config.collection_attempts:
-            self.tell(events.LeftAlone(agent_id, tries[agent_id], reason))
+            self.tell(LeftAlone(agent_id, tries[agent_id], reason))
 
     def _count_failed_undocking(self, agent_id: int, reason: str) -> None:
         self._charging.restart(agent_id)
@@ -485,7 +485,7 @@ class EnergyExchange(OrderBook):
         tries[agent_id] = tries.get(agent_id, 0) + 1
         self.set(failed_undockings=tuple(sorted(tries.items())))
         if tries[agent_id] == self._config.collection_attempts:
-            self.tell(events.LeftAlone(agent_id, tries[agent_id], f"its dock does not open: {reason}"))
+            self.tell(LeftAlone(agent_id, tries[agent_id], f"its dock does not open: {reason}"))
 
     def _forget_failed_undockings(self, agent_id: int) -> None:
         self.set(failed_undockings=tuple(it for it in self.state.failed_undockings if it[0] != agent_id))
@@ -497,7 +497,7 @@ class EnergyExchange(OrderBook):
             self._count_failed_try(step.agent_id, reason)
         elif self.state.phase is Phase.UNDOCK:
             self._count_failed_undocking(step.agent_id, reason)
-        self.tell(events.GivenUp(step.agent_id, step.kind.value, reason))
+        self.tell(StepGivenUp(step.agent_id, step.kind.value, reason))
         is_beside_it = self.state.phase in (Phase.AWAIT_SURFACING, Phase.DOCK)
         if not (is_beside_it and self._floats(step.agent_id)):
             # One that floats is a candidate again at once; a go-to that failed would only fail again.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import Note, VehicleOrder
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from apad_bridge import events
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
+from apad_bridge.events.mission import StepGivenUp
+from apad_bridge.events.persons import Overridden
 from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.ending import MissionEnd
@@ -143,7 +144,7 @@ class ManualMission(OrderBook):
     def take_over(self, by: str = "person") -> str:
         """Changes nobody's part here. A person's word lets a vehicle move again that a guard or a pilot had stopped."""
         if by == "person":
-            self.tell(events.Overridden(True, by))
+            self.tell(Overridden(True, by))
             self.order(AllowMotion(by, keeps_stop=True))
         return "no mission plans in this flight: orders are taken without it"
 
@@ -386,7 +387,7 @@ class ManualMission(OrderBook):
             self._docking_routine.advance(here, self.now_ms)
         except GivenUp as given_up:
             assert self._docking is not None
-            self.tell(events.GivenUp(self._docking[0], "dock", str(given_up)))
+            self.tell(StepGivenUp(self._docking[0], "dock", str(given_up)))
             self._end_docking(Status.FAILED, str(given_up))
 
     def _pre_empt_docking(self) -> None:

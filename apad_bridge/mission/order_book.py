@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from apad_bridge.events import Event, LegBegan
+from apad_bridge.events.event import Event
+from apad_bridge.events.mission import LegBegan
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.state import Leg, MissionState
 from apad_bridge.vehicle.primitives import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.vehicle.primitives import Primitive
 
 

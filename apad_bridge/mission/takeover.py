@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from apad_bridge.events import Event, Overridden
+from apad_bridge.events.event import Event
+from apad_bridge.events.persons import Overridden
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange

@@ -5,26 +5,25 @@ A line is `{"t": mission ms, "kind": kind, ...}`. An aMussel is named by `id`, o
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from enum import Enum, StrEnum
 from functools import cache
 from types import GenericAlias, NoneType
-from typing import Annotated, Any, Literal, NamedTuple, Optional, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, Optional, get_args
 
 from pydantic import ConfigDict, StrictBool, StrictInt, StrictStr, ValidationError, create_model
 from pydantic import Field as Constraint
 from pydantic_core import SchemaValidator
 
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events import EVENTS, Event, fields_of, is_optional
+from apad_bridge.events.event import Event, EventField, fields_of
+from apad_bridge.events.union import EVENTS
 from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.state import EARLIER_COMMANDED, Phase
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import MAX_DOCKS
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.supervisor.roster import Presence
-from apad_bridge.vehicle.guards.stops import StopKind, StopState
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Flow
 from firmware_model.states import State
@@ -206,17 +205,25 @@ _SNAPSHOT = _object(
 
 def _kind_of(event: type[Event]) -> Kind:
     """The row of a kind that has a class."""
-    hints = get_type_hints(event, include_extras=True)
-    return Kind(event.kind, event.when, tuple(_field_of(it, hints[it.name]) for it in fields_of(event)))
+    return Kind(event.kind, event.when, tuple(_field_of(it) for it in fields_of(event)))
 
 
-def _field_of(field: dataclasses.Field[Any], hint: Any) -> Field:
-    annotation, meaning = get_args(hint)
-    parts = set(get_args(annotation)) or {annotation}
-    type_ = _TYPES[next(iter(parts - {NoneType}))]
-    if NoneType in parts and not is_optional(field):
-        type_ = _or_null(type_)
-    return Field(field.name, type_, meaning.text, meaning.unit, is_optional(field))
+def _field_of(field: EventField) -> Field:
+    """An optional field of a line is absent rather than null."""
+    members = get_args(field.annotation)
+    annotation = next(it for it in members if it is not NoneType) if field.is_optional else field.annotation
+    return Field(field.name, _type_of(annotation), *field.meaning, field.is_optional)
+
+
+def _type_of(annotation: Any) -> Type:
+    """The type of a line's field, from that of the event's class."""
+    if annotation in _TYPES:
+        return _TYPES[annotation]
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return _values(annotation) if issubclass(annotation, StrEnum) else _names(annotation)
+    members = get_args(annotation)
+    assert NoneType in members, annotation
+    return _or_null(_type_of(next(it for it in members if it is not NoneType)))
 
 
 KINDS: tuple[Kind, ...] = (
@@ -424,83 +431,6 @@ KINDS: tuple[Kind, ...] = (
             _optional(Field("what", TEXT, "the name that the script gave its event")),
         ),
         is_open=True,
-    ),
-    Kind(
-        EventKind.REFUSED,
-        "a guard refused an order, which did not go out",
-        (
-            Field(
-                "order",
-                TEXT,
-                "`go to point`, `hold position`, `dock`, `undock`, `move an arm` or `permit to surface`",
-            ),
-            Field("guard", TEXT, "the guard, by name"),
-            _REASON,
-            _optional(_AGENT),
-            _optional(_DOCK_FIELD),
-            _optional(Field("north_m", NUMBER, "the goal, north", "m")),
-            _optional(Field("east_m", NUMBER, "the goal, east", "m")),
-        ),
-    ),
-    Kind(
-        EventKind.GUARD,
-        "the monitor found the aPad in danger between two orders, and reacted",
-        (
-            Field(
-                "cause", TEXT, "`position`, `outside the fence`, `fence ahead`, `speed`, `late` or `person`"
-            ),
-            Field(
-                "reaction", TEXT, "`hold`, `stop` (its controllers go off) or `return` (to a place inside)"
-            ),
-            _REASON,
-            Field("calls_pilot", BOOLEAN, "true when a person must take the aPad over"),
-        ),
-    ),
-    Kind(EventKind.GUARD_OVER, "that danger is over", (Field("cause", TEXT, "as above"),)),
-    Kind(
-        EventKind.STOP,
-        "a stop of the aPad, by a person or a guard, came to a state; it is in force until `continued`",
-        (
-            Field("number", INTEGER, "the stop's number in this run"),
-            Field("mode", _values(StopKind), "`hold`: the thrusters keep the place; `off`: no thrust"),
-            Field("by", TEXT, "the person, or `guard: CAUSE`"),
-            Field("state", _values(StopState), "only `taken` means that the vehicle has accepted it"),
-            _optional(_REASON),
-        ),
-    ),
-    Kind(
-        EventKind.CONTINUED,
-        "a person let the aPad move again",
-        (Field("number", INTEGER, "the stop that ended"), Field("by", TEXT, "the person")),
-    ),
-    Kind(
-        EventKind.BACK_IN,
-        "a person sent the aPad, which lay just outside the fence, back inside",
-        (Field("by", TEXT, "the person"), Field("lookout", TEXT, "who watches the water")),
-    ),
-    Kind(
-        EventKind.DRIFT,
-        "the course of an aPad whose controllers a stop switched off; at once, and every 10 s",
-        (
-            Field("speed_m_s", NUMBER, "its last speed, or the known current's", "m/s"),
-            Field("towards_rad", NUMBER, "its direction, clockwise from north", "rad"),
-            Field(
-                "fence_s", _or_null(NUMBER), "the time to the fence or a keep-out zone, if it drifts on", "s"
-            ),
-            _optional(Field("north_m", NUMBER, "its last place, north", "m")),
-            _optional(Field("east_m", NUMBER, "its last place, east", "m")),
-            _optional(Field("is_believed", BOOLEAN, "false for a place that is not to be believed")),
-        ),
-    ),
-    Kind(
-        EventKind.PILOT,
-        "a pilot takes or leaves the aPad's controls, or nobody tells any more",
-        (Field("steers", _or_null(BOOLEAN), "null when the node that published the pilot's flag is gone"),),
-    ),
-    Kind(
-        EventKind.OTHERS,
-        "another client, which is no pilot, gave the aPad an order",
-        (Field("client", TEXT, "its node; empty where the stack does not tell"),),
     ),
     Kind(
         EventKind.HANDED_ON,

@@ -14,7 +14,8 @@ import rospy
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.doctor.finding import Status
 from apad_bridge.doctor.origin_check import check_origin
-from apad_bridge.events import Event, VehicleHeard, VehicleSilent
+from apad_bridge.events.event import Event
+from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts

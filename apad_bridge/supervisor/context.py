@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.orders import Note
 from apad_bridge.supervisor.clock import Pace

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
+from apad_bridge.events.guards import StopState
 from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
@@ -30,7 +31,7 @@ from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AM
 from apad_bridge.supervisor.line_server import CLIENT_S, LONGEST_LINE, LineServer
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.errors import PeerFailed
-from apad_bridge.vehicle.guards.stops import StopRecord, StopState
+from apad_bridge.vehicle.guards.stops import StopRecord
 
 if TYPE_CHECKING:
     from apad_bridge.vehicle.guards.gate import Gate

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
-from apad_bridge import events
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
+from apad_bridge.events.event import Event
+from apad_bridge.events.mission import Stuck
+from apad_bridge.events.sound import SamplesGone
+from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import StandDownRule
 from apad_bridge.mission.dock_witnesses import ON_BOTTOM
@@ -215,7 +218,7 @@ class Supervisor:
         if self._end_by_ms is None or now_ms < self._end_by_ms or not held or self.has_ended:
             return []
         self._end_by_ms = None
-        return [events.Stuck(f"mission.end_by passes while it is stopped: {held}")]
+        return [Stuck(f"mission.end_by passes while it is stopped: {held}")]
 
     def forecast(self, forecaster: Forecaster, now_ms: MissionMs) -> Forecast:
         """The forecast of this flight at the tick `now_ms`."""
@@ -284,7 +287,7 @@ class Supervisor:
             actions.append(KeepSamples(packet.agent_id, taken.samples))
         if taken.gone:
             first, last = min(taken.gone), max(taken.gone)
-            actions.append(events.SamplesGone(packet.agent_id, len(taken.gone), first, last))
+            actions.append(SamplesGone(packet.agent_id, len(taken.gone), first, last))
         return actions
 
     def _doubt_dock(self, packet: Packet | None) -> list[SupervisorAction]:
@@ -300,7 +303,7 @@ class Supervisor:
         self._doubted.add(agent_id)
         dock_index = self.mission.docks.index(agent_id)
         reason = f"dock {dock_index + 1} holds it by the vehicle's report, and it reports {state.name}, on the bottom"
-        return [events.DocksDisagree(agent_id, reason)]
+        return [DocksDisagree(agent_id, reason)]
 
     def _acknowledge(self) -> list[SupervisorAction]:
         acks = self.samples.acknowledgements()
@@ -385,7 +388,7 @@ class Supervisor:
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))
-                case Note() | events.Event() | StopVehicle() | AllowMotion() | GoBackIn():
+                case Note() | Event() | StopVehicle() | AllowMotion() | GoBackIn():
                     actions.append(order)
                 case _:
                     self._named[order.primitive_id] = order

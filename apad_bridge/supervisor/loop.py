@@ -34,8 +34,9 @@ from agents.water.sea_events import (
     SoundReached,
     StimulusDelivered,
 )
-from apad_bridge import events
-from apad_bridge.events import Event, RangeMeasured
+from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import APadLeftWater, ProcessDied
+from apad_bridge.events.sound import RangeMeasured
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
@@ -219,9 +220,7 @@ class Flight:
             watch(now_ms)
 
     def _record_noticed(self, now_ms: MissionMs) -> None:
-        for kind, data in self._vehicle.gate.take_events():
-            self._recorder.event(now_ms, kind, **data)
-        for event in self._context.take_events(now_ms):
+        for event in (*self._vehicle.gate.take_events(), *self._context.take_events(now_ms)):
             self._tell(event, now_ms)
 
     def _tell(self, event: Note | Event, now_ms: MissionMs) -> None:
@@ -300,7 +299,7 @@ class Flight:
         for result in [*results_before, *self._advance_fleet(now_ms)]:
             match result:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
-                    self._tell(events.Died(agent_id, agent_ms, cause.name, reason, gave_up), now_ms)
+                    self._tell(ProcessDied(agent_id, agent_ms, cause.name, reason, gave_up), now_ms)
                     self._faults.restarted(agent_id)
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
@@ -332,7 +331,7 @@ class Flight:
                 case PacketEnded() as packet:
                     self._recorder.event(now_ms, "packet", **self._fleet.packet_data(packet))
                 case LeftWater(_, name, reason):
-                    self._tell(events.LeftWater(name, reason), now_ms)
+                    self._tell(APadLeftWater(name, reason), now_ms)
                 case SeaLost(_, reason):
                     self.stop(MissionEnd(EndReason.SEA_LOST, f"{EndReason.SEA_LOST}: {reason}"))
         truths = self._fleet.take_truths()

@@ -418,7 +418,7 @@ class Bench:
                 if not hasattr(fact, "agent_id") or hasattr(fact, "dock_index"):
                     self._pass_on(self.port.receive(fact, self.now_ms))  # type: ignore[arg-type]
         self._pass_on(self.port.advance(self.now_ms))
-        self.events += [(self.now_ms, *event) for event in self.vehicle.gate.take_events()]
+        self.events += [(self.now_ms, it.kind, it.data) for it in self.vehicle.gate.take_events()]
 
     def _pass_on(self, actions: list[VehicleCommand | Outcome]) -> None:
         for action in actions:

@@ -7,10 +7,11 @@ from collections.abc import Callable
 import rospy
 from std_msgs.msg import Float32
 
+from apad_bridge.events.guards import StopKind
 from apad_bridge.ros_names.names import ours
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
-from apad_bridge.vehicle.guards.stops import StopKind, Stops
+from apad_bridge.vehicle.guards.stops import Stops
 
 STALE_MS = 3_000
 """With an older position no heartbeat goes out but that of an OFF: a bench that is blind flies nothing."""

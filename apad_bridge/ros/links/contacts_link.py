@@ -11,7 +11,7 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages

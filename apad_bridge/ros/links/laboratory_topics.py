@@ -8,7 +8,7 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of

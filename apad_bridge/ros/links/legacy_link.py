@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import rospy
 
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.scenario.schema import Scenario

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages

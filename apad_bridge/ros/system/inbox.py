@@ -6,7 +6,8 @@ import threading
 from collections import Counter
 from typing import Generic, TypeVar
 
-from apad_bridge.events import Event, Unreadable
+from apad_bridge.events.event import Event
+from apad_bridge.events.graph import MessagesDropped
 
 Item = TypeVar("Item")
 
@@ -54,7 +55,7 @@ class Inbox(Generic[Item]):
             if (topic, node) in self._reported or len(self._reported) >= _MOST_REPORTED:
                 return
             self._reported.add((topic, node))
-            self._events.append(Unreadable(topic, node, why))
+            self._events.append(MessagesDropped(topic, node, why))
 
     def take_events(self) -> list[Event]:
         """The publishers refused since the last call."""

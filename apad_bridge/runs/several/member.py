@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from agents.time_scale import MissionMs
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
 from apad_bridge.mission.orders import Note

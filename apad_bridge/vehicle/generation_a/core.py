@@ -17,6 +17,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -342,7 +343,7 @@ class GenerationACore:
         """Passes on changes at the docks, and tells disagreements; a change that fulfils a goal ends it."""
         self._facts += facts
         told, self.docks.disagreements = self.docks.disagreements, []
-        self._gate.events += [("docks_disagree", {"id": it, "reason": reason}) for it, reason in told]
+        self._gate.events += [DocksDisagree(it, reason) for it, reason in told]
         for key, sent in list(self._goals.items()):
             if any(_fulfils(fact, sent.command) for fact in facts):
                 del self._goals[key]

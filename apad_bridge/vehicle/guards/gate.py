@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
+from apad_bridge.events.event import Event
+from apad_bridge.events.guards import SURFACING, OrderRefused, PilotTold
 from apad_bridge.vehicle.commands import (
     BatteryReported,
     CloseDock,
@@ -29,7 +30,7 @@ from apad_bridge.vehicle.guards.guards import GoodPosition, Guard, PersonsWord, 
 from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing, is_stop
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
-from apad_bridge.vehicle.guards.stops import Event, Stops
+from apad_bridge.vehicle.guards.stops import Stops
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.link import LinkFact
 
@@ -41,7 +42,7 @@ NAMES: dict[type, str] = {
     MoveArm: "move an arm",
     Stop: "stop",
     PilotLeft: "take the aPad from its pilot",
-    Surfacing: "permit to surface",
+    Surfacing: SURFACING,
 }
 PILOT_STEERS = "the pilot has it: a pilot steers the aPad"
 PILOT_UNKNOWN = (
@@ -124,7 +125,7 @@ class Gate:
             elif isinstance(fact, PilotReported):
                 pilot = PILOT_UNKNOWN if fact.steers is None else PILOT_STEERS if fact.steers else ""
                 if pilot != self.pilot:
-                    self.events.append(("pilot", {"steers": fact.steers}))
+                    self.events.append(PilotTold(fact.steers))
                 self.pilot = pilot
             elif isinstance(fact, DockClosed):
                 # The next order may come before whoever knows the bodies sets them again.
@@ -176,13 +177,18 @@ class Gate:
         return refusal is None
 
     def note_refused(self, order: GuardedOrder, refusal: Refusal) -> None:
-        data: dict[str, Any] = {"order": NAMES[type(order)], "guard": refusal.guard, "reason": refusal.reason}
-        for key, name in (("agent", "agent_id"), ("dock", "dock_index")):
-            if (value := getattr(order, name, None)) is not None:
-                data[key] = value
-        if isinstance(order, GoTo | Hold) and refusal.guard != "numbers":
-            data |= {"north_m": order.north_m, "east_m": order.east_m}
-        self.events.append(("refused", data))
+        goal = order if isinstance(order, GoTo | Hold) and refusal.guard != "numbers" else None
+        self.events.append(
+            OrderRefused(
+                NAMES[type(order)],
+                refusal.guard,
+                refusal.reason,
+                agent=getattr(order, "agent_id", None),
+                dock=getattr(order, "dock_index", None),
+                north_m=None if goal is None else goal.north_m,
+                east_m=None if goal is None else goal.east_m,
+            )
+        )
 
     def take_events(self) -> list[Event]:
         events = list(self.events)

@@ -9,8 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
+from apad_bridge.events.guards import (
+    Cause,
+    DangerOver,
+    Drifting,
+    GuardReacted,
+    OthersCommanded,
+    Reaction,
+    SentBackIn,
+    StopKind,
+)
 from apad_bridge.scenario.guard_options import LOOK_MS
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -31,9 +40,9 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
-from apad_bridge.vehicle.guards.monitor import Cause, Finding, Reaction, UnderWay
+from apad_bridge.vehicle.guards.monitor import Finding, UnderWay
 from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
-from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopKind
+from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 
 _Answer = CommandAccepted | Arrived | CommandFailed
@@ -179,7 +188,7 @@ class GuardedVehicle:
         goal_m, why_not = self.gate.way_back(now_ms)
         if why_not:
             return  # the person was told already
-        self.gate.events.append(("back_in", {"by": by, "lookout": lookout}))
+        self.gate.events.append(SentBackIn(by, lookout))
         self._way_back = GoTo(self._take_id(), *goal_m, WAY_BACK_M_S, RETURN_RADIUS_M)
         self._send(self._way_back, now_ms)
 
@@ -214,7 +223,7 @@ class GuardedVehicle:
         if not self._safety.needs_person:
             return
         who = client or "another client, which this stack does not name,"
-        self.gate.events.append(("others", {"client": client}))
+        self.gate.events.append(OthersCommanded(client))
         stop = self._stops.in_force
         if stop is not None and stop.is_persons and not self.gate.pilot:
             self._send_stop(now_ms)  # a person's stop comes before other clients
@@ -349,7 +358,7 @@ class GuardedVehicle:
             self._stops.at_rest(now_ms)
         if stop.kind is StopKind.OFF and (self._drift_ms is None or now_ms - self._drift_ms >= DRIFT_MS):
             self._drift_ms = now_ms
-            self.gate.events.append(("drift", self._drift(now_ms)))
+            self.gate.events.append(self._drift(now_ms))
 
     def _stop_overdue(self, kind: StopKind, now_ms: int) -> None:
         reason = "the vehicle has not answered"
@@ -358,28 +367,26 @@ class GuardedVehicle:
         else:
             self._stops.failed(reason)  # the link repeats it until the vehicle takes it
 
-    def _drift(self, now_ms: int) -> dict[str, Any]:
+    def _drift(self, now_ms: int) -> Drifting:
         """The course of a vehicle without thrust, by its last speed or the known current, and when it would get out."""
         situation = self.gate.situation(now_ms)
         velocity_m_s = (0.0, 0.0) if situation.position_fault else situation.velocity_m_s
         if math.hypot(*velocity_m_s) < 0.05:
             velocity_m_s = self._safety.current_m_s
         speed_m_s = math.hypot(*velocity_m_s)
-        data: dict[str, Any] = {
-            "speed_m_s": round(speed_m_s, 3),
-            "towards_rad": round(math.atan2(velocity_m_s[1], velocity_m_s[0]), 3),
-            "fence_s": None,
-        }
+        course = Drifting(
+            round(speed_m_s, 3), round(math.atan2(velocity_m_s[1], velocity_m_s[0]), 3), fence_s=None
+        )
         if situation.place_m is None:
-            return data
+            return course
         way_m = self._safety.waters.way_out_m(situation.place_m, velocity_m_s) if speed_m_s > 0 else None
-        if way_m is not None:
-            data["fence_s"] = round(way_m / speed_m_s)
-        return data | {
-            "north_m": round(situation.place_m[0], 2),
-            "east_m": round(situation.place_m[1], 2),
-            "is_believed": not situation.position_fault,
-        }
+        return replace(
+            course,
+            fence_s=None if way_m is None else round(way_m / speed_m_s),
+            north_m=round(situation.place_m[0], 2),
+            east_m=round(situation.place_m[1], 2),
+            is_believed=not situation.position_fault,
+        )
 
     # The monitor.
 
@@ -390,7 +397,7 @@ class GuardedVehicle:
             if change.finding is not None:
                 self._react(change.finding, now_ms)
                 continue
-            self.gate.events.append(("guard_over", {"cause": change.cause.value}))
+            self.gate.events.append(DangerOver(change.cause))
             if change.cause is Cause.POSITION and not self._safety.needs_person:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
         self._watch_stop(now_ms)
@@ -400,14 +407,11 @@ class GuardedVehicle:
         wants_off = finding.reaction is Reaction.STOP or not may_hold(self.gate.situation(now_ms))
         reaction = Reaction.STOP if wants_off and finding.reaction is Reaction.HOLD else finding.reaction
         self.gate.events.append(
-            (
-                "guard",
-                {
-                    "cause": finding.cause.value,
-                    "reaction": reaction.value,
-                    "reason": finding.reason,
-                    "calls_pilot": finding.cause is Cause.OUTSIDE or bool(self.gate.pilot),
-                },
+            GuardReacted(
+                finding.cause,
+                reaction,
+                finding.reason,
+                calls_pilot=finding.cause is Cause.OUTSIDE or bool(self.gate.pilot),
             )
         )
         if self.gate.pilot == PILOT_STEERS:

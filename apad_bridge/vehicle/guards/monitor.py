@@ -5,33 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Protocol
 
+from apad_bridge.events.guards import Cause, Reaction
 from apad_bridge.vehicle.commands import GoTo
 from apad_bridge.vehicle.guards.orders import Point, Situation
 from apad_bridge.vehicle.guards.waters import Waters
-
-
-class Reaction(StrEnum):
-    HOLD = "hold"
-    """Hold the present position, which is good."""
-    STOP = "stop"
-    """Switch the controllers off: the position is not fit to hold."""
-    RETURN = "return"
-    """Go to the nearest place inside the fence."""
-
-
-class Cause(StrEnum):
-    OUTSIDE = "outside the fence"
-    AHEAD = "fence ahead"
-    POSITION = "position"
-    SPEED = "speed"
-    LATE = "late"
-    NO_PROGRESS = "no progress"
-    ANOTHER_APAD = "another aPad"
-    OTHERS = "another client"
-
 
 PROGRESS_M = 0.5
 """A go-to that gets nearer by so much makes progress."""

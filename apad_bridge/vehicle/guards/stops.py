@@ -8,27 +8,15 @@ accepted it, and the vehicle is *at rest* when its position no longer changes. O
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Any
+
+from apad_bridge.events.event import Event
+from apad_bridge.events.guards import StopChanged, StopEnded, StopKind, StopState
 
 TAKEN_MS = 3_000
 """A stop that a real vehicle has not taken so long after its sending is reported, and a HOLD becomes OFF."""
 SIMULATED_TAKEN_MS = 60_000
 """The same for a simulated vehicle, whose clock may run far ahead of its messages."""
-
-
-class StopKind(StrEnum):
-    HOLD = "hold"
-    OFF = "off"
-
-
-class StopState(StrEnum):
-    ORDERED = "ordered"
-    SENT = "sent"
-    TAKEN = "taken"
-    AT_REST = "at rest"
-    NOT_TAKEN = "not taken"
-    REFUSED = "refused"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +55,6 @@ class StopRecord:
     def text(self) -> str:
         why = f": {self.reason}" if self.reason else ""
         return f"stop {self.number} ({self.kind}, by {self.by}) is in force{why}"
-
-
-Event = tuple[str, dict[str, Any]]
-"""(kind, data) of a line in the journal."""
 
 
 class Stops:
@@ -164,7 +148,7 @@ class Stops:
     def end(self, by: str) -> None:
         """A person continues: no stop is in force any more."""
         if self.in_force is not None:
-            self._events.append(("continued", {"number": self.in_force.number, "by": by}))
+            self._events.append(StopEnded(self.in_force.number, by))
         self.in_force = self._command_id = None
 
     def _next_number(self) -> int:
@@ -181,5 +165,4 @@ class Stops:
         self._tell(self.in_force, state, reason)
 
     def _tell(self, stop: StopRecord, state: StopState, reason: str) -> None:
-        data = {"number": stop.number, "mode": stop.kind.value, "by": stop.by, "state": state.value}
-        self._events.append(("stop", data | ({"reason": reason} if reason else {})))
+        self._events.append(StopChanged(stop.number, stop.kind, stop.by, state, reason or None))

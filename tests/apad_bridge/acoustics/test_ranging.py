@@ -14,7 +14,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events import Asked
+from apad_bridge.events.sound import Asked
 from apad_bridge.mission.events import Ping, RangeHeard, Send
 from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.water import Localisation, Talk, Water

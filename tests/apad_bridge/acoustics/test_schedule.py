@@ -12,7 +12,7 @@ from agents.water import medium as water_medium
 from agents.water.places import Place
 from agents.water.sound import Sound
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
-from apad_bridge.events import Asked, Unanswered
+from apad_bridge.events.sound import Asked, NoAnswer
 from apad_bridge.mission.events import Ping, Send
 from apad_bridge.scenario.water import Talk, Water
 from firmware_model.config import Timeslots
@@ -165,7 +165,7 @@ def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
     scheduler.advance(0, NOBODY, [], [1])
     assert scheduler.advance(5000, NOBODY) == []
     # A pause of 20 ms, 380 + 893 + 2 x 100 ms, and 4 s.
-    assert scheduler.advance(6000, NOBODY) == [Unanswered(1)]
+    assert scheduler.advance(6000, NOBODY) == [NoAnswer(1)]
     scheduler.advance(10_000, NOBODY, [], [2])
     scheduler.short_status_received(2)
     assert scheduler.advance(20_000, NOBODY) == [] and scheduler.unanswered == 1

@@ -7,7 +7,7 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
-from apad_bridge.events import Released
+from apad_bridge.events.mission import AMusselReleased
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
@@ -196,7 +196,7 @@ def test_one_that_was_let_go_is_told_that_it_may_sink(pool: Scenario) -> None:
     mission.receive(DockChanged(8000, 1, 7, False, ()), 8000)
     told = mission.receive(PrimitiveSucceeded(8000, order.primitive_id), 8000)
     assert told[0] == TellClear(7)
-    assert [(it.kind, it.data) for it in told if isinstance(it, Released)] == [
+    assert [(it.kind, it.data) for it in told if isinstance(it, AMusselReleased)] == [
         ("released", {"agent": 7, "full": True})
     ]
     assert (mission.state.services, mission.docking) == (1, Status.DONE)

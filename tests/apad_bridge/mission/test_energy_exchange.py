@@ -7,7 +7,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events import Event
+from apad_bridge.events.event import Event
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.events import Event, LegBegan
+from apad_bridge.events.event import Event
+from apad_bridge.events.mission import LegBegan
 from apad_bridge.mission.order_book import CHORD_M, OrderBook
 from apad_bridge.mission.state import MissionState
 from apad_bridge.vehicle.primitives import GoToPoint, HoldPosition, PrimitiveFailed, PrimitiveSucceeded

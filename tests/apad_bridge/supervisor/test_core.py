@@ -8,7 +8,7 @@ from scenario_files import POOL_FILE
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.events import DocksDisagree
+from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load

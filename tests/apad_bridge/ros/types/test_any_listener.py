@@ -11,7 +11,7 @@ import pytest
 import rospy
 from std_msgs.msg import Bool, Float32MultiArray, Float64, Int32, String
 
-from apad_bridge.events import Unreadable
+from apad_bridge.events.graph import MessagesDropped
 from apad_bridge.ros.links import generation_a, generation_b
 from apad_bridge.ros.links.laboratory_topics import LaboratorySubscribers
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers, NavSts
@@ -92,7 +92,7 @@ def test_a_text_for_a_number_is_dropped_counted_and_told_once_with_its_node(subs
     assert inbox.dropped == {f"apad1/battery_level: {why}": 3}
     events = inbox.take_events()
     topic = "apad1/battery_level"
-    assert events == [Unreadable(topic, "/stranger", why), Unreadable(topic, "/another", why)]
+    assert events == [MessagesDropped(topic, "/stranger", why), MessagesDropped(topic, "/another", why)]
     assert inbox.take_events() == []
 
 
@@ -111,7 +111,7 @@ def test_a_pose_with_a_field_of_another_kind_is_dropped(subscribed: Inboxed, fie
     subscribers._subscribers[0].callback(on_the_wire(twisted(field, kind)()))
     assert inbox.take() == [] and sum(inbox.dropped.values()) == 1
     (told,) = inbox.take_events()
-    assert isinstance(told, Unreadable)
+    assert isinstance(told, MessagesDropped)
     assert told.node == "/stranger" and "auv_msgs/NavSts has" in told.why
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -366,8 +366,8 @@ def test_witnesses_of_a_dock_that_disagree_are_told_once(names: set[str], told: 
         tells(core, now_ms)
         if core.take_question():
             core.receive(DocksReceived(now_ms, frozenset(names)), now_ms)
-    events = [data for kind, data in gate.take_events() if kind == EventKind.DOCKS_DISAGREE]
-    assert sorted((it["id"], it["reason"]) for it in events) == sorted(told.items())
+    events = [it for it in gate.take_events() if isinstance(it, DocksDisagree)]
+    assert sorted((it.id, it.reason) for it in events) == sorted(told.items())
 
 
 @pytest.mark.parametrize(

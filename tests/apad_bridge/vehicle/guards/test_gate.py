@@ -13,6 +13,16 @@ from hypothesis import strategies as st
 from stack_benches import FAULTS, ROOT, Bench, is_safe, truly
 from wire_observer import SIDE_M
 
+from apad_bridge.events.guards import (
+    DangerOver,
+    Drifting,
+    GuardReacted,
+    OrderRefused,
+    OthersCommanded,
+    PilotTold,
+    Reaction,
+    StopChanged,
+)
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import (
@@ -39,7 +49,6 @@ from apad_bridge.vehicle.guards.monitor import (
     MakesProgress,
     Monitor,
     PositionIsGood,
-    Reaction,
     SpeedIsAllowed,
     Stopping,
 )
@@ -123,17 +132,17 @@ class Guarded:
 
     def events(self) -> list[tuple[str, str]]:
         return [
-            (kind, str(data.get("cause", data.get("guard"))))
-            for kind, data in self.vehicle.gate.take_events()
-            if kind in ("guard", "guard_over", "refused")
+            (it.kind, it.guard if isinstance(it, OrderRefused) else str(it.cause))
+            for it in self.vehicle.gate.take_events()
+            if isinstance(it, GuardReacted | DangerOver | OrderRefused)
         ]
 
     def states(self) -> list[str]:
         """The states of stops since the last call, with number and mode."""
         return [
-            f"{data['number']} {data['mode']} {data['state']}"
-            for kind, data in self.vehicle.gate.take_events()
-            if kind == "stop"
+            f"{it.number} {it.mode} {it.state}"
+            for it in self.vehicle.gate.take_events()
+            if isinstance(it, StopChanged)
         ]
 
 
@@ -246,7 +255,7 @@ def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
     facts = bench.at(5.5, 5.0)
     assert [it.command_id for it in facts if isinstance(it, CommandFailed)] == [1]
     bench.wire.out = []
-    assert ("pilot", {"steers": True}) in bench.vehicle.gate.take_events()
+    assert PilotTold(True) in bench.vehicle.gate.take_events()
     assert bench.stop() == [] and bench.states() == ["1 hold refused"]
     assert bench.stop(off=True) == [] and bench.states() == ["2 off refused"]
     bench.at(-3.0, 5.0)
@@ -264,7 +273,7 @@ def test_where_nobody_can_tell_of_a_pilot_nothing_moves_and_off_still_goes_out()
     for _ in range(2):
         bench.wire.facts.append(PilotReported(bench.now_ms, None))
         bench.at(5.0, 5.0)
-    assert bench.vehicle.gate.take_events().count(("pilot", {"steers": None})) == 1
+    assert bench.vehicle.gate.take_events().count(PilotTold(None)) == 1
     assert bench.command(GoTo(1, 6.0, 5.0, 0.5, 0.5)) == []
     assert [type(it) for it in bench.stop(off=True)] == [Stop]
 
@@ -360,9 +369,9 @@ def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts() -> N
     bench.stop(off=True)
     for n in range(22):
         bench.at(5.0, 5.5 + 0.5 * n)
-    told = [data for kind, data in bench.vehicle.gate.take_events() if kind == "drift"]
+    told = [it for it in bench.vehicle.gate.take_events() if isinstance(it, Drifting)]
     assert len(told) == 3
-    assert told[1]["speed_m_s"] == pytest.approx(0.5) and told[1]["towards_rad"] == pytest.approx(
+    assert told[1].speed_m_s == pytest.approx(0.5) and told[1].towards_rad == pytest.approx(
         math.pi / 2, abs=1e-3
     )
 
@@ -392,7 +401,7 @@ def test_another_clients_goal_outside_the_fence_is_ended_and_its_node_named() ->
     (held,) = bench.wire.out
     assert isinstance(held, Hold) and held.pre_empts
     assert "/planner ordered a go-to that leaves the waters" in bench.vehicle.gate.awaits_person
-    assert ("others", {"client": "/planner"}) in bench.vehicle.gate.take_events()
+    assert OthersCommanded("/planner") in bench.vehicle.gate.take_events()
 
 
 def test_a_goal_that_nobody_heard_is_ended_because_nobody_can_tell_where_it_leads() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.events.guards import GuardReacted, OrderRefused
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, CommandAccepted, GoTo, PoseReported, VehicleCommand
@@ -69,9 +70,9 @@ def flown(scenario: Scenario, gain: float) -> tuple[list[str], float]:
             if math.dist(wire.place_m, goal_m) < radius_m:
                 break
     causes = [
-        str(data.get("cause", data.get("guard")))
-        for kind, data in vehicle.gate.take_events()
-        if kind in ("guard", "refused")
+        it.guard if isinstance(it, OrderRefused) else str(it.cause)
+        for it in vehicle.gate.take_events()
+        if isinstance(it, GuardReacted | OrderRefused)
     ]
     return causes, wire.fastest_m_s
 

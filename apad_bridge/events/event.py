@@ -1,0 +1,106 @@
+"""The base of all events.
+
+The journal's line, the check of a line that is read, the text for people, the lists of the page, the report and the
+consoles, and the table in docs/records.md follow from an event's class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from enum import Enum, StrEnum
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_type_hints
+
+
+class Meaning(NamedTuple):
+    """A field's meaning and unit, for the table in the docs."""
+
+    text: str
+    unit: str = ""
+
+
+AMussel = Annotated[int, Meaning("the aMussel")]
+Reason = Annotated[str, Meaning("why")]
+
+
+class Event:
+    """The base of all kinds. A subclass is a frozen dataclass of plain values and enums, with the journal's names.
+
+    An underscore at a name's end, where Python or this class has the name itself, is not in the journal. A field with a
+    default stands in a line only where it says something.
+    """
+
+    kind: ClassVar[str]
+    when: ClassVar[str]
+    """The occasion, for the docs."""
+
+    @property
+    def is_failure(self) -> bool:
+        """True for an event of which a person is told at once."""
+        return False
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The journal's fields, in order: an IntEnum by its name, a StrEnum by its value."""
+        told = ((it, getattr(self, it.attribute)) for it in fields_of(type(self)))
+        return {it.name: _plain(value) for it, value in told if not (it.is_optional and value is None)}
+
+    def text(self) -> str | None:
+        """One sentence for people; None for a step of routine."""
+        return None
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Self:
+        """The event of a journal's line; further fields are left out. TypeError for a line without a field."""
+        return cls(**{it.attribute: it.read(data[it.name]) for it in fields_of(cls) if it.name in data})
+
+
+@dataclass(frozen=True)
+class EventField:
+    """A field of a kind, as its class declares it."""
+
+    attribute: str
+    annotation: Any
+    meaning: Meaning
+    is_optional: bool
+
+    @property
+    def name(self) -> str:
+        """The name in the journal."""
+        return self.attribute.removesuffix("_")
+
+    def read(self, value: Any) -> Any:
+        """The value of the class, from that of the journal."""
+        kind = next(
+            (it for it in _members(self.annotation) if isinstance(it, type) and issubclass(it, Enum)), None
+        )
+        if kind is None or value is None:
+            return value
+        return kind(value) if issubclass(kind, StrEnum) else kind[value]
+
+
+_FIELDS: dict[type[Event], tuple[EventField, ...]] = {}
+"""The fields of each kind that was asked for."""
+
+
+def fields_of(kind: type[Event]) -> tuple[EventField, ...]:
+    """The fields of a kind that have a meaning, in the order of the journal's line."""
+    if kind not in _FIELDS:
+        hints = get_type_hints(kind, include_extras=True)
+        declared = ((it, get_args(hints[it.name])) for it in fields(kind))  # type: ignore[arg-type]  # each is a dataclass
+        _FIELDS[kind] = tuple(
+            EventField(it.name, hint[0], hint[1], it.default is not MISSING)
+            for it, hint in declared
+            if len(hint) > 1 and isinstance(hint[1], Meaning)
+        )
+    return _FIELDS[kind]
+
+
+def _members(annotation: Any) -> tuple[Any, ...]:
+    return get_args(annotation) or (annotation,)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return value.value if isinstance(value, StrEnum) else value.name
+    return value

@@ -1,0 +1,214 @@
+"""Events of the guards that stand before the aPad: refusals, dangers, stops, and others who command it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Annotated
+
+from apad_bridge.events.event import Event, Meaning, Reason
+
+SURFACING = "permit to surface"
+"""The name of the one guarded order that no primitive stands behind."""
+
+
+class StopKind(StrEnum):
+    HOLD = "hold"
+    OFF = "off"
+
+
+class StopState(StrEnum):
+    ORDERED = "ordered"
+    SENT = "sent"
+    TAKEN = "taken"
+    AT_REST = "at rest"
+    NOT_TAKEN = "not taken"
+    REFUSED = "refused"
+
+
+class Reaction(StrEnum):
+    HOLD = "hold"
+    """Hold the present position, which is good."""
+    STOP = "stop"
+    """Switch the controllers off: the position is not fit to hold."""
+    RETURN = "return"
+    """Go to the nearest place inside the fence."""
+
+
+class Cause(StrEnum):
+    OUTSIDE = "outside the fence"
+    AHEAD = "fence ahead"
+    POSITION = "position"
+    SPEED = "speed"
+    LATE = "late"
+    NO_PROGRESS = "no progress"
+    ANOTHER_APAD = "another aPad"
+    OTHERS = "another client"
+
+
+@dataclass(frozen=True)
+class OrderRefused(Event):
+    kind = "refused"
+    when = "a guard refused an order, which did not go out"
+
+    order: Annotated[
+        str,
+        Meaning("`go to point`, `hold position`, `dock`, `undock`, `move an arm` or `permit to surface`"),
+    ]
+    guard: Annotated[str, Meaning("the guard, by name")]
+    reason: Reason
+    agent: Annotated[int | None, Meaning("the aMussel")] = None
+    dock: Annotated[int | None, Meaning("the dock, counted from 0")] = None
+    north_m: Annotated[float | None, Meaning("the goal, north", "m")] = None
+    east_m: Annotated[float | None, Meaning("the goal, east", "m")] = None
+
+    @property
+    def is_failure(self) -> bool:
+        """Any other order that is refused fails as a primitive, too."""
+        return self.order == SURFACING
+
+    def text(self) -> str:
+        if self.order == SURFACING and self.agent is not None:
+            return f"aMussel {self.agent} is not permitted to surface: {self.reason}"
+        return f"refused to {self.order}, by the guard {self.guard}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class GuardReacted(Event):
+    kind = "guard"
+    when = "the monitor found the aPad in danger between two orders, and reacted"
+    is_failure = True
+
+    cause: Annotated[
+        Cause,
+        Meaning(
+            "`outside the fence`, `fence ahead`, `position`, `speed`, `late`, `no progress`, `another aPad` or "
+            "`another client`"
+        ),
+    ]
+    reaction: Annotated[
+        Reaction, Meaning("`hold`, `stop` (its controllers go off) or `return` (to a place inside)")
+    ]
+    reason: Reason
+    calls_pilot: Annotated[bool, Meaning("true when a person must take the aPad over")]
+
+    def text(self) -> str:
+        reactions = {
+            Reaction.HOLD: "the aPad holds where it is",
+            Reaction.STOP: "the aPad's controllers go off",
+            Reaction.RETURN: "the aPad goes back inside the fence",
+        }
+        return f"{'PILOT, TAKE IT: ' if self.calls_pilot else ''}{reactions[self.reaction]}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class DangerOver(Event):
+    kind = "guard_over"
+    when = "that danger is over"
+
+    cause: Annotated[Cause, Meaning("as above")]
+
+    def text(self) -> str:
+        return f"no longer in danger ({self.cause})"
+
+
+@dataclass(frozen=True)
+class StopChanged(Event):
+    kind = "stop"
+    when = "a stop of the aPad, by a person or a guard, came to a state; it is in force until `continued`"
+
+    number: Annotated[int, Meaning("the stop's number in this run")]
+    mode: Annotated[StopKind, Meaning("`hold`: the thrusters keep the place; `off`: no thrust")]
+    by: Annotated[str, Meaning("the person, or `guard: CAUSE`")]
+    state: Annotated[StopState, Meaning("only `taken` means that the vehicle has accepted it")]
+    reason: Annotated[str | None, Meaning("why")] = None
+
+    @property
+    def is_failure(self) -> bool:
+        return self.state in (StopState.NOT_TAKEN, StopState.REFUSED)
+
+    def text(self) -> str:
+        states = {
+            StopState.ORDERED: "is ordered",
+            StopState.SENT: "is sent",
+            StopState.TAKEN: "is taken by the aPad",
+            StopState.AT_REST: "has brought the aPad to rest",
+            StopState.NOT_TAKEN: "is NOT TAKEN by the aPad",
+            StopState.REFUSED: "is refused",
+        }
+        why = f": {self.reason}" if self.reason else ""
+        alarm = "USE THE VEHICLE'S SWITCH: " if self.state is StopState.NOT_TAKEN else ""
+        return f"{alarm}stop {self.number} ({self.mode}, by {self.by}) {states[self.state]}{why}"
+
+
+@dataclass(frozen=True)
+class StopEnded(Event):
+    kind = "continued"
+    when = "a person let the aPad move again"
+
+    number: Annotated[int, Meaning("the stop that ended")]
+    by: Annotated[str, Meaning("the person")]
+
+    def text(self) -> str:
+        return f"{self.by} continues after stop {self.number}"
+
+
+@dataclass(frozen=True)
+class SentBackIn(Event):
+    kind = "back_in"
+    when = "a person sent the aPad, which lay just outside the fence, back inside"
+
+    by: Annotated[str, Meaning("the person")]
+    lookout: Annotated[str, Meaning("who watches the water")]
+
+    def text(self) -> str:
+        return f"{self.by} sends the aPad back inside the fence, {self.lookout} watches the water"
+
+
+@dataclass(frozen=True)
+class Drifting(Event):
+    kind = "drift"
+    when = "the course of an aPad whose controllers a stop switched off; at once, and every 10 s"
+
+    speed_m_s: Annotated[float, Meaning("its last speed, or the known current's", "m/s")]
+    towards_rad: Annotated[float, Meaning("its direction, clockwise from north", "rad")]
+    fence_s: Annotated[
+        float | None, Meaning("the time to the fence or a keep-out zone, if it drifts on", "s")
+    ]
+    north_m: Annotated[float | None, Meaning("its last place, north", "m")] = None
+    east_m: Annotated[float | None, Meaning("its last place, east", "m")] = None
+    is_believed: Annotated[bool | None, Meaning("false for a place that is not to be believed")] = None
+
+    def text(self) -> str:
+        degrees = round(math.degrees(self.towards_rad)) % 360
+        limit = "" if self.fence_s is None else f", at the fence or a keep-out zone in {self.fence_s:.0f} s"
+        return f"the aPad drifts without thrust, {self.speed_m_s:.2f} m/s towards {degrees} degrees{limit}"
+
+
+@dataclass(frozen=True)
+class PilotTold(Event):
+    kind = "pilot"
+    when = "a pilot takes or leaves the aPad's controls, or nobody tells any more"
+    is_failure = True
+
+    steers: Annotated[bool | None, Meaning("null when the node that published the pilot's flag is gone")]
+
+    def text(self) -> str:
+        if self.steers is None:
+            return (
+                "whether a pilot steers the aPad cannot be told: nobody publishes the pilot's flag any more"
+            )
+        return "a pilot steers the aPad" if self.steers else "the pilot has let go of the aPad"
+
+
+@dataclass(frozen=True)
+class OthersCommanded(Event):
+    kind = "others"
+    when = "another client, which is no pilot, gave the aPad an order"
+    is_failure = True
+
+    client: Annotated[str, Meaning("its node; empty where the stack does not tell")]
+
+    def text(self) -> str:
+        return f"{self.client or 'a client that this stack does not name'} commands the aPad"

@@ -1,0 +1,31 @@
+"""All kinds of events: the closed union, by kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from apad_bridge.events import fleet, graph, guards, mission, persons, sound, vehicle
+from apad_bridge.events.event import Event
+
+_FAMILIES = (mission, persons, guards, vehicle, fleet, sound, graph)
+
+EVENTS: dict[str, type[Event]] = {
+    it.kind: it
+    for family in _FAMILIES
+    for it in vars(family).values()
+    if isinstance(it, type) and issubclass(it, Event) and it is not Event
+}
+"""The class of each kind, in the order of docs/records.md."""
+
+
+def event_of(kind: str, data: Mapping[str, Any]) -> Event | None:
+    """The event of a journal's line; None for a kind unknown here."""
+    found = EVENTS.get(kind)
+    return None if found is None else found.of(data)
+
+
+def text_of(kind: str, data: Mapping[str, Any]) -> str | None:
+    """The text of a journal's line that a person may look for in a run; None for samples and for steps of routine."""
+    found = EVENTS.get(kind)
+    return None if found is None or found.text is Event.text else found.of(data).text()

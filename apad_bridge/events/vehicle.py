@@ -1,0 +1,45 @@
+"""Events that the aPad's own messages tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from apad_bridge.events.event import AMussel, Event, Meaning
+
+
+@dataclass(frozen=True)
+class DocksDisagree(Event):
+    kind = "docks_disagree"
+    when = "witnesses of a dock disagree: `position_static`, `check_docking_availability`, the aMussel, our own record"
+    is_failure = True
+
+    id: AMussel
+    reason: Annotated[str, Meaning("what each says, and what the mission takes for true")]
+
+    def text(self) -> str:
+        return f"the docks' witnesses disagree about aMussel {self.id}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class VehicleSilent(Event):
+    kind = "vehicle_silent"
+    when = "a real aPad stopped publishing"
+
+    name: Annotated[str, Meaning("the aPad")]
+    since_ms: Annotated[int, Meaning("since when", "mission ms")]
+
+    def text(self) -> str:
+        return "the aPad is silent"
+
+
+@dataclass(frozen=True)
+class VehicleHeard(Event):
+    kind = "vehicle_heard"
+    when = "it publishes again"
+
+    name: Annotated[str, Meaning("the aPad")]
+    since_ms: Annotated[int, Meaning("since when it was silent", "mission ms")]
+
+    def text(self) -> str:
+        return "the aPad publishes again"
