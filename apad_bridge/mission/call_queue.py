@@ -83,6 +83,11 @@ class FlightMission(Protocol):
         """The aPad holds its position until `go_on`; a commanded mechanism is not stopped half-way."""
         ...
 
+    @property
+    def waits(self) -> bool:
+        """`go_on` would change something in the mission."""
+        ...
+
     def go_on(self, allowed: AllowMotion) -> str:
         """Goes on after a stop; `allowed` goes to the vehicle first. Refused where it cannot go on."""
         ...

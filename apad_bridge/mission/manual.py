@@ -28,6 +28,7 @@ from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -142,10 +143,10 @@ class ManualMission(OrderBook):
         return []
 
     def take_over(self, by: str = "person") -> str:
-        """Changes nobody's part here. A person's word lets a vehicle move again that a guard or a pilot had stopped."""
+        """Changes nobody's part here. A person's word lets a vehicle move again that another party had; a stop stays."""
         if by == "person":
             self.tell(Overridden(True, by))
-            self.order(AllowMotion(by, keeps_stop=True))
+            self.order(AllowMotion(by, ends=StopsEnded.NONE))
         return "no mission plans in this flight: orders are taken without it"
 
     def give_back(self) -> str:
@@ -312,10 +313,16 @@ class ManualMission(OrderBook):
             self.events.record(self.now_ms, "goto", status=self.goto, reason=PRE_EMPTED)
         self.snapshot()
 
+    @property
+    def waits(self) -> bool:
+        """A person's word to continue would change something."""
+        return self.paused
+
     def go_on(self, allowed: AllowMotion) -> str:
-        """Like `resume`, after a person's word to the vehicle; a message when nothing was paused."""
+        """Like `resume`, after a person's word to the vehicle."""
         self.order(allowed)
-        return "" if self.resume() else "nothing was stopped"
+        self.resume()
+        return ""
 
     def go_on_with(self, mechanism: DockMussel | UndockMussel | None) -> None:
         """Awaits the end of a mechanism that the mission before this one has ordered; None for none."""
@@ -334,7 +341,7 @@ class ManualMission(OrderBook):
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if self.paused:
-            raise Refused("the mission is paused: resume it first")
+            raise Refused("the aPad was stopped: continue first, or resume where a script paused it")
         if self.pose is None:
             raise Refused("the aPad's place is not known yet")
         return self.pose

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from apad_bridge.events.event import Event
+from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.primitives import Primitive
 
 
@@ -48,8 +49,7 @@ class AllowMotion:
     by: str
     pilot_left: bool = False
     """The person says that no pilot steers any more, whatever the pilot's flag says."""
-    keeps_stop: bool = False
-    """A guard's stop and an OFF stay in force: the person only decides who commands the vehicle."""
+    ends: StopsEnded = StopsEnded.ANY
 
 
 @dataclass(frozen=True, slots=True)

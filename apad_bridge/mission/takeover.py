@@ -20,6 +20,7 @@ from apad_bridge.mission.orders import AllowMotion, Note, Order
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
+from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.primitives import GoToPoint, Outcome
 
 FLIES_ALREADY = "the mission flies the aPad already"
@@ -110,10 +111,11 @@ class Takeover:
         """The aPad holds its position and waits for orders; a commanded mechanism is not stopped half-way.
 
         Like `give_back`, it returns a message when nothing changes, else an empty text. `by` is for the journal: `person`,
-        or `vehicle` when another party steers it; that becomes a person's word when a person takes it over too.
+        or `vehicle` when another party steers it; that becomes a person's word when a person takes it over too. A stop
+        stays in force: whoever takes the aPad over has not seen that the water is clear.
         """
         if by == "person":
-            self.order(AllowMotion(by, keeps_stop=True))
+            self.order(AllowMotion(by, ends=StopsEnded.NONE))
         if self.by_hand is not None:
             if by == "person":
                 self.tell(Overridden(True, by))
@@ -144,8 +146,11 @@ class Takeover:
         self._taken_over().hold(north_m, east_m)
 
     def give_back(self) -> str:
-        """Refused while a docking is under way. The mission then tries aMussels again that it had left alone."""
-        return self._give_back(AllowMotion("person", keeps_stop=True))
+        """Refused while a docking is under way. The mission then tries aMussels again that it had left alone.
+
+        A stop stays in force, and the mission waits for its end.
+        """
+        return self._give_back(AllowMotion("person", ends=StopsEnded.NONE))
 
     def _give_back(self, allowed: AllowMotion) -> str:
         manual = self.by_hand
@@ -175,6 +180,11 @@ class Takeover:
         if manual.is_busy:
             return manual.stop()
         return "the mission waits already"
+
+    @property
+    def waits(self) -> bool:
+        """A person has the aPad, and may continue what was stopped, or else give it back."""
+        return self.by_hand is not None
 
     def go_on(self, allowed: AllowMotion) -> str:
         """Goes on with a person's order that was stopped, or else gives the aPad back."""

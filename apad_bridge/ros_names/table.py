@@ -193,7 +193,13 @@ OURS_OF_APAD = Section(
             _service(
                 f"musselbed/{{apad}}/{name}", "std_srvs/Trigger", "supervisor", f"as `musselbed {name} RUN`"
             )
-            for name in ("stop", "continue", "abort")
+            for name in ("stop", "abort")
+        ),
+        _service(
+            "musselbed/{apad}/continue",
+            "musselbed_msgs/Continue",
+            "supervisor",
+            "as `musselbed continue RUN`, by the stop's number",
         ),
         _service(
             "musselbed/{apad}/read_run",

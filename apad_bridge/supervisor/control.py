@@ -31,7 +31,7 @@ from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AM
 from apad_bridge.supervisor.line_server import CLIENT_S, LONGEST_LINE, LineServer
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.errors import PeerFailed
-from apad_bridge.vehicle.guards.stops import StopRecord
+from apad_bridge.vehicle.guards.stops import StopRecord, StopsEnded
 
 if TYPE_CHECKING:
     from apad_bridge.vehicle.guards.gate import Gate
@@ -43,6 +43,7 @@ TOLD_S = 6.0
 """A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s."""
 LONGEST_REMARK, LONGEST_NAME = 2000, 100
 """Characters."""
+NOTHING_STOPPED = "nothing was stopped: there is nothing to continue"
 _AGAIN_S = 0.02
 """A client waits so long before it tries again to connect to a supervisor whose queue is full."""
 
@@ -70,7 +71,7 @@ class Request:
     off: bool = False
     """A stop switches the controllers off, wherever the aPad is."""
     stop: int | None = None
-    """The number of the stop after which to continue; None: the newest."""
+    """The number of the stop after which to continue; None: the newest. 0: none, because another party had the aPad."""
     pilot_left: bool = False
     """The person who continues says that no pilot steers any more, whatever the pilot's flag says."""
     lookout: Annotated[str, Field(max_length=LONGEST_NAME)] = ""
@@ -187,10 +188,12 @@ def _told(stop: StopRecord) -> Answer:
 def _continue(request: Request, mission: FlightMission, gate: Gate) -> str:
     if why_not := gate.why_not_continue(request.stop, mission.now_ms, pilot_left=request.pilot_left):
         raise Refused(why_not)
-    had_stop = bool(gate.awaits_person)
+    is_held = bool(gate.awaits_person or gate.pilot)
+    if not (is_held or mission.waits):
+        raise Refused(NOTHING_STOPPED)
     told = mission.go_on(AllowMotion(request.by, pilot_left=request.pilot_left))
     mission.note("operator", order=request.act.value, by=request.by)
-    return "" if had_stop and told == FLIES_ALREADY else told
+    return "" if told == FLIES_ALREADY else told
 
 
 def _back_in(request: Request, mission: FlightMission, gate: Gate) -> str:
@@ -216,7 +219,7 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
     if (refusal := gate.refusal(command, mission.now_ms, is_persons=True)) is not None:
         gate.note_refused(command, refusal)
         raise Refused(f"refused: {refusal.reason}")
-    mission.order(AllowMotion(request.by, keeps_stop=True))
+    mission.order(AllowMotion(request.by, ends=StopsEnded.PERSONS_HOLD))
     mission.note("operator", order=request.act.value, by=request.by, north_m=north_m, east_m=east_m)
     if request.act is Act.GO_TO:
         mission.go_to(north_m, east_m, request.speed_m_s)

@@ -214,11 +214,11 @@ class Supervisor:
 
     def _tell_if_late(self, now_ms: MissionMs) -> list[SupervisorAction]:
         """Tells once that the time to be home passes while the aPad may not move."""
-        held = self._gate.awaits_person
+        held = self._gate.awaits_person or self._gate.pilot
         if self._end_by_ms is None or now_ms < self._end_by_ms or not held or self.has_ended:
             return []
         self._end_by_ms = None
-        return [Stuck(f"mission.end_by passes while it is stopped: {held}")]
+        return [Stuck(f"mission.end_by passes while it may not move: {held}")]
 
     def forecast(self, forecaster: Forecaster, now_ms: MissionMs) -> Forecast:
         """The forecast of this flight at the tick `now_ms`."""

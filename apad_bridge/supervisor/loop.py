@@ -241,8 +241,8 @@ class Flight:
                     self._tell(action, now_ms)
                 case StopVehicle(by, off, hands):
                     self._vehicle.stop(by, now_ms, off=off, hands=hands)
-                case AllowMotion(by, pilot_left, keeps_stop):
-                    self._vehicle.allow_motion(by, now_ms, pilot_left=pilot_left, keeps_stop=keeps_stop)
+                case AllowMotion(by, pilot_left, ends):
+                    self._vehicle.allow_motion(by, now_ms, pilot_left=pilot_left, ends=ends)
                 case GoBackIn(by, lookout):
                     self._vehicle.go_back_in(by, lookout, now_ms)
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):

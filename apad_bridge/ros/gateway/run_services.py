@@ -2,8 +2,9 @@
 
 The run's directory stays where the supervisor is. `/musselbed/NAME/read_run` gives the bytes of its files from an offset
 on, and `/musselbed/NAME/give_order` takes what `musselbed stop` and the others write into the socket there, by the same
-rules. `/musselbed/NAME/stop`, `continue` and `abort` give these orders without a text, so that a ROS tool can: a stop
-answers when the vehicle has taken it, or with the reason. All run in rospy's threads, and the flight waits for none.
+rules. `/musselbed/NAME/stop`, `continue` and `abort` give these orders without a text, so that a ROS tool can. A stop
+answers when the vehicle has taken it, or with the reason. A program that continues must name the stop that it has seen,
+because another one may have come since. All run in rospy's threads, and the flight waits for none.
 """
 
 from __future__ import annotations
@@ -25,7 +26,14 @@ from apad_bridge.supervisor.control import LONGEST_NAME, Act, Request, answer_of
 
 use_generated_messages()
 
-from musselbed_msgs.srv import GiveOrder, GiveOrderResponse, ReadRun, ReadRunResponse  # noqa: E402
+from musselbed_msgs.srv import (  # noqa: E402
+    Continue,
+    ContinueResponse,
+    GiveOrder,
+    GiveOrderResponse,
+    ReadRun,
+    ReadRunResponse,
+)
 from std_srvs.srv import Trigger, TriggerResponse  # noqa: E402
 
 JOURNAL, SUMMARY = "journal.jsonl", "summary.json"
@@ -51,8 +59,9 @@ class RunServices:
             rospy.Service(ours_of_apad(apad, "give_order"), GiveOrder, self._order),
             *(
                 rospy.Service(ours_of_apad(apad, act.value), Trigger, partial(self._act, act))
-                for act in (Act.STOP, Act.CONTINUE, Act.ABORT)
+                for act in (Act.STOP, Act.ABORT)
             ),
+            rospy.Service(ours_of_apad(apad, Act.CONTINUE.value), Continue, self._continue),
         ]
 
     def close(self) -> None:
@@ -80,15 +89,22 @@ class RunServices:
         return ReadRunResponse(exists=True, data=data)
 
     def _act(self, act: Act, request: Any) -> Any:
-        """The caller's node stands for the person, because ROS names nobody else."""
-        by = f"node {request._connection_header['callerid']}"[:LONGEST_NAME]
-        answer = answer_of(self._run_dir, Request(act, by))
+        answer = answer_of(self._run_dir, Request(act, _caller(request)))
         told = [] if answer.stop is None else [f"stop {answer.stop}: {answer.mode}, {answer.state}"]
         told += [answer.message] if answer.message else []
         return TriggerResponse(success=answer.accepted, message="; ".join(told))
 
+    def _continue(self, request: Any) -> Any:
+        answer = answer_of(self._run_dir, Request(Act.CONTINUE, _caller(request), stop=request.stop))
+        return ContinueResponse(accepted=answer.accepted, message=answer.message)
+
     def _order(self, request: Any) -> Any:
         return GiveOrderResponse(answered_line(self._run_dir, request.request.encode()).decode())
+
+
+def _caller(request: Any) -> str:
+    """The caller's node, which stands for the person because ROS names nobody else."""
+    return f"node {request._connection_header['callerid']}"[:LONGEST_NAME]
 
 
 @contextmanager

@@ -91,9 +91,14 @@ class Gate:
         return stop.text() if stop is not None else self.others
 
     def why_not_continue(self, number: int | None, now_ms: int, *, pilot_left: bool = False) -> str:
-        """The reason why a person's word to continue after stop `number` (None: the newest) changes nothing; or empty."""
+        """The reason why a person's word to continue after stop `number` changes nothing; or empty.
+
+        None is the newest stop, and 0 says that none is in force.
+        """
         stop = self.stops.in_force
-        if number is not None and (stop is None or number != stop.number):
+        if number == 0 and stop is not None:
+            return f"name the stop: {stop.text()}"
+        if number and (stop is None or number != stop.number):
             newest = "no stop is in force" if stop is None else stop.text()
             return f"stop {number} is not in force: {newest}"
         if self.pilot and not pilot_left:

@@ -42,7 +42,7 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
 from apad_bridge.vehicle.guards.monitor import Finding, UnderWay
 from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
-from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS
+from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopsEnded
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 
 _Answer = CommandAccepted | Arrived | CommandFailed
@@ -167,17 +167,17 @@ class GuardedVehicle:
         self._begin_stop(kind, by, reason, now_ms, is_persons=True, stills_arms=hands)
 
     def allow_motion(
-        self, by: str, now_ms: int, *, pilot_left: bool = False, keeps_stop: bool = False
+        self, by: str, now_ms: int, *, pilot_left: bool = False, ends: StopsEnded = StopsEnded.ANY
     ) -> None:
-        """A person lets the vehicle move again, whatever stopped it, and believes its position from now on.
+        """A person lets the vehicle move again, as far as no other stop is in force than `ends` names.
 
-        `keeps_stop`: a guard's stop and an OFF stay in force, because the person has only said who commands the vehicle.
+        From then on its position is believed.
         """
         if pilot_left:
             self.gate.pilot = ""
             self._link.command(PilotLeft(self._take_id()), now_ms)
         self.gate.others = ""
-        if keeps_stop and self._stops.in_force is not None and not self._stops.is_persons_hold:
+        if not self._stops.may_end(ends):
             return
         self._way_back = self._drift_ms = None
         self._stops.end(by)

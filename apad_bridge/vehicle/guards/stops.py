@@ -8,6 +8,7 @@ accepted it, and the vehicle is *at rest* when its position no longer changes. O
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 from apad_bridge.events.event import Event
@@ -17,6 +18,17 @@ TAKEN_MS = 3_000
 """A stop that a real vehicle has not taken so long after its sending is reported, and a HOLD becomes OFF."""
 SIMULATED_TAKEN_MS = 60_000
 """The same for a simulated vehicle, whose clock may run far ahead of its messages."""
+
+
+class StopsEnded(StrEnum):
+    """The stops in force that a person's word ends."""
+
+    ANY = "any"
+    """The word is to continue."""
+    PERSONS_HOLD = "a person's hold"
+    """The word is another order to move, which comes after a person's HOLD. A guard's stop and an OFF stay."""
+    NONE = "none"
+    """The person has only said who commands the vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +88,12 @@ class Stops:
         """The stop in force is a person's HOLD, which another word of a person ends."""
         stop = self.in_force
         return stop is not None and stop.is_persons and stop.kind is StopKind.HOLD and not stop.stills_arms
+
+    def may_end(self, ends: StopsEnded) -> bool:
+        """True where no stop is in force, or one that a word of this kind ends."""
+        if self.in_force is None or ends is StopsEnded.ANY:
+            return True
+        return ends is StopsEnded.PERSONS_HOLD and self.is_persons_hold
 
     def begin(
         self,

@@ -19,7 +19,7 @@ from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor.control import Act, Request, carry_out
+from apad_bridge.supervisor.control import NOTHING_STOPPED, Act, Request, carry_out
 from apad_bridge.vehicle.commands import CommandedByOthers
 from apad_bridge.vehicle.primitives import DockChanged, GoToPoint, PrimitiveSucceeded, UndockMussel
 from firmware_model.states import State
@@ -191,10 +191,30 @@ def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_s
     assert len(flying.events("plan")) == plans
     assert asked(flying, Act.CONTINUE) == (True, "")
     flying.until(lambda: len(flying.events("plan")) > plans)
-    assert asked(flying, Act.CONTINUE) == (True, "the mission flies the aPad already")
+    assert asked(flying, Act.CONTINUE) == (False, NOTHING_STOPPED)
     assert flying.events("operator") == [
-        {"order": order, "by": "Anna"} for order in ("stop", "stop", "continue", "continue")
+        {"order": order, "by": "Anna"} for order in ("stop", "stop", "continue")
     ]
+
+
+@pytest.mark.parametrize("word", ["take_over", "give_back"])
+def test_who_commands_the_apad_is_no_word_that_a_persons_hold_is_over(pool: Scenario, word: str) -> None:
+    """A node that calls these services has not seen who is in the water."""
+    flying = Flying(pool)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    assert asked(flying, Act.STOP) == (True, "")
+    flying.call_mission(lambda mission: getattr(mission, word)())
+    orders = flying.events("primitive")
+    if word == "take_over":
+        flying.call(lambda mission: mission.go_to(20.0, 12.0))
+        flying.until(lambda: flying.by_hand.goto is Status.FAILED)
+        assert "stop 1 (hold, by Anna) is in force" in flying.events("refused")[-1]["reason"]
+    flying.seconds(60)
+    assert flying.gate.stops.in_force is not None and flying.gate.stops.in_force.rest_ms is not None
+    moved = [it for it in flying.events("primitive")[len(orders) :] if it["phase"] == "succeeded"]
+    assert [it["name"] for it in moved if it["name"] == "go to point"] == []
+    assert asked(flying, Act.CONTINUE) == (True, "")
+    assert flying.gate.stops.in_force is None
 
 
 def test_a_go_to_of_a_person_is_stopped_and_continued(pool: Scenario) -> None:
@@ -241,9 +261,19 @@ def test_a_remark_stands_in_the_journal_and_changes_nothing_else(pool: Scenario)
 def test_a_flight_by_hand_that_was_not_stopped_has_nothing_to_continue(pool: Scenario) -> None:
     flying = Flying.by_calls(pool)
     flying.seconds(3)
-    assert asked(flying, Act.CONTINUE) == (True, "nothing was stopped")
+    assert asked(flying, Act.CONTINUE) == (False, NOTHING_STOPPED)
     assert asked(flying, Act.STOP) == (True, "")
     assert asked(flying, Act.CONTINUE) == (True, "")
+
+
+def test_a_stop_by_hand_that_stopped_no_order_is_continued_all_the_same(pool: Scenario) -> None:
+    """A guard's stop: the mission itself was not paused."""
+    flying = Flying.by_calls(pool)
+    flying.seconds(3)
+    flying.flight._vehicle.stop("the test", flying.now_ms, off=True)
+    flying.seconds(2)
+    assert asked(flying, Act.CONTINUE) == (True, "")
+    assert flying.gate.stops.in_force is None
 
 
 def test_a_journal_of_an_earlier_version_has_another_name_for_a_commanded_mission() -> None:

@@ -13,7 +13,8 @@ from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import Act, Request, carry_out
-from apad_bridge.vehicle.commands import CommandedByOthers
+from apad_bridge.vehicle.commands import CommandedByOthers, PilotReported
+from apad_bridge.vehicle.guards.gate import PILOT_STEERS
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 
 
@@ -134,11 +135,25 @@ def test_a_person_is_told_when_end_by_passes_while_the_apad_is_stopped(fenced: S
     flying = Flying(replace(fenced, mission=replace(fenced.mission, end_by=200.0)))
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     assert flying.answered(lambda: carry_out(Request(Act.STOP, "Anna"), flying.calls, flying.gate)).accepted
-    flying.until(lambda: flying.now_ms >= 199_000)
-    assert flying.events("stuck") == []
-    flying.seconds(10)
-    (told,) = flying.events("stuck")
-    assert "mission.end_by passes while it is stopped: stop 1 (hold, by Anna)" in told["reason"]
+    flying.until(lambda: flying.now_ms >= 210_000)
+    ((at_ms, told),) = [(at_ms, data) for at_ms, kind, data in flying.records.events if kind == "stuck"]
+    assert at_ms == 200_000
+    assert "mission.end_by passes while it may not move: stop 1 (hold, by Anna)" in told["reason"]
+
+
+def test_a_person_is_told_when_end_by_passes_while_a_pilot_has_the_apad(fenced: Scenario) -> None:
+    overheard: list[Overheard] = []
+
+    def with_pilot(context: FlightContext) -> FlightContext:
+        overheard.append(Overheard(context.vehicle))
+        return replace(context, vehicle=overheard[0])
+
+    flying = Flying(replace(fenced, mission=replace(fenced.mission, end_by=200.0)), with_pilot)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    overheard[0].facts.append(PilotReported(flying.now_ms, True))
+    flying.until(lambda: flying.now_ms >= 210_000)
+    (told,) = [it["reason"] for it in flying.events("stuck") if "end_by" in it["reason"]]
+    assert told == f"mission.end_by passes while it may not move: {PILOT_STEERS}"
 
 
 HAND_WORDS = {it: WORDS[it] for it in ("take_over", "continue")}

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import resource
 import socket
 import stat
 from collections.abc import Iterator
@@ -138,6 +139,31 @@ def test_a_client_that_says_nothing_delays_nobodys_stop(flying: Flying, run_dir:
     assert flying.answered(lambda: ask(run_dir, Request(Act.STOP, "Anna"))).accepted
     for link in silent:
         link.close()
+
+
+def test_a_stop_comes_through_where_the_process_may_open_no_further_file(
+    flying: Flying, run_dir: Path
+) -> None:
+    """Its connection is accepted by a descriptor of the reserve."""
+    link = socket.socket(socket.AF_UNIX)
+    link.settimeout(30)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    opened: list[int] = []
+    with control.short_path(run_dir) as path:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (256, hard))
+        try:
+            with pytest.raises(OSError, match="Too many open files"):
+                while True:
+                    opened.append(os.open(os.devnull, os.O_RDONLY))
+            link.connect(path)
+            link.sendall(b'{"act": "stop", "by": "Anna"}\n')
+            answer = flying.answered(lambda: link.recv(4096))
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            for it in opened:
+                os.close(it)
+            link.close()
+    assert json.loads(answer)["state"] == "taken"
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

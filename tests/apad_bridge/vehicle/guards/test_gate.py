@@ -24,9 +24,11 @@ from apad_bridge.events.guards import (
     StopChanged,
 )
 from apad_bridge.scenario.choices import Generation
+from apad_bridge.scenario.fence import Fence
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import (
     Arrived,
+    BatteryReported,
     CommandAccepted,
     CommandedByOthers,
     CommandFailed,
@@ -39,6 +41,7 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
+from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
 from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.guards.guards import GoodPosition, InWaters, PersonsWord, SoundNumbers
@@ -53,6 +56,7 @@ from apad_bridge.vehicle.guards.monitor import (
     Stopping,
 )
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
+from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 from apad_bridge.vehicle.stack_messages import PoseReceived
@@ -210,6 +214,7 @@ def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues() ->
     gate = bench.vehicle.gate
     assert "stop 1 is not in force: stop 2 (off, by Anna)" in gate.why_not_continue(1, bench.now_ms)
     assert gate.why_not_continue(2, bench.now_ms) == gate.why_not_continue(None, bench.now_ms) == ""
+    assert "name the stop: stop 2 (off, by Anna)" in gate.why_not_continue(0, bench.now_ms)
     bench.vehicle.allow_motion("Anna", bench.now_ms)
     assert [type(it) for it in bench.command(GoTo(4, 6.0, 5.0, 0.5, 0.5))] == [GoTo]
 
@@ -218,7 +223,7 @@ def test_hands_at_the_docks_latch_off_and_no_other_word_than_continue_ends_that(
     bench = Guarded(is_real=True)
     bench.at(5.0, 5.0)
     assert [type(it) for it in bench.stop(hands=True)] == [Stop]
-    bench.vehicle.allow_motion("Anna", bench.now_ms, keeps_stop=True)
+    bench.vehicle.allow_motion("Anna", bench.now_ms, ends=StopsEnded.PERSONS_HOLD)
     bench.at(5.0, 5.0)
     assert bench.command(MoveArm(1, 0, True)) == [] and bench.vehicle.gate.awaits_person
     assert [type(it) for it in bench.stop()] == [Stop]
@@ -360,6 +365,24 @@ def test_an_aPad_far_outside_or_without_a_speed_is_brought_back_by_hand() -> Non
         bench.wire.out = []
         bench.vehicle.go_back_in("Anna", "Bo", bench.now_ms)
         assert bench.wire.out == []
+
+
+def test_the_way_back_in_crosses_no_keep_out_zone() -> None:
+    """A zone along the fence lies between the aPad and all that is inside; beside it the way is free."""
+    waters = FencedWaters(
+        Fence(((0, 0), (40, 0), (40, 40), (0, 40)), (((0, 10), (2, 10), (2, 20), (0, 20)),)), 1.0
+    )
+    assert "crosses a keep-out zone" in waters.way_back((-1.0, 15.0), 5.0)[1]
+    (north_m, east_m), why_not = waters.way_back((-1.0, 5.0), 5.0)
+    assert why_not == "" and north_m > 0 and math.isclose(east_m, 5.0)
+
+
+def test_a_charge_that_was_told_more_than_30_s_ago_is_not_known() -> None:
+    bench = Guarded()
+    bench.wire.facts.append(BatteryReported(0, 15.0, 0.9))
+    bench.at(5.0, 5.0)
+    assert bench.vehicle.gate.situation(30_000).battery_fraction == 0.9
+    assert bench.vehicle.gate.situation(30_001).battery_fraction is None
 
 
 def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts() -> None:
