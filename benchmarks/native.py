@@ -36,7 +36,7 @@ from agents.hosting.process_host import ProcessHost
 from agents.mussel.firmware_failure import FirmwareFailed
 from agents.nursery.launch import launch_nursery, prepare
 from agents.time_scale import TimeScale
-from apad_bridge.commands.mu_program import bench_of
+from apad_bridge.commands.mu_program import bench_of, our_rig, rig_of
 from benchmarks.fleet import cost_row, kernel_kb, processor_s, serve, wait_for_merging
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import Case, Verdict, judged, random_cases
@@ -229,8 +229,5 @@ def _sites(source: list[str]) -> Iterator[tuple[int, int, int, str]]:
 
 
 def _passes(program: Path, case: Case) -> bool:
-    def ours(primary: float) -> Bench:
-        return Bench(worst_case_board(), primary=primary)
-
-    result = judged(case, ours, lambda primary: bench_of(program, primary), FirmwareFailed, {})
+    result = judged(case, our_rig, lambda it: rig_of(program, it), FirmwareFailed, {})
     return result.verdict is Verdict.PASSED

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from agents.mussel.board_link import TURN_TIMEOUT_S, BoardLink, FrameToBoard, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
 from firmware_model.actions import Action, Buoyancy, Dropped, SendBytes, StateReported
-from firmware_model.board import MakeFirmware
 from firmware_model.config import BoardConfig
 from firmware_model.hardware.worst_case import WorstCaseHardware
 from firmware_model.port import Level, Timer
@@ -55,11 +54,6 @@ def link_to(command: Sequence[str], timeout_s: float = TURN_TIMEOUT_S) -> BoardL
     from agents.mussel.serial_board import SerialBoard
 
     return SerialBoard(*line, timeout_s)
-
-
-def firmware_of(command: Sequence[str], config: BoardConfig) -> MakeFirmware:
-    """Makes a program, or a real board, the firmware of a board on the bench."""
-    return lambda hardware: PortFirmware(lambda: link_to(command), config, hardware, seed=1)
 
 
 class PortFirmware:

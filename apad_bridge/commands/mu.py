@@ -16,7 +16,7 @@ from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.mu_conform import add_conform
-from apad_bridge.commands.mu_program import is_program, run_program
+from apad_bridge.commands.mu_program import BOARDS, WORST_CASE, is_program, run_program
 from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
@@ -66,6 +66,12 @@ def add_parser(commands: Any) -> None:
     )
     budget.add_argument(
         "--trace", action="store_true", help="print all the board's actions before the budget"
+    )
+    budget.add_argument(
+        "--profile",
+        choices=tuple(BOARDS),
+        default=WORST_CASE,
+        help="the board of a program: the paper's worst case, or a whole one (default: worst-case)",
     )
     budget.set_defaults(run=run_script)
     add_conform(parts)
@@ -165,7 +171,7 @@ def run_script(arguments: argparse.Namespace) -> int:
     if is_program(arguments.script):
         if arguments.json or arguments.vcd or arguments.trace:
             raise UserError("a program takes no --json, --vcd or --trace: it prints its trace")
-        return run_program(arguments.script)
+        return run_program(arguments.script, arguments.profile)
     try:
         script = read_script(arguments.script)
     except ScriptError as error:

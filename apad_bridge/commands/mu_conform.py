@@ -6,7 +6,7 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -17,19 +17,18 @@ from rich.table import Table
 
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.mu_program import bench_of
+from apad_bridge.commands.mu_program import BOARDS, WHOLE, WORST_CASE, command_of, our_rig, rig_of
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
-from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
     Result,
     Source,
     Verdict,
+    Whole,
     captured,
     judged,
-    lasts_ms,
     random_cases,
     shrunk,
     side_by_side,
@@ -37,7 +36,10 @@ from firmware_model.bench.conformance import (
     unknown_names,
 )
 from firmware_model.bench.conformance_cases import CASES
-from firmware_model.table_one import worst_case_board
+from firmware_model.bench.rigs import lasts_ms
+from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
+
+_CASES = {WORST_CASE: CASES, WHOLE: WHOLE_CASES}
 
 _AT_THETA_1_MS = 300_000
 """The longest case for a board whose time is the wall's."""
@@ -55,6 +57,12 @@ def add_conform(parts: Any) -> None:
         ),
     )
     conform.add_argument("program", type=Path, metavar="PROGRAM", help="firmware: see docs/firmware-port.md")
+    conform.add_argument(
+        "--profile",
+        choices=tuple(BOARDS),
+        default=WORST_CASE,
+        help="the board that PROGRAM is for: the paper's worst case, or a whole one (default: worst-case)",
+    )
     conform.add_argument(
         "--case", action="append", default=[], metavar="NAME", help="this case alone; can be repeated"
     )
@@ -101,8 +109,8 @@ def add_conform(parts: Any) -> None:
 
 def run_conform(arguments: argparse.Namespace) -> int:
     program: Path = arguments.program
-    bench_of(program)  # a file that is none is told before anything starts
-    waivers = {} if arguments.waive is None else _waivers(arguments.waive)
+    command_of(program)  # a file that is none is told before anything starts
+    waivers = {} if arguments.waive is None else _waivers(arguments.waive, arguments.profile)
     console = Console(stderr=arguments.json)
     cost = arguments.cost, arguments.seed
     results = []
@@ -119,7 +127,7 @@ def run_conform(arguments: argparse.Namespace) -> int:
             result = _judged(program, short, waivers, *cost)
         results.append(result)
     if arguments.captured is not None:
-        results.append(_judged_by_trace(program, arguments.captured, *cost))
+        results.append(_judged_by_trace(program, arguments.captured, arguments.profile, *cost))
     if arguments.capture is not None:
         if len(results) != 1:
             raise UserError("--capture: name one --case, or a --script")
@@ -136,39 +144,36 @@ def run_conform(arguments: argparse.Namespace) -> int:
 def _cases(arguments: argparse.Namespace) -> list[Case]:
     if arguments.captured is not None:
         return []
+    known, is_whole = _CASES[arguments.profile], arguments.profile == WHOLE
     if arguments.script is not None:
-        return [Case("script", Source.CHOICE, "the same as ours", arguments.script)]
-    if unknown := unknown_names(arguments.case, CASES):
-        raise UserError(f"--case {unknown[0]}: there are {', '.join(case.name for case in CASES)}")
-    chosen = [case for case in CASES if not arguments.case or case.name in arguments.case]
-    chosen += random_cases(arguments.random, arguments.seed, arguments.cost > 0)
+        whole = Whole() if is_whole else None
+        return [Case("script", Source.CHOICE, "the same as ours", arguments.script, whole=whole)]
+    if unknown := unknown_names(arguments.case, known):
+        raise UserError(f"--case {unknown[0]}: there are {', '.join(case.name for case in known)}")
+    chosen = [case for case in known if not arguments.case or case.name in arguments.case]
+    chosen += random_cases(arguments.random, arguments.seed, arguments.cost > 0, is_whole)
     return [case for case in chosen if not arguments.serial or lasts_ms(case.script) < _AT_THETA_1_MS]
 
 
 def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, seed: int) -> Result:
-    def ours(primary: float) -> Bench:
-        return Bench(worst_case_board(), primary=primary)
+    return judged(
+        case,
+        our_rig,
+        lambda it: rig_of(program, it, cost_ms, seed),
+        FirmwareFailed,
+        waivers,
+        2 * cost_ms,
+    )
 
-    def theirs(primary: float) -> Bench:
-        return bench_of(program, primary, cost_ms, seed)
 
-    return judged(case, ours, theirs, FirmwareFailed, waivers, 2 * cost_ms)
-
-
-def _judged_by_trace(program: Path, trace: Path, cost_ms: int, seed: int) -> Result:
+def _judged_by_trace(program: Path, trace: Path, profile: str, cost_ms: int, seed: int) -> Result:
     """Plays a captured trace again, and compares; UserError for a file that is none."""
     try:
         case, found = captured(read_text(trace), trace.stem)
     except (OSError, ValueError) as error:
         raise UserError(f"{trace}: {error}") from None
-    return judged(
-        case,
-        found,
-        lambda primary: bench_of(program, primary, cost_ms, seed),
-        FirmwareFailed,
-        {},
-        2 * cost_ms,
-    )
+    case = replace(case, whole=Whole() if profile == WHOLE else None)
+    return judged(case, found, lambda it: rig_of(program, it, cost_ms, seed), FirmwareFailed, {}, 2 * cost_ms)
 
 
 def _write(path: Path, text: str) -> None:
@@ -178,7 +183,7 @@ def _write(path: Path, text: str) -> None:
         raise UserError(f"{path} cannot be written: {error.strerror}") from None
 
 
-def _waivers(path: Path) -> dict[str, str]:
+def _waivers(path: Path, profile: str) -> dict[str, str]:
     """Reads names of cases and reasons; UserError for another file, or a case that there is not."""
     try:
         data = parse_yaml(read_text(path))
@@ -188,7 +193,7 @@ def _waivers(path: Path) -> dict[str, str]:
         isinstance(it, str) and it for pair in data.items() for it in pair
     ):
         raise UserError(f"{path}: a mapping of names of cases to reasons is needed")
-    if unknown := unknown_names(data, CASES):
+    if unknown := unknown_names(data, _CASES[profile]):
         raise UserError(f"{path}: no case is called {unknown[0]}")
     return data
 

@@ -1,4 +1,4 @@
-"""`musselbed mu run ./board`: somebody's firmware on one board of the worst case, through a dive, a dock and a reset."""
+"""`musselbed mu run ./board`: somebody's firmware on one board, through a dive, a dock and a reset."""
 
 from __future__ import annotations
 
@@ -6,18 +6,31 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from agents.mussel.agent_rig import AgentRig
+from agents.mussel.bench_firmware import firmware_of
 from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
-from agents.mussel.port_firmware import firmware_of
 from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench import Bench
+from firmware_model.bench.conformance import Case
 from firmware_model.bench.costly_firmware import CostlyFirmware
+from firmware_model.bench.rigs import BenchRig, Rig
 from firmware_model.bench.trace import clock, line
+from firmware_model.config import BoardConfig
+from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.hardware.worst_case import WorstCaseHardware
 from firmware_model.packets import Kind
 from firmware_model.port import FirmwareLike
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import worst_case_board
+from firmware_model.table_one import FIELD, board, power, worst_case_board
+
+WORST_CASE, WHOLE = "worst-case", "mu"
+"""The profiles of a scenario's `board`."""
+BOARDS: dict[str, Callable[[], BoardConfig]] = {
+    WORST_CASE: worst_case_board,
+    WHOLE: lambda: board(FIELD, power()),
+}
+"""The boards of `mu run`."""
 
 
 def is_program(path: Path) -> bool:
@@ -27,9 +40,9 @@ def is_program(path: Path) -> bool:
     return path.suffix not in (".yaml", ".yml") and path.is_file() and os.access(path, os.X_OK)
 
 
-def run_program(path: Path) -> int:
+def run_program(path: Path, profile: str) -> int:
     """Prints what the firmware does in a day with a permission, four hours in a dock and a brown-out."""
-    bench = bench_of(path)
+    bench = bench_of(path, config=BOARDS[profile]())
     steps: tuple[tuple[str, Callable[[], object], float], ...] = (
         ("the power came on", lambda: None, 1.0),
         ("it is permitted to surface", lambda: bench.command(Kind.PERMISSION), 0.1),
@@ -54,11 +67,36 @@ def run_program(path: Path) -> int:
     return Exit.DONE
 
 
-def bench_of(path: Path, primary: float = 1.0, cost_ms: int = 0, seed: int = 1) -> Bench:
-    """A board of the worst case with this program on it, or a real one; UserError if there is none.
+def bench_of(
+    path: Path, primary: float = 1.0, cost_ms: int = 0, seed: int = 1, config: BoardConfig | None = None
+) -> Bench:
+    """A board with this program on it, or a real one; UserError if there is none. Without a `config`, the worst case's.
 
     Each turn takes up to `cost_ms` of the board's time, chosen by `seed`.
     """
+    config = config or worst_case_board()
+    make = firmware_of(command_of(path), config)
+
+    def firmware(hardware: WorstCaseHardware | WholeBoardHardware) -> FirmwareLike:
+        return CostlyFirmware(make(hardware), cost_ms, seed) if cost_ms else make(hardware)
+
+    return Bench(config, primary=primary, firmware=firmware)
+
+
+def rig_of(path: Path, case: Case, cost_ms: int = 0, seed: int = 1) -> Rig:
+    """The rig of a conformance case with this program on its board; as `bench_of`."""
+    if case.whole is None:
+        return BenchRig(bench_of(path, case.primary, cost_ms, seed))
+    return AgentRig(case, command_of(path), cost_ms, seed)
+
+
+def our_rig(case: Case) -> Rig:
+    """The rig of a conformance case with our firmware."""
+    return BenchRig(Bench(worst_case_board(), primary=case.primary)) if case.whole is None else AgentRig(case)
+
+
+def command_of(path: Path) -> tuple[str, ...]:
+    """The command of this program, or the serial line of a real board; UserError if there is none."""
     if not is_program(path):
         raise UserError(f"{path} is no program: compile it, and check that it may be executed (chmod +x)")
     try:
@@ -67,12 +105,4 @@ def bench_of(path: Path, primary: float = 1.0, cost_ms: int = 0, seed: int = 1) 
         raise UserError(f"{path}: {error}") from None
     if line is not None and not Path(line[0]).exists():
         raise UserError(f"{path}: there is no such device; is the board plugged in?")
-    command = (str(path.absolute() if line is None else path),)
-    config = worst_case_board()
-
-    make = firmware_of(command, config)
-
-    def firmware(hardware: WorstCaseHardware) -> FirmwareLike:
-        return CostlyFirmware(make(hardware), cost_ms, seed) if cost_ms else make(hardware)
-
-    return Bench(config, primary=primary, firmware=firmware)
+    return (str(path.absolute() if line is None else path),)

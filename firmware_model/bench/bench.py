@@ -43,7 +43,7 @@ class Bench:
         travel_ms: int = MS_PER_MIN,
         firmware: MakeFirmware | None = None,
     ) -> None:
-        """`firmware` makes another program than ours for each reset of the board, which is the worst case then."""
+        """`firmware` makes another program than ours for each reset of the board."""
         self.config = config
         self._firmware = firmware
         self.now_ms = 0
@@ -108,12 +108,18 @@ class Bench:
                 self._at_surface = isinstance(there, SurfaceReached)
                 self.tell(there)
             elif due_ms is not None and due_ms <= until_ms:
+                self.now_ms = due_ms
                 self._note(self.board.advance(due_ms))
+                self._reset_by_watchdog()
             else:
                 break
         self.now_ms = until_ms
         self._note(self.board.advance(until_ms))
         return self.trace[done:]
+
+    def _reset_by_watchdog(self) -> None:
+        if self.board.watchdog_fired:
+            self.reset(ResetCause.WATCHDOG)
 
     def tell(self, stimulus: Stimulus) -> list[Action]:
         """Gives the board a stimulus now."""

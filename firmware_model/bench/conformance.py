@@ -1,7 +1,7 @@
-"""The conformance kit: cases for firmware on a board of the worst case, and their judge, which sees the outside of a board.
+"""The conformance kit: cases for somebody's firmware, and their judge, which sees the outside of a board.
 
 A case is a script of stimuli. The judge compares what two boards do in it, ours and the one under test: when their motors
-run, when their batteries charge, which bytes they send, and their charge at the end. It sees no state. Passing is a least
+run, when their batteries charge, which bytes they send, and their charges at the end. It sees no state. Passing is a least
 filter: it shows that no case failed, and not that the firmware is right.
 """
 
@@ -9,31 +9,36 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import StrEnum
 from hashlib import blake2b
+from itertools import zip_longest
+from typing import Any
 
-from firmware_model.actions import RunBuoyancy, SendBytes
-from firmware_model.bench.bench import Bench
-from firmware_model.packets import CommandPacket, Kind
-from firmware_model.power.charge import FULL, Flow
-from firmware_model.stimuli import BottomReached, PacketHeard, ResetCause, SurfaceReached, WifiReceived
+from firmware_model import packets
+from firmware_model.bench.rigs import Event, History, Rig, is_wait, lasts_ms
+from firmware_model.config import LastResort
+from firmware_model.packets import (
+    CommandPacket,
+    Kind,
+    LogAck,
+    LogRecords,
+    SleepSchedule,
+    SlotAssignment,
+)
+from firmware_model.power.charge import FULL
 
-_UNITS_MS = {"ms": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
-_COMMANDS = {
-    kind.name.lower(): kind for kind in (Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.HOVER, Kind.SINK)
-}
-_RESETS = {cause.name.lower(): cause for cause in (ResetCause.BROWN_OUT, ResetCause.WATCHDOG)}
-_WAIT = re.compile(r"(\d+)(ms|s|min|h)")
-_CHATTER = re.compile(r"chatter:(\d+):(\d+):(\d+)")
 _TRACED = re.compile(r"(\d+(?:\.\d+)?)\s*([<>])\s*(.+)")
-_TRAVEL = re.compile(r"travel:(\d+)(s|min|h)")
 _END_MS = 500
 """The time after a script in which its last word still has an effect."""
 _ENERGY = 0.003
-"""The charges at a case's end may differ by so much of what flowed."""
+"""The charges at a case's end may differ by so much of what flowed; and so may the times of Table I from the paper's."""
 _FASTEST = FULL * 4 // 1000 // 60_000
 """Grains a millisecond that no charge or load of the worst case exceeds: an event within its tolerance moves so much."""
+_WHOLE_FASTEST = FULL * 3 // 100 // 60_000
+"""The same for a whole board, whose motors draw most."""
+_CHARGE = 1 / 255
+"""The charges that two packets tell may differ by a step of the shortest one."""
 
 
 class Source(StrEnum):
@@ -54,6 +59,38 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Whole:
+    """The whole board of a case, by the words of the fixture `mu`."""
+
+    sleep: str = "hourly"
+    secondary: float = 1.0
+    """The charge of the backup battery at power-on."""
+    docked: bool = False
+    """It is powered on in a dock, at the surface."""
+    last_resort: LastResort = LastResort.WAIT
+    metered: bool = False
+    low_level: float = 0.0
+    drift_ppm: int = 0
+    """The drift of its counter and of its clock chip's crystal."""
+    doubt_ppm: int | None = None
+    """The bound of the drift that it assumes; None for a board that trusts its clock."""
+    report_min: int | None = None
+    """The minutes between the reports that the experiment asks for; None for none."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperTime:
+    """A time of the paper's Table I: from the first `begins` (or power-on) until `ends`, in minutes."""
+
+    ends: str
+    """One of `History.ends`."""
+    least_min: float
+    most_min: float
+    """Two numbers where the paper has two: Table I's, and that of its own equation."""
+    begins: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Case:
     """`script`: waits (`50ms`, `2s`, `5min`, `1h`) and stimuli (`STIMULI`), from power-on on the bottom."""
 
@@ -64,30 +101,10 @@ class Case:
     primary: float = 1.0
     """The charge at power-on."""
     tolerance_ms: int = 20
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that the outside of a board shows: the motors, the charger, or bytes."""
-
-    at_ms: int
-    what: str
-
-    def __str__(self) -> str:
-        return f"{self.at_ms / 1000:.3f} s {self.what}"
-
-
-@dataclass(frozen=True, slots=True)
-class History:
-    """A board's deeds in a case."""
-
-    events: tuple[Event, ...]
-    charge: int | None
-    """None in a captured trace, which has no charge."""
-    flowed: int
-    """The grains that flowed into and out of its battery."""
-    failure: str | None = None
-    """The reason why its firmware could do no more; None if it lived."""
+    whole: Whole | None = None
+    """None for the board of the worst case."""
+    paper: PaperTime | None = None
+    """A time that the board must have by the paper, whatever ours does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,34 +116,20 @@ class Result:
     theirs: History
 
 
-STIMULI = (
-    *_COMMANDS,
-    "rises",
-    "falls",
-    "rises_unseen",
-    "falls_unseen",
-    *_RESETS,
-    "sound:HEX and wifi:HEX, any bytes",
-    "chatter:HIGH:LOW:TIMES, the pin in ms",
-    "surfaced",
-    "landed",
-    "travel:60s, the time that the body takes from now on",
-)
-
-
 def judged(
     case: Case,
-    ours: Callable[[float], Bench] | History,
-    theirs: Callable[[float], Bench],
+    ours: Callable[[Case], Rig] | History,
+    theirs: Callable[[Case], Rig],
     failures: type[Exception],
     waivers: dict[str, str],
     late_ms: int = 0,
 ) -> Result:
     """Runs the case on both boards.
 
-    `ours` and `theirs` make a board of a charge, or `ours` is a captured history. Dead firmware raises `failures`.
+    `ours` and `theirs` make a rig for a case, or `ours` is a captured history. Dead firmware raises `failures`.
 
-    `late_ms`: each event may delay those that follow from it by so much more than the case's tolerance.
+    `late_ms`: each event, and each packet that the board takes, may delay those that follow from it by so much more than
+    the case's tolerance.
     """
     expected = ours if isinstance(ours, History) else history(case, ours, failures)
     found = history(case, theirs, failures)
@@ -138,18 +141,6 @@ def judged(
     else:
         verdict = Verdict.DIFFERS if case.source is Source.CHOICE and not found.failure else Verdict.FAILED
     return Result(case, verdict, reason or "", expected, found)
-
-
-def lasts_ms(script: str) -> int:
-    """The time that a script takes on a board whose time is the wall's."""
-    lasting_ms = _END_MS
-    for token in script.split():
-        if found := _WAIT.fullmatch(token):
-            lasting_ms += int(found[1]) * _UNITS_MS[found[2]]
-        elif found := _CHATTER.fullmatch(token):
-            high_ms, low_ms, times = map(int, found.groups())
-            lasting_ms += (high_ms + low_ms) * times
-    return lasting_ms
 
 
 def captured(text: str, name: str) -> tuple[Case, History]:
@@ -185,56 +176,106 @@ def traced(case: Case, found: History) -> Iterator[str]:
     now_ms = 0
     lines = []
     for token in case.script.split():
-        waited_ms = lasts_ms(token) - _END_MS
-        if not _WAIT.fullmatch(token):
+        if not is_wait(token):
             lines.append((now_ms, f"{now_ms / 1000:.3f} < {token}"))
-        now_ms += waited_ms
+        now_ms += lasts_ms(token)
     lines += [(it.at_ms, f"{it.at_ms / 1000:.3f} > {it.what}") for it in found.events]
     lines.append((now_ms, f"{now_ms / 1000:.3f} < 0ms"))
     yield from (line for _, line in sorted(lines, key=lambda it: it[0]))
 
 
-def history(case: Case, make: Callable[[float], Bench], failures: type[Exception]) -> History:
-    bench = make(case.primary)
-    failure = None
+def history(case: Case, make: Callable[[Case], Rig], failures: type[Exception]) -> History:
+    """Plays the case. ValueError for a word that is none."""
+    rig = make(case)
     try:
-        for token in case.script.split():
-            _play(bench, token)
-        bench.run(ms=_END_MS)
+        for word in case.script.split():
+            rig.play(word)
+        rig.run(_END_MS)
     except failures as raised:
-        failure = str(raised)
-    events = [Event(it.at_ms, f"motors {it.to.name.lower()}") for it in bench.did(RunBuoyancy)]
-    events += [Event(it.at_ms, f"sends {it.data.hex()}") for it in bench.did(SendBytes)]
-    flowed, before = 0, None
-    charging = False
-    for at_ms, primary, _ in bench.courses:
-        if (primary.flow is Flow.CHARGING) is not charging:
-            charging = not charging
-            events.append(Event(at_ms, "charges" if charging else "stops charging"))
-        flowed += abs(primary.charge - (primary.charge if before is None else before))
-        before = primary.charge
-    flowed += abs(bench.primary - (bench.primary if before is None else before))
-    return History(tuple(sorted(events, key=lambda it: it.at_ms)), bench.primary, flowed, failure)
+        return replace(rig.shown(), failure=str(raised))
+    return rig.shown()
 
 
 def _difference(case: Case, ours: History, theirs: History, late_ms: int) -> str | None:
     """The first difference, in words; None for none."""
     if theirs.failure is not None:
         return f"its firmware failed: {theirs.failure}"
-    for n in range(max(len(ours.events), len(theirs.events))):
-        expected = ours.events[n] if n < len(ours.events) else None
-        found = theirs.events[n] if n < len(theirs.events) else None
-        if expected is None or found is None or expected.what != found.what:
+    packets_taken = case.script.count("sound:") + case.script.count("wifi:")
+    for n, (expected, found) in enumerate(zip_longest(ours.events, theirs.events), start=packets_taken):
+        tolerance_ms = case.tolerance_ms + late_ms * (n + 2)
+        if expected is None or found is None or not _is_alike(expected.what, found.what, tolerance_ms):
             return f"expected {expected or 'nothing more'}, found {found or 'nothing more'}"
-        if abs(expected.at_ms - found.at_ms) > case.tolerance_ms + late_ms * (n + 2):
+        if abs(expected.at_ms - found.at_ms) > tolerance_ms:
             return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
     count = len(ours.events) + 1
-    late = _FASTEST * (case.tolerance_ms + late_ms * (count + 1)) * count
-    if ours.charge is None or theirs.charge is None:
+    fastest = _FASTEST if case.whole is None else _WHOLE_FASTEST
+    late = fastest * (case.tolerance_ms + late_ms * (count + 1)) * count
+    for battery, expects, finds, flowed in (
+        ("", ours.charge, theirs.charge, ours.flowed),
+        (" of the backup battery", ours.secondary, theirs.secondary, ours.secondary_flowed),
+    ):
+        if expects is not None and finds is not None and abs(expects - finds) > _ENERGY * flowed + late:
+            return f"expected a charge{battery} of {expects / FULL:.4f} at the end, found {finds / FULL:.4f}"
+    return None if case.paper is None else _paper_difference(case.paper, theirs)
+
+
+def _paper_difference(paper: PaperTime, theirs: History) -> str | None:
+    began_ms = next((it.at_ms for it in theirs.events if it.what == paper.begins), 0)
+    at_ms = next((it.at_ms for it in theirs.ends if it.what == paper.ends and it.at_ms >= began_ms), None)
+    told = (
+        f"{paper.most_min:g} min"
+        if paper.least_min == paper.most_min
+        else f"{paper.least_min:g} to {paper.most_min:g} min"
+    )
+    if at_ms is None:
+        return f"after {told} {paper.ends} in the paper, and here never"
+    found_min = (at_ms - began_ms) / 60_000
+    if (1 - _ENERGY) * paper.least_min <= found_min <= (1 + _ENERGY) * paper.most_min:
         return None
-    if abs(ours.charge - theirs.charge) > _ENERGY * ours.flowed + late:
-        return f"expected a charge of {ours.charge / FULL:.4f} at the end, found {theirs.charge / FULL:.4f}"
-    return None
+    return f"after {told} {paper.ends} in the paper, and here after {found_min:.1f} min"
+
+
+def _is_alike(expected: str, found: str, tolerance_ms: int) -> bool:
+    """True for equal deeds, and for packets that differ in their time and in charges by their tolerances alone."""
+    if expected == found:
+        return True
+    sent = [
+        it.removeprefix("sends ").removeprefix("by sound ").removeprefix("by Wi-Fi ")
+        for it in (expected, found)
+    ]
+    if len(expected) != len(found) or not all(it.startswith("sends ") for it in (expected, found)):
+        return False
+    ours, theirs = (packets.decode(bytes.fromhex(it)) for it in sent)
+    return ours is not None and _has_values_of(ours, theirs, tolerance_ms)
+
+
+def _has_values_of(ours: Any, theirs: Any, tolerance_ms: int) -> bool:
+    if type(ours) is not type(theirs):
+        return False
+    if isinstance(ours, LogRecords):
+        head = all(
+            getattr(ours, it) == getattr(theirs, it) for it in ("agent_id", "oldest", "first", "covered")
+        )
+        return (
+            head
+            and len(ours.records) == len(theirs.records)
+            and all(
+                _has_values_of(*pair, tolerance_ms) for pair in zip(ours.records, theirs.records, strict=True)
+            )
+        )
+    for name in (it.name for it in fields(ours)):
+        one, other = getattr(ours, name), getattr(theirs, name)
+        if is_dataclass(one):
+            same = _has_values_of(one, other, tolerance_ms)
+        elif name in ("agent_ms", "clock_offset_ms"):
+            same = abs(one - other) <= tolerance_ms
+        elif name in ("primary", "secondary"):
+            same = abs(one - other) <= _CHARGE
+        else:
+            same = one == other
+        if not same:
+            return False
+    return True
 
 
 def side_by_side(result: Result) -> Iterator[str]:
@@ -249,31 +290,6 @@ def side_by_side(result: Result) -> Iterator[str]:
         yield f" ! {'':{width}}  {result.theirs.failure}"
 
 
-def _play(bench: Bench, token: str) -> None:
-    """Carries out one word of a script; ValueError for one that is none."""
-    if found := _WAIT.fullmatch(token):
-        bench.run(ms=int(found[1]) * _UNITS_MS[found[2]])
-    elif found := _CHATTER.fullmatch(token):
-        high_ms, low_ms, times = map(int, found.groups())
-        bench.charge_pin_chatters(high_ms=high_ms, low_ms=low_ms, times=times)
-    elif found := _TRAVEL.fullmatch(token):
-        bench.travel_ms = int(found[1]) * _UNITS_MS[found[2]]
-    elif token in _COMMANDS:
-        bench.command(_COMMANDS[token])
-    elif token in _RESETS:
-        bench.reset(_RESETS[token])
-    elif token.startswith(("rises", "falls")) and token[5:] in ("", "_unseen"):
-        pin = bench.charge_pin_rises if token.startswith("rises") else bench.charge_pin_falls
-        pin(noticed=not token[5:])
-    elif token in ("surfaced", "landed"):
-        bench.arrives(SurfaceReached() if token == "surfaced" else BottomReached())
-    elif token.startswith(("sound:", "wifi:")):
-        by, _, data = token.partition(":")
-        bench.tell((PacketHeard if by == "sound" else WifiReceived)(bytes.fromhex(data)))
-    else:
-        raise ValueError(f"{token!r} is neither a wait nor one of {', '.join(STIMULI)}")
-
-
 _RANDOM_TOKENS = (
     *(f"{n}ms" for n in (1, 20, 49, 50, 51, 400)),
     *(f"{n}s" for n in (1, 2, 30, 59, 60, 61, 120, 180)),
@@ -282,26 +298,38 @@ _RANDOM_TOKENS = (
     *("rises_unseen", "falls_unseen", "chatter:30:10:80"),
     *(f"sound:{CommandPacket(Kind.PERMISSION, agent_id).encode().hex()}" for agent_id in (0, 2)),
 )
-
-
+_WHOLE_TOKENS = (
+    *_RANDOM_TOKENS,
+    *("hover", "slips", "beacon:5000000", "beacon:90000000", "loses:20", "loses:90"),
+    f"sound:{SleepSchedule(1, 600_000, 20_000).encode().hex()}",
+    f"sound:{SlotAssignment(1, 300_000, 3000, 500, 7, 0).encode().hex()}",
+    f"wifi:{LogAck(1, 2).encode().hex()}",
+    f"wifi:{CommandPacket(Kind.BACK_UP_LOG, 1).encode().hex()}",
+)
+_WHOLE_BOARDS = (Whole(), Whole("field"), Whole("never"), Whole("field", 0.3, last_resort=LastResort.CALL))
 _NEAR_AN_EDGE = ("1ms", "49ms", "50ms", "51ms")
 """Waits that come so near to a debounce that firmware which takes time may decide otherwise."""
 
 
-def random_cases(count: int, seed: int, takes_time: bool = False) -> Iterator[Case]:
+def random_cases(count: int, seed: int, takes_time: bool = False, is_whole: bool = False) -> Iterator[Case]:
     """Scripts of 4 to 19 random words, by a keyed hash of (seed, number).
 
     Those for firmware that `takes_time` have no wait near an edge, and 60 ms after each word, so that none of its turns
     coincides with a deadline of ours.
     """
-    known = [it for it in _RANDOM_TOKENS if not takes_time or it not in _NEAR_AN_EDGE]
+    tokens = _WHOLE_TOKENS if is_whole else _RANDOM_TOKENS
+    known = [it for it in tokens if not takes_time or it not in _NEAR_AN_EDGE]
     for n in range(count):
         words = blake2b(f"{seed} {n}".encode(), digest_size=64).digest()
-        tokens = [known[byte % len(known)] for byte in words[: 4 + words[63] % 16]]
-        primary = (1.0, 0.5, 0.05)[words[62] % 3]
-        requirement = "the same motors, charge and bytes as ours"
-        script = (" 60ms " if takes_time else " ").join(["3s", "437ms", *tokens])
-        yield Case(f"random-{seed}-{n}", Source.CHOICE, requirement, script, primary)
+        script = ["3s", "437ms", *(known[byte % len(known)] for byte in words[: 4 + words[63] % 16])]
+        yield Case(
+            f"random-{seed}-{n}",
+            Source.CHOICE,
+            "the same motors, charge and bytes as ours",
+            (" 60ms " if takes_time else " ").join(script),
+            (1.0, 0.5, 0.05)[words[62] % 3],
+            whole=_WHOLE_BOARDS[words[61] % len(_WHOLE_BOARDS)] if is_whole else None,
+        )
 
 
 def shrunk(case: Case, differs: Callable[[Case], bool]) -> Case:
@@ -309,14 +337,7 @@ def shrunk(case: Case, differs: Callable[[Case], bool]) -> Case:
     tokens = case.script.split()
     n = 0
     while n < len(tokens):
-        fewer = Case(
-            case.name,
-            case.source,
-            case.requirement,
-            " ".join(tokens[:n] + tokens[n + 1 :]),
-            case.primary,
-            case.tolerance_ms,
-        )
+        fewer = replace(case, script=" ".join(tokens[:n] + tokens[n + 1 :]))
         if differs(fewer):
             case, tokens = fewer, fewer.script.split()
         else:

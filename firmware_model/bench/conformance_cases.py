@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
-from firmware_model.bench.conformance import Case, Source
+from firmware_model.bench.conformance import Case, PaperTime, Source
 from firmware_model.packets import (
     EVERYONE,
     Beacon,
@@ -46,12 +46,25 @@ def _damaged(n: int) -> str:
 
 _PAPER = [
     Case("measures", Source.PAPER, "IV-A: on the bottom it draws equation (1)'s load", "1h"),
-    Case("measures-20-h", Source.PAPER, "IV-A: 959 minutes empty a full battery", "20h"),
+    Case(
+        "measures-20-h",
+        Source.PAPER,
+        "IV-A: 959 minutes empty a full battery, and 962 in Table I",
+        "20h",
+        paper=PaperTime("the primary is empty", 959, 962),
+    ),
     Case("stays-down", Source.PAPER, "II: without a permission an aMussel stays on the bottom", "13h"),
     Case("surfaces", Source.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"),
     Case("surfaces-once", Source.PAPER, "III-C: it rises by one run of its motors", f"{_UP} 10min"),
     Case("charges", Source.PAPER, "III-C: the charger's pin alone starts a charge", f"{_DOCKED} 5h", 0.2),
     Case("charges-from-empty", Source.PAPER, "equation (2) from its first segment", f"{_UP} rises 9h", 0.05),
+    Case(
+        "charges-485-min",
+        Source.PAPER,
+        "Table I: one coil fills an empty battery in 485 minutes",
+        "17h permission 70s rises 9h",
+        paper=PaperTime("the primary is full", 485, 485, begins="charges"),
+    ),
     Case("no-charge-unasked", Source.PAPER, "III-C: without the pin nothing charges", f"{_UP} 2h", 0.5),
     Case(
         "charges-no-longer",

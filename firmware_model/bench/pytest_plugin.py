@@ -3,24 +3,37 @@
 The fixture `mu` is a `Bench`: a board with Table I's loads that wakes every hour for 10 s. `@pytest.mark.mu(...)` makes
 another: sleep "never", "hourly" or "field"; primary, secondary in [0, 1]; docked; kept_on, names of rails; last_resort
 "wait", "call" or "surface"; metered, for batteries whose voltage sags and lifts; low_level in [0, 1]. The report of a
-failed test shows the last actions of the board.
+failed test shows the last actions of the board. Another plugin may put other firmware on these boards, by `MuHooks`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Any
 
 import pytest
 
 from firmware_model.bench.bench import Bench
 from firmware_model.bench.trace import clock, line
-from firmware_model.config import LastResort
+from firmware_model.board import MakeFirmware
+from firmware_model.config import BoardConfig, LastResort
 from firmware_model.power.charge import grains
 from firmware_model.power.rails import Rail, bits
 from firmware_model.table_one import CYCLES, METERING, board, power
 
 _SHOWN = 60
+
+
+class MuHooks:
+    """The hook of this plugin."""
+
+    @pytest.hookspec(firstresult=True)
+    def pytest_mu_firmware(self, config: pytest.Config, board: BoardConfig) -> MakeFirmware | None:
+        """Makes the firmware of the fixture's board; None for ours."""
+
+
+def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
+    pluginmanager.add_hookspecs(MuHooks)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -40,8 +53,12 @@ def make_bench(
     last_resort: str = "wait",
     metered: bool = False,
     low_level: float = 0.0,
+    firmware: Callable[[BoardConfig], MakeFirmware | None] = lambda board: None,
 ) -> Bench:
-    """The bench for the arguments of a mark. ValueError for an unknown name lists the known ones."""
+    """The bench for the arguments of a mark. ValueError for an unknown name lists the known ones.
+
+    `firmware` makes another program than ours for its board.
+    """
     if sleep not in CYCLES:
         raise ValueError(f"sleep: {sleep!r} is none of {', '.join(CYCLES)}")
     unknown = [name for name in kept_on if name.upper() not in Rail.__members__]
@@ -54,14 +71,20 @@ def make_bench(
     rails = bits(*{Rail[name.upper()] for name in kept_on})
     metering = METERING if metered else None
     config = board(CYCLES[sleep], power(LastResort[last_resort.upper()], rails, metering, grains(low_level)))
-    return Bench(config, primary=primary, secondary=secondary, docked=docked)
+    return Bench(config, primary=primary, secondary=secondary, docked=docked, firmware=firmware(config))
 
 
 @pytest.fixture
 def mu(request: pytest.FixtureRequest) -> Bench:
     """One board, powered up at 0."""
     mark = request.node.get_closest_marker("mu")
-    return make_bench(**(mark.kwargs if mark is not None else {}))
+    config = request.config
+
+    def firmware(board: BoardConfig) -> MakeFirmware | None:
+        made: MakeFirmware | None = config.hook.pytest_mu_firmware(config=config, board=board)
+        return made
+
+    return make_bench(**(mark.kwargs if mark is not None else {}), firmware=firmware)
 
 
 @pytest.hookimpl(wrapper=True)

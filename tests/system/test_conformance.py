@@ -38,6 +38,37 @@ def test_the_c_board_passes_everything(board: Path, capsys: pytest.CaptureFixtur
     assert {it["verdict"] for it in results} == {"passed"}
 
 
+@pytest.mark.parametrize("options", [["--random", "30"], ["--cost", "5", "--seed", "2"]], ids=" ".join)
+def test_the_whole_c_board_passes_everything(
+    tmp_path_factory: pytest.TempPathFactory, options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = str(compiled(tmp_path_factory, "whole_board"))
+    assert main(["mu", "conform", program, "--profile", "mu", *options, "--json"]) == 0
+    results = json.loads(capsys.readouterr().out)
+    assert len(results) >= 90
+    assert {it["verdict"] for it in results} == {"passed"}
+
+
+def test_a_board_of_the_worst_case_is_no_whole_board(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It never sleeps, and it fails by Table I alone; the failed case prints both histories."""
+    asleep = ["--profile", "mu", "--case", "table-1-asleep", "--case", "uploads"]
+    assert main(["mu", "conform", str(board), *asleep]) == 3
+    shown = capsys.readouterr().out
+    assert "2 failed" in shown
+    assert "expected" in shown and " ! " in shown
+
+
+def test_a_whole_board_lives_a_day_on_the_bench(
+    tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = str(compiled(tmp_path_factory, "whole_board"))
+    assert main(["mu", "run", program, "--profile", "mu"]) == 0
+    shown = capsys.readouterr().out
+    assert "SLEEPING -> SAMPLING" in shown
+    assert "sent by WIFI" in shown
+    assert "after 24.1 h" in shown or "after 23." in shown
+
+
 @pytest.mark.parametrize("seed", ["1", "2"])
 def test_the_c_board_passes_while_its_turns_take_time(
     board: Path, seed: str, capsys: pytest.CaptureFixture[str]
@@ -82,7 +113,7 @@ def test_the_perl_board_fails_what_it_leaves_out_and_may_waive_it(
     waivers = tmp_path / "waivers.yaml"
     waivers.write_text("".join(f"{name}: our contacts do not bounce\n" for name in CLAIMS_LESS))
     assert main(["mu", "conform", str(PERL), "--waive", str(waivers)]) == 0
-    assert "83 passed, 6 waived" in capsys.readouterr().out
+    assert "84 passed, 6 waived" in capsys.readouterr().out
 
 
 def test_a_failed_case_s_script_can_be_replayed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,13 +10,11 @@ import pytest
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
-    History,
     Source,
     Verdict,
     captured,
     history,
     judged,
-    lasts_ms,
     random_cases,
     shrunk,
     side_by_side,
@@ -24,6 +22,7 @@ from firmware_model.bench.conformance import (
 )
 from firmware_model.bench.conformance_cases import CASES
 from firmware_model.bench.costly_firmware import CostlyFirmware
+from firmware_model.bench.rigs import BenchRig, History, Rig, lasts_ms
 from firmware_model.config import BoardConfig
 from firmware_model.firmware import Firmware
 from firmware_model.packets.codec import MusselbedCodec
@@ -38,8 +37,8 @@ class Died(Exception):
     """The firmware of a test's board."""
 
 
-def board(config: BoardConfig) -> Callable[[float], Bench]:
-    return lambda primary: Bench(config, primary=primary)
+def board(config: BoardConfig) -> Callable[[Case], Rig]:
+    return lambda case: BenchRig(Bench(config, primary=case.primary))
 
 
 OURS = board(worst_case_board())
@@ -105,14 +104,14 @@ def test_our_own_choice_differs_and_a_waived_case_names_its_reason() -> None:
 
 
 def test_dead_firmware_fails_whatever_the_source() -> None:
-    def dies(primary: float) -> Bench:
-        bench = Bench(worst_case_board(), primary=primary)
+    def dies(case: Case) -> Rig:
+        bench = Bench(worst_case_board(), primary=case.primary)
 
         def run(**spans: float) -> None:
             raise Died("it ended")
 
         bench.run = run  # type: ignore[method-assign, assignment]
-        return bench
+        return BenchRig(bench)
 
     result = judged(replace(DIVE, source=Source.CHOICE), OURS, dies, Died, {})
     assert (result.verdict, result.reason) == (Verdict.FAILED, "its firmware failed: it ended")
@@ -147,7 +146,7 @@ def test_a_body_may_surface_by_itself() -> None:
 
 
 def test_a_script_s_time_is_that_of_its_waits_and_chatter() -> None:
-    assert lasts_ms("3s 2min chatter:30:10:100 ping") == 3000 + 120_000 + 4000 + 500
+    assert lasts_ms("3s 2min chatter:30:10:100 ping") == 3000 + 120_000 + 4000
 
 
 TRACE = """\
@@ -190,16 +189,18 @@ def test_a_line_that_is_none_is_named(text: str, told: str) -> None:
         captured(text, "reef")
 
 
-def costly(cost_ms: int, seed: int) -> Callable[[float], Bench]:
+def costly(cost_ms: int, seed: int) -> Callable[[Case], Rig]:
     config = worst_case_board()
 
-    def make(primary: float) -> Bench:
-        return Bench(
-            config,
-            primary=primary,
-            firmware=lambda hardware: CostlyFirmware(
-                Firmware(config, MusselbedCodec(), hardware, 0), cost_ms, seed
-            ),
+    def make(case: Case) -> Rig:
+        return BenchRig(
+            Bench(
+                config,
+                primary=case.primary,
+                firmware=lambda hardware: CostlyFirmware(
+                    Firmware(config, MusselbedCodec(), hardware, 0), cost_ms, seed
+                ),
+            )
         )
 
     return make

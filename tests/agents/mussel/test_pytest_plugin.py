@@ -7,23 +7,31 @@ import sys
 from pathlib import Path
 
 import pytest
+from native_boards import compiled
 
 from firmware_model.bench.pytest_plugin import make_bench
 from firmware_model.states import State
 
 ROOT = Path(__file__).parents[3]
+INSTALLED = ("no:musselbed", "no:musselbed_programs")
 
 
-def run_pytest(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
+def run_pytest(folder: Path, text: str, *more: str) -> subprocess.CompletedProcess[str]:
     (folder / "test_board.py").write_text(text)
     (folder / "pytest.ini").write_text("[pytest]\naddopts = --strict-markers\n")
     # By name, so that it does not matter whether the package is installed; an installed one is not loaded twice.
     code = (
         f"import sys; sys.path.insert(0, {str(ROOT)!r}); import pytest; sys.exit(pytest.main(sys.argv[1:]))"
     )
-    options = ["-p", "firmware_model.bench.pytest_plugin", "-p", "no:cacheprovider", "-p", "no:musselbed"]
+    plugins = (
+        "firmware_model.bench.pytest_plugin",
+        "agents.mussel.pytest_plugin",
+        "no:cacheprovider",
+        *INSTALLED,
+    )
+    options = [word for plugin in plugins for word in ("-p", plugin)]
     return subprocess.run(
-        [sys.executable, "-c", code, *options, "-q", str(folder)],
+        [sys.executable, "-c", code, *options, *more, "-q", str(folder)],
         capture_output=True,
         text=True,
         timeout=120,
@@ -39,6 +47,27 @@ def test_the_tests_on_the_page_pass(tmp_path: Path) -> None:
     done = run_pytest(tmp_path, found[1])
     assert done.returncode == 0, done.stdout + done.stderr
     assert "2 passed" in done.stdout
+
+
+def test_the_tests_on_the_page_pass_with_a_board_in_c(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    found = re.search(r"```python\n(.*?)```", (ROOT / "docs/mu-scripts.md").read_text(), re.DOTALL)
+    assert found is not None
+    program = compiled(tmp_path_factory, "whole_board")
+    text = found[1] + (
+        "\n\ndef test_it_has_a_process(mu):\n"
+        "    mu.run(hours=1.5)\n"
+        "    assert open(f'/proc/{mu.board.firmware.pid}/comm').read() == 'whole_board\\n'\n"
+    )
+    done = run_pytest(tmp_path, text, "--mu-firmware", str(program))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "3 passed" in done.stdout
+
+
+def test_a_program_that_is_none_is_told(tmp_path: Path) -> None:
+    done = run_pytest(tmp_path, "def test_it(mu):\n    mu.run(hours=1)\n", "--mu-firmware", "/nowhere/board")
+    assert "--mu-firmware /nowhere/board: there is no such program" in done.stdout
 
 
 def test_a_failure_shows_the_trace(tmp_path: Path) -> None:

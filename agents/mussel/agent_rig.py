@@ -1,0 +1,193 @@
+"""The rig of the conformance kit for whole boards: an aMussel in still water, in a dock or at a depth of 3 m."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.mussel.agent import Agent, AgentConfig
+from agents.mussel.body import BodyConfig
+from agents.mussel.outputs import Output, SoundSent, WifiSent
+from agents.mussel.reporter import ReportConfig
+from agents.mussel.stimuli import (
+    ChargeLost,
+    ClockShifted,
+    CoilSlipped,
+    ContactClosed,
+    ContactOpened,
+    PinDisturbed,
+    SoundArrived,
+    Stimulus,
+    WasReset,
+    WifiArrived,
+)
+from firmware_model.actions import Buoyancy, RunBuoyancy
+from firmware_model.bench.conformance import Case, Whole
+from firmware_model.bench.costly_firmware import CostlyFirmware
+from firmware_model.bench.rigs import Event, History, Rig, charging, ends, flowed
+from firmware_model.config import BoardConfig, Timekeeping
+from firmware_model.packets import Beacon
+from firmware_model.packets.codec import BUILT_IN, MusselbedCodec
+from firmware_model.port import FirmwareLike
+from firmware_model.power.charge import Battery, Flow, grains
+from firmware_model.sinking import Sinking
+from firmware_model.stimuli import ResetCause
+from firmware_model.table_one import CYCLES, METERING, board, power
+
+_DEPTH_UM = 3_000_000
+_TRAVEL_MS = 60_000
+_BEACON_WAIT_MS = 60_000
+_NO_REPORTS_MS = 10**12
+_NUMBER = re.compile(r"(beacon|jump|loses):(-?\d+)")
+STIMULI = (
+    "slips, the coils in the dock",
+    "beacon:MS, the time that an aPad tells",
+    "jump:MS, of the clock chip",
+    "loses:PERCENT, of the primary battery",
+)
+
+
+def whole_board(whole: Whole) -> BoardConfig:
+    """The board of a case, with Table I's loads and the id 1."""
+    metering = METERING if whole.metered else None
+    config = board(
+        CYCLES[whole.sleep], power(whole.last_resort, 0, metering, grains(whole.low_level)), agent_id=1
+    )
+    assert config.whole is not None
+    if whole.doubt_ppm is not None:
+        timekeeping = Timekeeping(1000 * whole.doubt_ppm, _BEACON_WAIT_MS)
+        config = replace(config, whole=replace(config.whole, timekeeping=timekeeping))
+    return replace(config, drift_ppb=1000 * whole.drift_ppm, surfacing_timeout_ms=3 * _TRAVEL_MS)
+
+
+class _ObservedAgent(Agent):
+    """An aMussel whose motor runs are seen, and whose firmware may take time."""
+
+    def __init__(self, *arguments: Any, cost_ms: int, seed: int) -> None:
+        self.runs: list[RunBuoyancy] = []
+        self._cost_ms, self._seed = cost_ms, seed
+        super().__init__(*arguments)
+
+    def _make_firmware(self, hardware: Any) -> FirmwareLike:
+        made = super()._make_firmware(hardware)
+        return CostlyFirmware(made, self._cost_ms, self._seed) if self._cost_ms else made
+
+    def _run_buoyancy(self, run: RunBuoyancy, now_ms: int) -> list[Output]:
+        self.runs.append(run)
+        return super()._run_buoyancy(run, now_ms)
+
+
+class AgentRig(Rig):
+    """A whole board in an aMussel of its own. `command` is somebody's firmware; empty for ours."""
+
+    def __init__(self, case: Case, command: tuple[str, ...] = (), cost_ms: int = 0, seed: int = 1) -> None:
+        whole = case.whole or Whole()
+        reports_ms = _NO_REPORTS_MS if whole.report_min is None else 60_000 * whole.report_min
+        self._model = whole_board(whole)
+        fleet = FleetConfig(
+            theta=1,
+            seed=1,
+            codec=BUILT_IN,
+            board=self._model,
+            body=BodyConfig(
+                Sinking(_DEPTH_UM, _TRAVEL_MS, _TRAVEL_MS), drifts_always=False, drift_amplitude_um=0
+            ),
+            reports=ReportConfig(reports_ms, heard_always=False),
+        )
+        config = AgentConfig(self._model, fleet.maker().config(1).water, fleet.reports, command)
+        physical = resting_on_bottom(0.0, 0.0, _DEPTH_UM / 1e6, case.primary, whole.secondary)
+        if whole.docked:
+            physical = replace(
+                physical,
+                primary=Battery(0, grains(case.primary), Flow.CHARGING, 0, 2),
+                secondary=Battery(0, grains(whole.secondary), Flow.CHARGING, 0, 1),
+                depth_um=0,
+                buoyancy=Buoyancy.FLOAT,
+                docked=True,
+            )
+        self.now_ms = 0
+        self.outputs: list[Output] = []
+        self._charges = physical.primary.charge, physical.secondary.charge
+        self.agent = _ObservedAgent(
+            config, MusselbedCodec(), physical, 0, ResetCause.POWER_ON, cost_ms=cost_ms, seed=seed
+        )
+
+    def run(self, ms: int) -> None:
+        self.now_ms += ms
+        self.outputs += self.agent.advance(self.now_ms)
+
+    def pin(self, high: bool, *, noticed: bool) -> None:
+        contact = ContactClosed(0, 0) if high else ContactOpened()
+        if noticed:
+            self._tell(contact)
+        else:
+            self._tell(PinDisturbed(0, 1), contact, PinDisturbed(0, 0))
+
+    def receive(self, data: bytes, *, by_sound: bool) -> None:
+        self._tell((SoundArrived if by_sound else WifiArrived)(data))
+
+    def reset(self, cause: ResetCause) -> None:
+        self._tell(WasReset(cause))
+
+    def play_own(self, word: str) -> bool:
+        if word == "slips":
+            self._tell(CoilSlipped())
+        elif found := _NUMBER.fullmatch(word):
+            self._number(found[1], int(found[2]))
+        else:
+            return False
+        return True
+
+    def _number(self, word: str, number: int) -> None:
+        if word == "beacon":
+            self._tell(SoundArrived(Beacon(1, number).encode()))
+        elif word == "jump":
+            self._tell(ClockShifted(number))
+        else:
+            self._tell(ChargeLost(grains(number / 100), 0))
+
+    def own_stimuli(self) -> Sequence[str]:
+        return STIMULI
+
+    def _tell(self, *stimuli: Stimulus) -> None:
+        for stimulus in stimuli:
+            self.outputs += self.agent.receive(stimulus, self.now_ms)
+
+    def shown(self) -> History:
+        agent = self.agent
+        agent.close()
+        events = [Event(it.at_ms, f"motors {it.to.name.lower()}{_depth(it)}") for it in agent.runs]
+        for output in self.outputs:
+            if isinstance(output, SoundSent | WifiSent):
+                by = "sound" if isinstance(output, SoundSent) else "Wi-Fi"
+                events.append(Event(output.at_ms, f"sends by {by} {output.data.hex()}"))
+        truths = agent.take_truths()
+        courses = [
+            [(it.at_ms, battery) for it, battery in zip(truths, batteries, strict=True)]
+            for batteries in zip(
+                *((it.physical.primary, it.physical.secondary) for it in truths), strict=True
+            )
+        ]
+        events += charging(courses[0])
+        model = self._model.charge
+        primary, secondary = (model.charge_at(course[-1][1], self.now_ms) for course in courses)
+        over = [
+            it
+            for name, course in zip(("the primary", "the backup"), courses, strict=True)
+            for it in ends(name, course, model, self.now_ms)
+        ]
+        return History(
+            tuple(sorted(events, key=lambda it: it.at_ms)),
+            primary,
+            flowed(courses[0], primary),
+            secondary=secondary,
+            secondary_flowed=flowed(courses[1], secondary),
+            ends=tuple(sorted(over, key=lambda it: it.at_ms)),
+        )
+
+
+def _depth(run: RunBuoyancy) -> str:
+    return "" if run.depth_mm is None else f" at {run.depth_mm / 1000:g} m"

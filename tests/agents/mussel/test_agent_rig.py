@@ -1,0 +1,118 @@
+"""The kit's rig for whole boards: what it shows of our board, by hand and by the paper, and what its judge allows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from agents.mussel.agent_rig import AgentRig
+from firmware_model.bench.conformance import Case, Source, Verdict, Whole, history, judged
+from firmware_model.bench.rigs import Event, History
+from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
+from firmware_model.packets import StatusPacket, WifiStatus, decode
+from firmware_model.power.active_battery import ActiveBattery
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+CASES = {case.name: case for case in WHOLE_CASES}
+NO_EVENT = ("wakes-hourly", "stays-down")
+
+
+class Died(Exception):
+    """The firmware of a test's board."""
+
+
+def shown(case: Case) -> History:
+    return history(case, AgentRig, Died)
+
+
+def test_the_cases_are_ninety_with_a_name_each() -> None:
+    assert len(WHOLE_CASES) >= 90
+    assert len(CASES) == len(WHOLE_CASES)
+    assert all(case.whole is not None for case in WHOLE_CASES)
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name.startswith("table-1")])
+def test_our_board_has_the_times_of_the_paper_s_table_one(name: str) -> None:
+    """The judge of these is the paper: ours need not be asked."""
+    found = shown(CASES[name])
+    assert judged(CASES[name], found, AgentRig, Died, {}).verdict is Verdict.PASSED
+    late = tuple(replace(it, at_ms=it.at_ms * 1007 // 1000) for it in found.ends)
+    result = judged(CASES[name], found, lambda case: _Fixed(replace(found, ends=late)), Died, {})
+    assert result.verdict is Verdict.FAILED
+    assert "in the paper, and here after" in result.reason
+
+
+class _Fixed(AgentRig):
+    """A rig that shows this history, whatever is played."""
+
+    def __init__(self, found: History) -> None:
+        self._found = found
+
+    def play(self, word: str) -> None:
+        pass
+
+    def run(self, ms: int) -> None:
+        pass
+
+    def shown(self) -> History:
+        return self._found
+
+
+def test_a_dive_of_a_whole_board_by_hand() -> None:
+    """Up at 3 s, there at 63 s; its dock charges at once; released and told to sink, it runs its motors once more."""
+    case = Case(
+        "dive", Source.PAPER, "", "3s permission 70s rises 10min falls 1s release 5min", 0.4, whole=Whole()
+    )
+    assert [str(it) for it in shown(case).events] == [
+        "3.000 s motors float",
+        "73.000 s charges",
+        "673.000 s stops charging",
+        "674.000 s motors sink",
+    ]
+
+
+def test_a_report_of_the_experiment_is_a_status_of_the_board() -> None:
+    events = shown(CASES["reports-when-asked"]).events
+    sent = [it for it in events if it.what.startswith("sends by Wi-Fi ")]
+    assert [it.at_ms for it in sent[:3]] == [600_000, 1_200_000, 1_800_000]
+    status = decode(bytes.fromhex(sent[-1].what.rpartition(" ")[2]))
+    assert isinstance(status, WifiStatus)
+    assert (status.reset_cause, status.feed) == (ResetCause.WATCHDOG, ActiveBattery.PRIMARY)
+    assert status.basic.state is State.FLOATING
+
+
+STATUS = StatusPacket(1, 4, State.ACTIVE, 0.5, 0.9, 1.0, 2.0, 3.0, 70_000)
+CASE = Case("status", Source.PACKETS, "", "1s", whole=Whole())
+
+
+def sent(status: StatusPacket) -> History:
+    return History((Event(900, f"sends by sound {status.encode().hex()}"),), 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ({"agent_ms": 70_020}, Verdict.PASSED),
+        ({"agent_ms": 70_061}, Verdict.FAILED),
+        ({"primary": 0.503}, Verdict.PASSED),
+        ({"primary": 0.505}, Verdict.FAILED),
+        ({"secondary": 0.905}, Verdict.FAILED),
+        ({"sequence": 5}, Verdict.FAILED),
+        ({"depth_m": 3.01}, Verdict.FAILED),
+        ({"state": State.SAMPLING}, Verdict.FAILED),
+    ],
+    ids=str,
+)
+def test_a_packet_may_differ_in_its_time_and_its_charges_by_their_tolerance(
+    changes: dict[str, object], verdict: Verdict
+) -> None:
+    found = sent(replace(STATUS, **changes))  # type: ignore[arg-type]
+    assert judged(CASE, sent(STATUS), lambda case: _Fixed(found), Died, {}).verdict is verdict
+
+
+@pytest.mark.parametrize("word", ["jump", "travel:60s", "loses:much"])
+def test_a_word_of_another_rig_is_refused(word: str) -> None:
+    with pytest.raises(ValueError, match=r"is neither a wait nor one of permission.*loses:PERCENT"):
+        AgentRig(CASE).play(word)
