@@ -17,10 +17,11 @@ from agents.water.patches import CALM
 from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_deviation_um
-from apad_bridge.assembly.water import current_config, waters_config
+from apad_bridge.assembly.water import waters_config
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.surface import current_config
 from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, WithoutWater
 
 _START_MS = MissionMs(0)

@@ -28,6 +28,7 @@ from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.schema import Horizon, Scenario
+from apad_bridge.scenario.surface import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.core import LearnedState, Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
@@ -66,11 +67,25 @@ def fault_injection(
 
 def misses(scenario: Scenario) -> Misses:
     """Builds the draw of failing dockings, which is alike for every vehicle."""
-    return Misses(scenario.seed, scenario.apad.dock_miss_probability)
+    apad, surface = scenario.apad, surface_of(scenario)
+    if surface is None:
+        return Misses(scenario.seed, apad.dock_miss_probability)
+    return Misses(
+        scenario.seed,
+        apad.dock_miss_probability,
+        lambda place_m, at_ms: holding_effort(apad, surface.flow(place_m, at_ms)),
+    )
 
 
 def simulated_apad(scenario: Scenario) -> SimulatedAPad:
-    return SimulatedAPad(scenario.apad, misses(scenario), scenario.area.home_m)
+    """Builds the simulated aPad in the scenario's sea, for a flight in one process."""
+    surface = surface_of(scenario)
+    return SimulatedAPad(scenario.apad, misses(scenario), scenario.area.home_m, surface=surface)
+
+
+def simulated_hull(scenario: Scenario) -> SimulatedAPad:
+    """Builds the same aPad in the same sea for a stack that decides by itself which dockings miss."""
+    return SimulatedAPad(scenario.apad, home_m=scenario.area.home_m, surface=surface_of(scenario))
 
 
 def home_stays(scenario: Scenario) -> HomeStays:
@@ -186,6 +201,7 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
         home_stays(scenario),
         _end_by(scenario),
         _known_end(scenario),
+        LegForecast(scenario.apad, surface_of(scenario)),
     )
 
 

@@ -2,43 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from agents.water.patches import CALM, Patch, Waters
-from agents.water.stream import CurrentConfig, Tide
-from apad_bridge.scenario.currents import current_text, steady_text
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.water import Current, Fields
-
-
-def current_config(scenario: Scenario) -> CurrentConfig:
-    """Converts the scenario's current, and reads its file. OSError, or ValueError for a file that is no current."""
-    current = Current() if scenario.water is None else scenario.water.current or Current()
-    return CurrentConfig(
-        _field_text(scenario, current),
-        tuple(
-            Tide(
-                round(tide.period_h * 3600),
-                round(tide.north_m_s * 1e6),
-                round(tide.east_m_s * 1e6),
-                round(tide.north_phase_deg / 360 * 1e6),
-                round(tide.east_phase_deg / 360 * 1e6),
-            )
-            for tide in current.tides
-        ),
-        tuple((round(depth * 1e6), round(fraction * 1e6)) for depth, fraction in current.profile),
-    )
-
-
-def _field_text(scenario: Scenario, current: Current) -> str | None:
-    """CSV of the current's field, without tides and profile; None where there is no such field."""
-    drift = scenario.fleet.drift
-    steady_m_s = drift.current_m_s or current.steady_m_s
-    if steady_m_s is not None:
-        return steady_text(*steady_m_s)
-    name = drift.current_file or current.file
-    return None if name is None else current_text(Path(name), LocalFrame.about(scenario.area.origin))
+from apad_bridge.scenario.water import Fields
 
 
 def waters_config(fields: Fields) -> dict[str, Waters]:

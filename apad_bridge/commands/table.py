@@ -101,6 +101,8 @@ def _print_failures(console: Console, summary: dict[str, Any]) -> None:
     if summary["left_alone"]:
         ids = ", ".join(map(str, summary["left_alone"]))
         _print(console, f"Left alone after failed tries: aMussel {ids}")
+    if beyond := summary["beyond_reach"]:
+        _print(console, f"Beyond reach at the end: aMussel {', '.join(map(str, beyond))}")
 
 
 def _print(console: Console, text: str, indent: int = 0) -> None:

@@ -64,6 +64,30 @@ class LeftAlone(Event):
 
 
 @dataclass(frozen=True)
+class BeyondReach(Event):
+    kind = "beyond_reach"
+    when = "the mission will not serve an aMussel for the present, because of the way to it"
+    is_failure = True
+
+    agent: AMussel
+    reason: Reason
+
+    def text(self) -> str:
+        return f"aMussel {self.agent} is beyond reach: {self.reason}"
+
+
+@dataclass(frozen=True)
+class InReach(Event):
+    kind = "in_reach"
+    when = "such an aMussel can be served again"
+
+    agent: AMussel
+
+    def text(self) -> str:
+        return f"aMussel {self.agent} is in reach again"
+
+
+@dataclass(frozen=True)
 class Stuck(Event):
     kind = "stuck"
     when = "several go-tos in a row failed: the aPad is stuck"

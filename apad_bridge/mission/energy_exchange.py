@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import LeftAlone, StandsDown, StepGivenUp, Stuck
+from apad_bridge.events.mission import BeyondReach, InReach, LeftAlone, StandsDown, StepGivenUp, Stuck
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first
@@ -40,6 +40,7 @@ from apad_bridge.planning.exchange import exchanges, tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.scenario.schema import Mission, Places
+from apad_bridge.scenario.surface import LegForecast
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     GoToPoint,
@@ -84,10 +85,11 @@ class EnergyExchange(OrderBook):
         home: HomeStays = NO_HOME,
         end_by: EndBy | None = None,
         known_end: KnownEnd | None = None,
+        legs: LegForecast | None = None,
     ) -> None:
         """`model` is for strategies that look ahead; `home` says when the aPad goes home, `end_by` when for good.
 
-        A mission with a `known_end` charges nobody for longer.
+        A mission with a `known_end` charges nobody for longer. With `legs` it serves nobody to whom the sea bars the way.
         """
         super().__init__(state or MissionState())
         self._model = model
@@ -114,6 +116,9 @@ class EnergyExchange(OrderBook):
         """Number of go-tos to the aMussel of the step under way."""
         self._dockings = 0
         """Number of failed dockings of the step under way."""
+        self._legs_ahead = None if legs is None or legs.is_calm else legs
+        self._beyond_reach: dict[int, str] = {}
+        """The reason, by aMussel to which the sea bars the way for the present."""
         self._called_up: set[int] = set()
         """The aMussels that this mission permitted to surface and that have not been docked since."""
         self._must_begin = True
@@ -177,6 +182,7 @@ class EnergyExchange(OrderBook):
                 return self.take_orders()
             self._must_begin = False
             self._behaviour.begin(self, now_ms)
+        self._look_at_the_sea(now_ms)
         self._look_at_the_time(now_ms)
         if self._behaviour.tick is not None:
             self._behaviour.tick(self, now_ms)
@@ -266,6 +272,26 @@ class EnergyExchange(OrderBook):
             self.set(plan=Solution(()))
             self._next_step(now_ms)
 
+    def _look_at_the_sea(self, now_ms: int) -> None:
+        """Tells of each aMussel to which, or to whose home, the aPad cannot go, and when it can again."""
+        if self._legs_ahead is None:
+            return
+        homes, held, beyond = self._homes(), frozenset(dict(self.state.docked).values()), {}
+        for belief in self._beliefs.all():
+            agent_id, place_m = belief.agent_id, (belief.north_m, belief.east_m)
+            if agent_id in held:
+                reason = self._legs_ahead.obstacle(self._here, homes.get(agent_id, place_m), now_ms)
+            else:
+                speed_m_s = self._config.speed_m_s
+                reason = self._legs_ahead.bar_to_float(self._here, place_m, speed_m_s, now_ms)
+            if reason is not None:
+                beyond[agent_id] = reason
+        for agent_id in sorted(beyond.keys() - self._beyond_reach.keys()):
+            self.tell(BeyondReach(agent_id, beyond[agent_id]))
+        for agent_id in sorted(self._beyond_reach.keys() - beyond.keys()):
+            self.tell(InReach(agent_id))
+        self._beyond_reach = beyond
+
     def _consider_collecting(self, now_ms: int) -> None:
         if self._to_release:
             # Docked by hand, or before a crash: charge the docked aMussels first.
@@ -317,6 +343,9 @@ class EnergyExchange(OrderBook):
 
     def _go_collect(self, now_ms: int) -> None:
         step, belief = self._step, self._beliefs.get(self._step.agent_id)
+        if step.agent_id in self._beyond_reach:
+            self._finish_step(now_ms)
+            return
         if belief is None:
             self._give_up("it never reported", now_ms)
             return
@@ -329,7 +358,7 @@ class EnergyExchange(OrderBook):
             step = replace(step, dock_index=self.docks.index(None))
             self.set(plan=Solution((step, *self.state.plan.steps[1:])))
         self._legs, self._dockings = 1, 0
-        self._go_to(belief.north_m, belief.east_m)
+        self._go_to(*self._meeting_m(belief, now_ms))
         self._called_up.add(belief.agent_id)
         self.docking_routine.call_up(belief.agent_id, now_ms)
         self._enter(Phase.GO_COLLECT, now_ms)
@@ -356,7 +385,7 @@ class EnergyExchange(OrderBook):
             self._give_up(f"it still floats out of reach after {self._legs} go-tos", now_ms)
             return
         self._legs += 1
-        self._go_to(belief.north_m, belief.east_m)
+        self._go_to(*self._meeting_m(belief, now_ms))
         self._enter(Phase.GO_COLLECT, now_ms)
 
     def _dock_again(self, reason: str, now_ms: int) -> None:
@@ -385,7 +414,11 @@ class EnergyExchange(OrderBook):
             else:
                 self._go_home(now_ms)
             return
-        released = self._dispatch.to_release(beliefs, lambda: self._candidates(now_ms))
+        released = [
+            it
+            for it in self._dispatch.to_release(beliefs, lambda: self._candidates(now_ms))
+            if it not in self._beyond_reach
+        ]
         if not released:
             self._collect_if_due(beliefs, now_ms)
         elif not self._exchange(released, beliefs, now_ms):
@@ -445,6 +478,9 @@ class EnergyExchange(OrderBook):
             self._next_step(now_ms)
 
     def _go_deploy(self, now_ms: int) -> None:
+        if self._step.agent_id in self._beyond_reach:
+            self._finish_step(now_ms)
+            return
         north_m, east_m = self._homes().get(self._step.agent_id, self._here)
         self._go_to(north_m, east_m)
         self._enter(Phase.GO_DEPLOY, now_ms)
@@ -546,8 +582,9 @@ class EnergyExchange(OrderBook):
 
     @property
     def _left_alone(self) -> frozenset[int]:
-        """The aMussels whose tries are used up."""
-        return self._used_up(self.state.failed_tries) | self._used_up(self.state.failed_undockings)
+        """The aMussels whose tries are used up, and those to which the sea bars the way for the present."""
+        used_up = self._used_up(self.state.failed_tries) | self._used_up(self.state.failed_undockings)
+        return used_up | self._beyond_reach.keys() if self._beyond_reach else used_up
 
     def _used_up(self, counts: tuple[tuple[int, int], ...]) -> frozenset[int]:
         return frozenset(agent_id for agent_id, tries in counts if tries >= self._config.collection_attempts)
@@ -610,6 +647,13 @@ class EnergyExchange(OrderBook):
     def _go_to(self, north_m: float, east_m: float) -> None:
         config = self._config
         self.order(GoToPoint(self.next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
+
+    def _meeting_m(self, belief: Belief, now_ms: int) -> tuple[float, float]:
+        """The place at which the aPad meets an aMussel that the sea carries on as soon as it has left the bottom."""
+        place_m = belief.north_m, belief.east_m
+        if self._legs_ahead is None:
+            return place_m
+        return self._legs_ahead.meeting_m(self._here, place_m, self._config.speed_m_s, now_ms) or place_m
 
     def _hold(self, now_ms: int) -> None:
         if self.pose is not None:

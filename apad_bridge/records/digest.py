@@ -153,6 +153,8 @@ COUNTED: Mapping[str, Chosen] = {
     EventKind.RELEASED: _only("agent", "full"),
     EventKind.GIVEN_UP: _only("agent", "what"),
     EventKind.LEFT_ALONE: _only("agent", "tries"),
+    EventKind.BEYOND_REACH: _only("agent"),
+    EventKind.IN_REACH: _only("agent"),
     EventKind.STUCK: _only(),
     EventKind.OVERRIDE: _only("taken"),
     EventKind.OPERATOR: _only("order", "agent", "north_m", "east_m"),

@@ -44,6 +44,8 @@ class EventKind(StrEnum):
     RELEASED = "released"
     GIVEN_UP = "given_up"
     LEFT_ALONE = "left_alone"
+    BEYOND_REACH = "beyond_reach"
+    IN_REACH = "in_reach"
     STUCK = "stuck"
     OVERRIDE = "override"
     OPERATOR = "operator"

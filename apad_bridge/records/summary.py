@@ -64,6 +64,8 @@ class FailureCounts:
         self.steps_given_up = 0
         self.left_alone: set[int] = set()
         """The aMussels that the mission has left alone."""
+        self.beyond_reach: set[int] = set()
+        """The aMussels that the mission does not serve for the present, because of the way to them."""
         self._causes: Counter[str] = Counter()
         self._texts: dict[str, str] = {}
         self._newest: tuple[int, str] | None = None
@@ -94,6 +96,10 @@ class FailureCounts:
             self._count(data["reason"])  # a refused command fails its primitive, whose line is counted
         elif kind == EventKind.LEFT_ALONE:
             self.left_alone.add(data["agent"])
+        elif kind == EventKind.BEYOND_REACH:
+            self.beyond_reach.add(data["agent"])
+        elif kind == EventKind.IN_REACH:
+            self.beyond_reach.discard(data["agent"])
         elif kind == EventKind.OVERRIDE and not data["taken"]:
             self.left_alone.clear()  # a person gives them another chance
 
@@ -103,6 +109,7 @@ class FailureCounts:
             "causes": self.causes,
             "steps_given_up": self.steps_given_up,
             "left_alone": sorted(self.left_alone),
+            "beyond_reach": sorted(self.beyond_reach),
             "failed_docks": sorted(
                 dock_index
                 for dock_index, tries in self._failed_dockings.items()
@@ -203,6 +210,11 @@ SUMMARY: tuple[Field, ...] = (
     Field("causes", _OBJECT, "number of failures, by cause"),
     Field("steps_given_up", INTEGER, "steps of plans that the mission gave up"),
     Field("left_alone", Type(list, "list of integer"), "aMussels that the mission no longer tries to serve"),
+    Field(
+        "beyond_reach",
+        Type(list, "list of integer"),
+        "aMussels that it does not serve because of the way, at the end",
+    ),
     Field(
         "failed_docks",
         Type(list, "list of integer"),

@@ -46,6 +46,7 @@ from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.surface import surface_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
@@ -324,7 +325,7 @@ def _apad_at(
     if seen["battery"] is not None:
         data["apad"]["battery"]["start_fraction"] = seen["battery"]
     config = from_data(data, scenario.name).apad
-    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.docked))
+    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.docked), surface_of(scenario))
     for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:
         # It waits there from time 0 on, and what it draws meanwhile is given back.
         apad.advance(now_ms)

@@ -23,6 +23,7 @@ from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import DriftMode, FirmwareProgram, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.surface import doubt_about_legs
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.scenario.water import Water
 from firmware_model.power.rails import Rail
@@ -91,6 +92,10 @@ def warnings(scenario: Scenario) -> list[Contradiction]:
             battery.start_fraction if it.battery_start_fraction is None else it.battery_start_fraction
         )
     found: list[Contradiction] = []
+    if (doubt := doubt_about_legs(scenario)) is not None:
+        found.append(
+            (doubt, "lower the current or the wind, or give the aPad more thrust (apad.thruster_max_n)")
+        )
     home = scenario.apad.home
     if home is not None:
         charging_docks = scenario.apad.docks if home.docked is schema.DockedAtHome.CHARGE else 0
@@ -128,6 +133,15 @@ def warnings(scenario: Scenario) -> list[Contradiction]:
 
 
 def _check_apad(scenario: Scenario) -> Iterator[Contradiction]:
+    water = scenario.water
+    flows = {
+        "fleet.drift.current_m_s": scenario.fleet.drift.current_m_s,
+        "fleet.drift.current_file": scenario.fleet.drift.current_file,
+        "water.current": None if water is None else water.current,
+        "water.wind": None if water is None else water.wind,
+    }
+    if any(scenario.apad.drift_m_s) and (given := [key for key, flow in flows.items() if flow is not None]):
+        yield "apad.drift_m_s", f"{given[0]} pushes the aPad too, and there is one sea: leave one out"
     batch, docks = scenario.mission.batch, scenario.apad.docks
     if batch > docks:
         yield (

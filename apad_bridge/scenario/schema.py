@@ -438,8 +438,11 @@ class APad:
     """Quadratic drag: newtons at 1 m/s."""
     thruster_max_n: Positive
     thruster_w_per_n: NotNegative
+    wind_n_per_m2_s2: NotNegative = 0.08
+    """Quadratic drag in air: newtons of a wind of 1 m/s. Assumed: half of 1.2 kg/m3, times 0.8, times 0.17 m2 of hull."""
     drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
-    """Velocity (north, east) of the drift while the controllers are off; running controllers compensate for it."""
+    """Velocity (north, east) of a drift that was measured with the controllers off, and acts then alone. A current or a
+    wind of the scenario takes its place."""
     fault: Fault = Fault.NONE
     """The misbehaviour of the simulated aPad's ROS node."""
     dock_miss_probability: Fraction = 0.05

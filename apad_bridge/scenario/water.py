@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, TypeVar
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from agents.modem.frames import Generation
 from agents.water.bounds import Count
@@ -29,7 +29,7 @@ from firmware_model.sampling.sensors import SENSORS, Sensor
 class Tide:
     """One constituent: north is north_m_s sin(2 pi t / period + north_phase), and east likewise; t is mission time."""
 
-    period_h: Annotated[float, Gt(0), Le(10_000)]
+    period_h: Annotated[float, Ge(0.02), Le(10_000)]
     north_m_s: Speed
     east_m_s: Speed
     north_phase_deg: Annotated[float, Ge(-360), Le(360)] = 0.0

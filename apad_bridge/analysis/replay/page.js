@@ -13,7 +13,7 @@ const PART_MS = 60;
 const EVENT_KINDS = {
   notes: ["remark", "operator", "override", "script"],
   plans: ["plan", "dock", "presence", "stands_down"],
-  failures: ["primitive", "given_up", "left_alone", "stuck", "died", "fault", "fault_over", "refused", "guard", "guard_over", "pilot", "others", "docks_disagree", "master_gone", "graph_deaf", "vehicle_silent", "unreadable"],
+  failures: ["primitive", "given_up", "left_alone", "beyond_reach", "stuck", "died", "fault", "fault_over", "refused", "guard", "guard_over", "pilot", "others", "docks_disagree", "master_gone", "graph_deaf", "vehicle_silent", "unreadable"],
 };
 const CHOSEN_BY = runs[0].differs ? "run" : "aPad";
 let partMs = 0, part = 0;

@@ -26,7 +26,6 @@ from apad_bridge.vehicle.generation_a.messages import (
     Published,
 )
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.stack_messages import PosePublished
 
 use_generated_messages()
@@ -79,16 +78,16 @@ class Server(LegacyServer[GenerationAVehicle]):
     @classmethod
     def of_scenario(cls, scenario: Scenario) -> Self:
         """A goal of generation A has no field for speed or victory radius: both are the scenario's mission's."""
-        apad, mission, misses = scenario.apad, scenario.mission, parts.misses(scenario)
+        apad, mission = scenario.apad, scenario.mission
         return cls(
             apad.name,
             lambda start_ms: GenerationAVehicle(
-                SimulatedAPad(apad, home_m=scenario.area.home_m),
+                parts.simulated_hull(scenario),
                 mission.speed_m_s,
                 mission.victory_radius_m,
                 start_ms,
                 apad.fault,
-                misses,
+                parts.misses(scenario),
             ),
             LocalFrame.about(scenario.area.origin),
         )

@@ -13,6 +13,7 @@ import rospy
 from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
 from std_srvs.srv import Trigger, TriggerResponse
 
+from apad_bridge.assembly import parts
 from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -35,7 +36,6 @@ from apad_bridge.vehicle.generation_b.messages import (
     StatusPublished,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.stack_messages import PosePublished
 
 use_generated_messages()
@@ -135,10 +135,10 @@ class Server(LegacyServer[GenerationBVehicle]):
 
     @classmethod
     def of_scenario(cls, scenario: Scenario) -> Self:
-        apad, home_m = scenario.apad, scenario.area.home_m
+        apad = scenario.apad
         return cls(
             apad.name,
-            lambda start_ms: GenerationBVehicle(SimulatedAPad(apad, home_m=home_m), start_ms, apad.fault),
+            lambda start_ms: GenerationBVehicle(parts.simulated_hull(scenario), start_ms, apad.fault),
             LocalFrame.about(scenario.area.origin),
         )
 

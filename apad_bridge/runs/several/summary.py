@@ -53,6 +53,7 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "first_cause": _common_text(of_each, "first_cause"),
         "causes": dict(causes.most_common()),
         "left_alone": sorted({agent_id for flight in flights for agent_id in flight["left_alone"]}),
+        "beyond_reach": sorted({agent_id for flight in flights for agent_id in flight["beyond_reach"]}),
         "failed_docks": [dock_index for flight in flights for dock_index in flight["failed_docks"]],
         **{key: _combined(flights, key, _total) for key in ("counted_s", "counted_at_end")},
         "uptime_paper": _spread(flights, "uptime_paper"),

@@ -181,7 +181,12 @@ class GenerationAVehicle(SimulatedStack[Published]):
         if not free or self._fault is Fault.PERCHES_NOTHING:
             return self._end(Outcome.SUCCEEDED)
         number = _AGENT_NUMBER.search(goal.name)
-        if self._misses is not None and number is not None and self._misses.misses(int(number[0])):
+        place_m = self.pose.north_m, self.pose.east_m
+        if (
+            self._misses is not None
+            and number is not None
+            and self._misses.misses(int(number[0]), place_m, self._apad_ms)
+        ):
             return self._end(Outcome.ABORTED, MISSED)
         dock_index, serial = free[0], self._next_serial()
         facts = self._apad.receive(CloseDock(serial, dock_index, serial), self._apad_ms)

@@ -72,7 +72,8 @@ class BenchDocks:
         is_simulated = command.agent_id in self._simulated
         if refusal_reason is None and is_simulated:
             refusal_reason = why_out_of_reach(command.agent_id, pose, self._sight, now_ms)
-        if refusal_reason is None and is_simulated and self._misses.misses(command.agent_id):
+        place_m = (0.0, 0.0) if pose is None else (pose.north_m, pose.east_m)
+        if refusal_reason is None and is_simulated and self._misses.misses(command.agent_id, place_m, now_ms):
             refusal_reason = MISSED
         if refusal_reason is not None:
             return [CommandFailed(now_ms, command.command_id, refusal_reason)]

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.schema import APad
+from apad_bridge.scenario.surface import Surface
 from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -73,6 +74,8 @@ class SimulatedAPad:
 
     `misses` decides which dockings fail; without it, no docking fails. `home_m` is where it is charged if the
     configuration has a `home`; None for its start. `held` are the aMussels that it has docked already, by dock index.
+    `surface` is the sea's flow, whose time 0 is the aPad's; None for calm water. A steady flow lets an aPad rest that it
+    cannot move; one that changes acts within a second.
     """
 
     def __init__(
@@ -81,7 +84,9 @@ class SimulatedAPad:
         misses: Misses | None = None,
         home_m: tuple[float, float] | None = None,
         held: Mapping[int, int] = MappingProxyType({}),
+        surface: Surface | None = None,
     ) -> None:
+        self._surface = surface
         self._motion = Motion(config)
         self._battery = Battery(config.battery)
         self._charger = Charger(config, home_m)
@@ -127,7 +132,8 @@ class SimulatedAPad:
         elif self._battery.is_empty:
             facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
         elif isinstance(command, CloseDock):
-            facts.append(self._docks.try_to_close(command, self._misses, now_ms))
+            place_m = self.pose.north_m, self.pose.east_m
+            facts.append(self._docks.try_to_close(command, self._misses, now_ms, place_m))
             self._set_load()
         elif isinstance(command, OpenDock):
             facts.append(self._docks.open(command, now_ms))
@@ -200,6 +206,9 @@ class SimulatedAPad:
         self._motion.cut_power()
 
     def _plan(self) -> None:
+        if self._surface is not None:
+            pose = self.pose
+            self._motion.take_flow(self._surface.flow((pose.north_m, pose.east_m), self._instant_ms))
         self._motion.plan_step()
         self._set_load()
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockClosed, DockOpened, OpenDock
-from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.simulated.misses import MISSED, Misses, Place
 
 
 class Docks:
@@ -35,10 +35,11 @@ class Docks:
         return None
 
     def try_to_close(
-        self, command: CloseDock, misses: Misses | None, now_ms: int
+        self, command: CloseDock, misses: Misses | None, now_ms: int, place_m: Place = (0.0, 0.0)
     ) -> DockClosed | CommandFailed:
-        """Like `close`, for a mechanism that may miss; one that cannot close makes no attempt."""
-        if self.refusal(command) is None and misses is not None and misses.misses(command.agent_id):
+        """Like `close`, for a mechanism of an aPad at `place_m` that may miss; one that cannot close makes no attempt."""
+        can_close = self.refusal(command) is None
+        if can_close and misses is not None and misses.misses(command.agent_id, place_m, now_ms):
             return CommandFailed(now_ms, command.command_id, MISSED)
         return self.close(command, now_ms)
 

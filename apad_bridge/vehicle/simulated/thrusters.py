@@ -14,11 +14,6 @@ NO_FORCES: Forces = (0.0, 0.0, 0.0, 0.0)
 _HALF_DIAGONAL = 1 / (2 * math.sqrt(2))
 
 
-def weakest_force_n(thruster_max_n: float) -> float:
-    """The force available in every direction: along a diagonal only two of the four thrusters push."""
-    return 2 * thruster_max_n
-
-
 def allocate(
     force_north_n: float, force_east_n: float, heading_rad: float, max_n: float
 ) -> tuple[Forces, float]:

@@ -186,6 +186,7 @@ SUMMARY = {
     "causes": {},
     "steps_given_up": 0,
     "left_alone": [],
+    "beyond_reach": [],
     "failed_docks": [],
     "active_mean": 8.92,
     "samples_uploaded": None,
@@ -287,6 +288,7 @@ TROUBLE = {
     },
     "steps_given_up": 4,
     "left_alone": [3, 7],
+    "beyond_reach": [],
 }
 
 

@@ -28,6 +28,7 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
             "steps_given_up": 1,
             "causes": {"missed": 1},
             "left_alone": [],
+            "beyond_reach": [],
         },
         **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
         **{"counted_s": agents * 100.0, "counted_at_end": agents, "excluded": None, "amussels": {}},

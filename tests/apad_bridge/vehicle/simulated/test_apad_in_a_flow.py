@@ -1,0 +1,211 @@
+"""The simulated aPad in current and wind, against forces and ways worked by hand.
+
+Its hull: 25 kg, 40 N at 1 m/s in water, 0.08 N at 1 m/s in air, four thrusters of 30 N in X at 6 W for each newton.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from agents.water.stream import STILL, CurrentConfig, Tide
+from apad_bridge.scenario.currents import steady_text
+from apad_bridge.scenario.schema import APad
+from apad_bridge.scenario.surface import (
+    Flow,
+    LegForecast,
+    Surface,
+    Vector,
+    free_drift_m_s,
+    holding_effort,
+    made_good_m_s,
+    resistance_n,
+)
+from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.simulated.motion import Coast
+
+FULL_J = 230 * 3600
+X = 2 * math.sqrt(2)
+"""A force along the bow is the sum of four thrusts, each of this part of it."""
+
+
+def current(north_m_s: float, east_m_s: float = 0.0, wind_m_s: Vector | None = None) -> Surface:
+    return Surface(CurrentConfig(steady_text(north_m_s, east_m_s)).stream(), wind_m_s)
+
+
+def test_holding_in_a_current_takes_the_drag_of_the_water_that_passes(config: APad) -> None:
+    apad = SimulatedAPad(config, surface=current(0.2))
+    apad.receive(Hold(1, 0.0, 0.0), 0)
+    apad.advance(1_000_000)
+    # 40 * 0.2^2 = 1.6 N towards the south
+    assert apad.thruster_forces_n == pytest.approx((-1.6 / X,) * 4)
+    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (0.0, 0.0, 0.0)
+    assert apad.energy_used_fraction == pytest.approx((25 + 6 * 4 * 1.6 / X) * 1000 / FULL_J)
+
+
+def test_holding_in_a_wind_takes_the_drag_of_the_air(config: APad) -> None:
+    apad = SimulatedAPad(config, surface=Surface(STILL, (0.0, 10.0)))
+    apad.advance(10_000)
+    # 0.08 * 10^2 = 8 N towards the west: across the bow two thrusters push forwards and two backwards
+    assert [abs(it) for it in apad.thruster_forces_n] == pytest.approx([8 / X] * 4)
+    assert (apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("current_m_s", "force_n"),
+    [
+        ((0.2, 0.0), 40 * 0.3**2),
+        ((-0.2, 0.0), 40 * 0.7**2),
+        ((0.0, 0.2), 40 * (0.5**2 + 0.2**2)),
+        ((0.5, 0.0), 0.0),
+    ],
+)
+def test_going_takes_the_drag_through_the_water_at_the_ordered_speed_over_ground(
+    config: APad, current_m_s: Vector, force_n: float
+) -> None:
+    apad = SimulatedAPad(config, surface=current(*current_m_s))
+    apad.receive(GoTo(1, 100.0, 0.0, 0.5, 0.5), 0)
+    apad.advance(60_000)
+    assert (apad.pose.north_m_s, apad.pose.east_m_s) == pytest.approx((0.5, 0.0), abs=1e-9)
+    assert apad.pose.east_m == pytest.approx(0.0, abs=1e-6)
+    one, other, _, _ = apad.thruster_forces_n
+    assert math.hypot(one + other, one - other) * math.sqrt(2) == pytest.approx(force_n, abs=1e-6)
+
+
+def test_against_a_strong_current_the_top_speed_through_the_water_is_what_counts(config: APad) -> None:
+    apad = SimulatedAPad(config, surface=current(-0.6))
+    facts = apad.receive(GoTo(1, 40.0, 0.0, 0.9, 0.5), 0)
+    facts += apad.advance(60_000)
+    # 1.0 m/s through the water leave 0.4 over ground
+    assert apad.pose.north_m_s == pytest.approx(0.4)
+    facts += apad.advance(200_000)
+    (arrived,) = [it for it in facts if isinstance(it, Arrived)]
+    assert arrived.at_ms == pytest.approx(1000 * 39.5 / 0.4, rel=0.03)
+    assert (apad.pose.north_m, apad.pose.speed_m_s) == (40.0, 0.0)
+
+
+def test_a_current_beyond_its_thrust_takes_it_away_under_full_power(config: APad) -> None:
+    apad = SimulatedAPad(config, surface=current(1.5))
+    apad.receive(Hold(1, 0.0, 0.0), 0)
+    apad.advance(120_000)
+    # along the bow four thrusters give 84.85 N, enough for 1.456 m/s through the water
+    assert max(map(abs, apad.thruster_forces_n)) == pytest.approx(30.0)
+    assert apad.pose.north_m_s == pytest.approx(1.5 - math.sqrt(4 * 30 / math.sqrt(2) / 40), abs=0.001)
+    assert apad.pose.north_m > 4.0
+
+
+def test_a_free_hull_slides_through_the_water_and_then_goes_with_it(config: APad) -> None:
+    """Quadratic drag from v to w takes m/k ln(v/w) metres through the water."""
+    apad = SimulatedAPad(config, surface=current(0.0, 0.3))
+    apad.receive(GoTo(1, 100.0, 0.0, 0.4, 0.5), 0)
+    apad.advance(30_000)
+    begin = apad.pose
+    apad.receive(Coast(), 30_000)
+    apad.advance(330_000)
+    slid_m = 25 / 40 * math.log(0.5 / 0.02)  # 0.4 over ground to the north is 0.5 through the water
+    assert apad.pose.north_m - begin.north_m == pytest.approx(slid_m * 0.4 / 0.5, rel=0.05)
+    assert apad.pose.east_m - begin.east_m == pytest.approx(300 * 0.3 - slid_m * 0.3 / 0.5, rel=0.002)
+    assert (apad.pose.north_m_s, apad.pose.east_m_s) == pytest.approx((0.0, 0.3), abs=1e-12)
+    assert apad.thruster_forces_n == (0.0,) * 4
+
+
+@pytest.mark.parametrize("flow", [Flow((0.2, -0.1), (3.0, 8.0)), Flow((0.0, 0.0), (10.0, 0.0))])
+def test_the_free_drift_is_the_velocity_at_which_water_and_air_push_alike(config: APad, flow: Flow) -> None:
+    assert resistance_n(config, flow, free_drift_m_s(config, flow)) == pytest.approx((0.0, 0.0), abs=1e-12)
+    # 4.3 % of the wind in still water; 3 % is the usual figure for what floats awash
+    assert free_drift_m_s(config, Flow((0.0, 0.0), (10.0, 0.0)))[0] == pytest.approx(0.428, abs=0.001)
+
+
+def test_the_speed_made_good_is_that_of_the_triangle_of_velocities(config: APad) -> None:
+    assert made_good_m_s(config, Flow((-0.6, 0.0)), (1.0, 0.0)) == pytest.approx(0.4)
+    assert made_good_m_s(config, Flow((0.6, 0.0)), (1.0, 0.0)) == pytest.approx(1.6)
+    assert made_good_m_s(config, Flow((0.0, 0.6)), (1.0, 0.0)) == pytest.approx(0.8)
+    assert made_good_m_s(config, Flow((0.0, 1.1)), (1.0, 0.0)) <= 0.0
+    # 60 N in every direction, of which a wind of 25 m/s takes 50: sqrt(10 / 40) m/s are left
+    assert made_good_m_s(config, Flow((0.0, 0.0), (0.0, 25.0)), (1.0, 0.0)) == pytest.approx(0.5)
+
+
+def test_a_leg_that_the_current_bars_anywhere_on_the_way_is_told_with_its_place(config: APad) -> None:
+    field = "north_m,east_m,north_m_s,east_m_s\n" + "".join(
+        f"{north},0,{-1.2 if north == 100 else 0},0\n" for north in (0, 50, 100, 150, 200)
+    )
+    legs = LegForecast(config, Surface(CurrentConfig(field).stream()))
+    assert legs.obstacle((0.0, 0.0), (50.0, 0.0), 0) is None
+    told = legs.obstacle((0.0, 0.0), (200.0, 0.0), 0)
+    assert told is not None and "a current of 1.20 m/s at (100, 0) m" in told and "1.00 m/s" in told
+    assert legs.obstacle((200.0, 0.0), (0.0, 0.0), 0) is None  # with the current
+    assert LegForecast(config, None).obstacle((0.0, 0.0), (200.0, 0.0), 0) is None
+
+
+def test_a_tide_bars_a_leg_for_a_part_of_the_day_alone(config: APad) -> None:
+    tide = CurrentConfig(tides=(Tide(43_200, -1_200_000, 0),))
+    legs = LegForecast(config, Surface(tide.stream()))
+    barred = [legs.obstacle((0.0, 0.0), (20.0, 0.0), 3_600_000 * hour) is not None for hour in range(12)]
+    # -1.2 sin(2 pi t / 12 h) is below -1 from 1.9 h to 4.1 h
+    assert [hour for hour, it in enumerate(barred) if it] == [2, 3, 4]
+
+
+def test_the_flow_of_a_tide_is_felt_at_rest_within_a_second(config: APad) -> None:
+    apad = SimulatedAPad(config, surface=Surface(CurrentConfig(tides=(Tide(400, 400_000, 0),)).stream()))
+    apad.advance(100_500)
+    assert apad.power_w == pytest.approx(25 + 6 * 4 * 40 * 0.4**2 / X)
+    apad.advance(200_500)
+    assert apad.power_w == pytest.approx(25, abs=1e-6)
+    assert (apad.pose.north_m, apad.pose.east_m) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("north_m_s", "share"), [(0.0, 0.1), (0.5, 0.1 + 0.9 / 6), (1.3, 1.0)])
+def test_dockings_miss_by_the_share_of_the_thrust_that_holding_takes(
+    config: APad, north_m_s: float, share: float
+) -> None:
+    """40 * 0.5^2 = 10 N of 60 N; five standard deviations of the binomial of 2000 tries are 80."""
+    surface = current(north_m_s)
+    misses = Misses(7, 0.1, lambda place_m, at_ms: holding_effort(config, surface.flow(place_m, at_ms)))
+    apad = SimulatedAPad(config, misses, surface=surface)
+    missed = 0
+    for n in range(2000):
+        (fact,) = apad.receive(CloseDock(n, 0, n + 1), 0)[-1:]
+        if isinstance(fact, CommandFailed):
+            assert fact.reason == MISSED
+            missed += 1
+        else:
+            apad = SimulatedAPad(config, misses, surface=surface)
+    assert missed == pytest.approx(2000 * share, abs=80 if share < 1 else 0)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], max_examples=30)
+@given(cuts_ms=st.lists(st.integers(0, 30_000), max_size=40))
+def test_cutting_time_changes_nothing_in_a_flow(config: APad, cuts_ms: list[int]) -> None:
+    tide = Surface(CurrentConfig(tides=(Tide(60, 500_000, 300_000),)).stream(), (4.0, -2.0))
+
+    def trace(cuts_ms: list[int]) -> str:
+        apad = SimulatedAPad(replace(config, thruster_max_n=8), surface=tide)
+        facts = apad.receive(GoTo(1, 5.0, -3.0, 0.7, 0.3), 1234)
+        for at_ms in sorted(it for it in cuts_ms if it >= 1234):
+            facts += apad.advance(at_ms)
+        facts += apad.receive(Coast(), 30_050) + apad.advance(40_000)
+        return repr((facts, apad.pose, apad.battery_fraction, apad.thruster_forces_n))
+
+    assert trace(cuts_ms) == trace([])
+
+
+def test_the_apad_aims_at_where_the_float_will_be(config: APad) -> None:
+    """Of an aMussel abeam that floats with 0.3 m/s, at 0.5 m/s: the ways are 3, 4 and 5; a leg takes 2.5 s more."""
+    legs = LegForecast(config, current(0.0, 0.3))
+    met_m = legs.meeting_m((0.0, 0.0), (4.0, 0.0), 0.5, 0)
+    assert met_m is not None and met_m[0] == 4.0
+    takes_s = met_m[1] / 0.3
+    assert math.hypot(*met_m) == pytest.approx(0.5 * (takes_s - 2.5))
+    assert legs.bar_to_float((0.0, 0.0), (4.0, 0.0), 0.5, 0) is None
+    # One that floats towards it is met at once; one that goes with 0.3 m/s before 0.2 m/s never is.
+    assert legs.meeting_m((0.0, 0.0), (0.0, -30.0), 0.2, 0) is not None
+    assert legs.meeting_m((0.0, 0.0), (0.0, 30.0), 0.2, 0) is None
+    told = legs.bar_to_float((0.0, 0.0), (0.0, 30.0), 0.2, 0)
+    assert told == "it would float away with 0.30 m/s, and the aPad goes after it with 0.20 m/s"
+    assert LegForecast(config, None).meeting_m((0.0, 0.0), (4.0, 0.0), 0.5, 0) == (4.0, 0.0)
