@@ -11,19 +11,16 @@ batteries.
 from __future__ import annotations
 
 import math
-import os
 import random
 import statistics
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from agents.hosting.in_process import InProcessHost
@@ -44,6 +41,7 @@ from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.link import InProcessVehicle
+from benchmarks.rows import side_by_side, told
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge import Battery, fraction
@@ -51,6 +49,7 @@ from firmware_model.states import State
 
 CONFIGURATIONS = 10
 MISSION_S = 7200
+SHORT_CONFIGURATIONS, SHORT_S = 2, 900
 ASKING = (0.0, 1.0)
 CASES = ("lossy", "noisy", "late")
 SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
@@ -66,20 +65,16 @@ LOSS, SNR_DB = 0.9, -0.6
 FIGURES = ("lost", "emptied", "uptime", "least_uptime", "samples", "cost_m", "error")
 
 
-def measure(configurations: int = CONFIGURATIONS) -> dict[str, Any]:
+def measure(configurations: int = CONFIGURATIONS, short: bool = False) -> dict[str, Any]:
     """`rows`: a mean for each case and way of asking; `gains`: the paired gain from asking, with its interval of 95 %."""
+    configurations, mission_s = (SHORT_CONFIGURATIONS, SHORT_S) if short else (configurations, MISSION_S)
     flights = [
         (case, asking, seed) for seed in range(1, configurations + 1) for case in CASES for asking in ASKING
     ]
     flown = {}
-    with (
-        Progress(console=Console(stderr=True), transient=True) as progress,
-        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
-    ):
-        task = progress.add_task("flying", total=len(flights))
-        for which, figures in zip(flights, pool.map(fly, flights), strict=True):
-            flown[which] = figures
-            progress.advance(task)
+    for (case, asking, seed), figures in side_by_side(partial(fly, mission_s=mission_s), flights):
+        flown[case, asking, seed] = figures
+        told({"case": case, "asking": asking, "seed": seed, **figures})
     rows = []
     for case in CASES:
         for asking in ASKING:
@@ -87,7 +82,7 @@ def measure(configurations: int = CONFIGURATIONS) -> dict[str, Any]:
             rows.append({"case": case, "asking": asking, **{key: _mean(ones, key) for key in ones[0]}})
     return {
         "configurations": configurations,
-        "mission_s": MISSION_S,
+        "mission_s": mission_s,
         "rows": rows,
         "gains": list(_gains(flown, configurations)),
     }
@@ -113,17 +108,17 @@ def _gains(
             yield gain
 
 
-def fly(which: tuple[str, float, int]) -> dict[str, float]:
+def fly(which: tuple[str, float, int], mission_s: int = MISSION_S) -> dict[str, float]:
     case, asking, seed = which
     with tempfile.TemporaryDirectory(prefix="musselbed-") as directory:
-        thought = _scenario(case, asking, seed, Path(directory))
+        thought = _scenario(case, asking, seed, mission_s, Path(directory))
         return _flown(thought, _as_it_is(thought, seed))
 
 
-def _scenario(case: str, asking: float, seed: int, directory: Path) -> Scenario:
+def _scenario(case: str, asking: float, seed: int, mission_s: int, directory: Path) -> Scenario:
     shipped = load(SCENARIO)
     data = resolve(shipped)
-    data.update(seed=seed, duration_s=MISSION_S)
+    data.update(seed=seed, duration_s=mission_s)
     data["fleet"]["start"] = {"charge": [0.2, 0.6] if case == "late" else [0.6, 1.0]}
     if case == "late":
         data["mission"]["pool_threshold"] = 0.15

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import Any
@@ -17,6 +15,7 @@ from rich.table import Table
 from benchmarks.belief_study import cost, places, study
 from benchmarks.belief_study.score import score
 from benchmarks.belief_study.truth import AGENTS, DAYS
+from benchmarks.rows import told
 
 PEERS = ("kalman", "imm")
 
@@ -69,8 +68,7 @@ def measure(
     rows = []
 
     def keep(row: dict[str, Any]) -> None:
-        rows.append(row)
-        print(json.dumps(row), file=sys.stderr, flush=True)
+        rows.append(told(row))
 
     for name, knows, heard in cells:
         head = {"knows": "schedule" if knows else "dockings", "heard": heard, "filter": name}

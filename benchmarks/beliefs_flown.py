@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 import random
 import statistics
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
 
 from apad_bridge.mission.events import Fact, SoundHeard, WifiHeard
 from apad_bridge.records.summary import uptime_figures
@@ -22,8 +18,10 @@ from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.loop import Flight
+from benchmarks.rows import side_by_side, told
 
 CONFIGURATIONS = 30
+SHORT_CONFIGURATIONS = 2
 HEARD = 0.1
 HOUR_AT_THETA_30_S = 120.0
 START_CHARGE = (0.6, 1.0)
@@ -37,18 +35,11 @@ MODEL = TwinModel(
 )
 
 
-def measure(configurations: int = CONFIGURATIONS) -> dict[str, Any]:
+def measure(configurations: int = CONFIGURATIONS, short: bool = False) -> dict[str, Any]:
     """`uptime_kept`: mean over configurations of uptime on beliefs over uptime on perfect knowledge, with its interval
     of 95 %. Perfect knowledge: a report of every aMussel each second, all received, without noise."""
-    pairs = []
-    with (
-        Progress(console=Console(stderr=True), transient=True) as progress,
-        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
-    ):
-        task = progress.add_task("flying", total=configurations)
-        for pair in pool.map(flown, range(1, configurations + 1)):
-            pairs.append(pair)
-            progress.advance(task)
+    configurations = SHORT_CONFIGURATIONS if short else configurations
+    pairs = [told(pair) for _, pair in side_by_side(flown, range(1, configurations + 1))]
     kept = [pair["on_beliefs"]["uptime"] / pair["on_truth"]["uptime"] for pair in pairs]
     half = 1.96 * statistics.stdev(kept) / math.sqrt(len(kept))
     mean = statistics.mean(kept)

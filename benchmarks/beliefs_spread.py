@@ -8,15 +8,12 @@ in which aMussel 3 and the aPad do not hear each other from 600 to 7000 s; and "
 
 from __future__ import annotations
 
-import os
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from agents.mussel.outputs import Truth
@@ -28,8 +25,11 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from benchmarks.rows import side_by_side, told
 
 SEEDS = (1, 2, 3, 4, 5)
+SHORT_S = 1200
+"""The short tier flies each case once, for so long."""
 LEAST_SAMPLES = 200
 SAMPLED_MS = 10_000
 SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
@@ -39,20 +39,13 @@ DEAF = "from, to, loss, since_s, until_s\n3, apad, 1, 600, 7000\napad, 3, 1, 600
 CASES = ("spread", "metered", "deaf", "aged")
 
 
-def measure(seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
+def measure(seeds: tuple[int, ...] = SEEDS, short: bool = False) -> dict[str, Any]:
     """`flights`: for each case and seed the scores, the least coverage of any bin, and how many were lost."""
+    seeds, changes = (seeds[:1], {"duration_s": SHORT_S}) if short else (seeds, {})
     jobs = [
         (case, seed) for case in CASES for seed in (seeds if case in ("spread", "metered") else seeds[:1])
     ]
-    flights = []
-    with (
-        Progress(console=Console(stderr=True), transient=True) as progress,
-        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
-    ):
-        task = progress.add_task("flying", total=len(jobs))
-        for flight in pool.map(_flight, jobs):
-            flights.append(flight)
-            progress.advance(task)
+    flights = [told(it) for _, it in side_by_side(partial(_flight, changes=changes), jobs)]
     return {"scenario": SCENARIO.name, "least_samples": LEAST_SAMPLES, "flights": flights}
 
 
@@ -94,10 +87,10 @@ def flown(scenario: Scenario) -> tuple[list[Comparison], dict[str, Any]]:
     return rows, uptime_figures(recorder.meter, flight.now_ms)
 
 
-def _flight(job: tuple[str, int]) -> dict[str, Any]:
+def _flight(job: tuple[str, int], changes: dict[str, Any]) -> dict[str, Any]:
     case, seed = job
     with tempfile.TemporaryDirectory(prefix="musselbed-") as directory:
-        rows, figures = flown(scenario_of(case, seed, Path(directory)))
+        rows, figures = flown(scenario_of(case, seed, Path(directory), **changes))
     scores = scores_of(rows)
     assert scores is not None and scores.overall.coverage is not None
     bins = {f"age up to {name}": score for name, score in scores.by_age.items()}

@@ -13,17 +13,14 @@ Wi-Fi, after the first one of each aMussel.
 from __future__ import annotations
 
 import math
-import os
 import random
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from agents.fleet import Spread
@@ -43,6 +40,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import SampleCollection
+from benchmarks.rows import side_by_side, told
 from firmware_model.config import BoardConfig
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.power.ageing import AS_NEW, rescaled
@@ -53,6 +51,8 @@ Packet = TypeVar("Packet", StatusPacket, ShortStatus)
 SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
 MISSION_S = 36_000
 """Four rounds of charge and more for most aMussels: 300 h of agent time."""
+SHORT_S = 1800
+"""The short tier flies a population on which the twins were tuned: the others are kept for the judgement."""
 TUNED_ON = (3401, 3402, 3403)
 JUDGED_ON = (734901, 734902, 734903, 734904)
 """Drawn and written down before any of them was flown."""
@@ -147,9 +147,9 @@ def scenario_of(seed: int) -> Scenario:
     return from_data(data, shipped.name)
 
 
-def flown(seed: int, heard: float, equal: bool = False) -> list[Row]:
+def flown(seed: int, heard: float, equal: bool = False, mission_s: float = MISSION_S) -> list[Row]:
     """Flies one population, and compares each belief with its truth each 10 s of the mission."""
-    scenario = scenario_of(seed)
+    scenario = replace(scenario_of(seed), duration_s=mission_s)
     config = _told_of_losses(flight_config(scenario), heard)
     boards = population(seed, tuple(scenario.fleet.ids), equal)
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
@@ -277,35 +277,35 @@ def binned(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
         yield name, [row for row in rows if row.state in states and (row.charging or name != "charging")]
 
 
-def measure(seeds: tuple[int, ...] = JUDGED_ON) -> dict[str, Any]:
+def measure(seeds: tuple[int, ...] = JUDGED_ON, short: bool = False) -> dict[str, Any]:
     """`bins`: the scores by population, share of packets, rounds of charge and bin; `ageing`: its errors after them."""
+    seeds, mission_s = (TUNED_ON[:1], SHORT_S) if short else (seeds, MISSION_S)
     jobs = [(seed, heard, equal) for equal in (False, True) for heard in HEARD for seed in seeds]
     found: dict[tuple[bool, float], list[Row]] = {}
-    with (
-        Progress(console=Console(stderr=True), transient=True) as progress,
-        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
-    ):
-        task = progress.add_task("flying", total=len(jobs))
-        for (_, heard, equal), rows in zip(jobs, pool.map(_flown, jobs), strict=True):
-            found.setdefault((equal, heard), []).extend(rows)
-            progress.advance(task)
+    for (seed, heard, equal), rows in side_by_side(partial(_flown, mission_s=mission_s), jobs):
+        found.setdefault((equal, heard), []).extend(rows)
+        told({"boards": _boards(equal), "heard": heard, "seed": seed, **score(rows)})
     bins = []
     for (equal, heard), rows in found.items():
         for after in (0, ROUNDS):
             some = [row for row in rows if (row.rounds >= ROUNDS) is bool(after)]
             for name, here in binned(some):
                 head = {
-                    "boards": "as told" if equal else "untold",
+                    "boards": _boards(equal),
                     "heard": heard,
                     "rounds": after,
                     "bin": name,
                 }
                 bins.append({**head, **score(here)})
-    return {"seeds": list(seeds), "mission_s": MISSION_S, "bins": bins}
+    return {"seeds": list(seeds), "mission_s": mission_s, "bins": bins}
 
 
-def _flown(job: tuple[int, float, bool]) -> list[Row]:
-    return flown(*job)
+def _boards(equal: bool) -> str:
+    return "as told" if equal else "untold"
+
+
+def _flown(job: tuple[int, float, bool], mission_s: int) -> list[Row]:
+    return flown(*job, mission_s)
 
 
 def show(result: dict[str, Any], console: Console) -> None:

@@ -7,9 +7,7 @@ breaks a law is flown again with fewer and fewer of its faults, until each that 
 
 from __future__ import annotations
 
-import json
 import shutil
-import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -41,12 +39,13 @@ from apad_bridge.scenario.timed_faults import TABLE, FaultAt, FaultMix, Faults, 
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.vehicle.link import InProcessVehicle
+from benchmarks.rows import told
 
 SCENARIOS = Path(__file__).parents[1] / "launch_scripts" / "scenarios"
 SCENARIO, WITH_SOUND = SCENARIOS / "pool-12.yaml", SCENARIOS / "sound-12.yaml"
 """Every second mix is flown in water, with whole boards."""
-FLIGHT_S = 900
-TRIES = 10
+FLIGHT_S, SHORT_S = 900, 120
+TRIES, SHORT_TRIES = 10, 2
 SEED = 20261122
 KILLS = 7
 """Kills of the supervisor in a mix."""
@@ -198,9 +197,10 @@ def shrunk(items: Sequence[Item], breaks: Callable[[Sequence[Item]], bool]) -> l
         size = max(1, size // 2)
 
 
-def measure(tries: int = TRIES) -> dict[str, Any]:
+def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
     """Each fault by itself, and so many mixes. A row that broke a law has the faults that it needs for that."""
-    pool, sound = in_one_process(SCENARIO), in_one_process(WITH_SOUND)
+    tries, flight_s = (SHORT_TRIES, SHORT_S) if short else (tries, FLIGHT_S)
+    pool, sound = in_one_process(SCENARIO, flight_s), in_one_process(WITH_SOUND, flight_s)
     ids = pool.fleet.ids
     faults = [it for it in TimedFault if not TABLE[it].needs_process]
     rows = [_row(f"{it} alone", pool, alone(it, ids)) for it in faults]
@@ -208,13 +208,13 @@ def measure(tries: int = TRIES) -> dict[str, Any]:
         scenario = sound if n % 2 else pool
         story = mixed(SEED + n, scenario.fleet.ids)
         rows.append(_row(f"mix, seed {SEED + n}, {scenario.name}", scenario, story, KILLS))
-    return {"flight_s": FLIGHT_S, "rows": rows}
+    return {"flight_s": flight_s, "rows": rows}
 
 
 def _row(name: str, scenario: Scenario, story: Sequence[FaultAt], kills: int = 0) -> dict[str, Any]:
     outcome = flown(scenario, story, kills)
     needed = shrunk(story, lambda part: bool(flown(scenario, part, kills).broken)) if outcome.broken else []
-    row = {
+    row: dict[str, Any] = {
         "story": name,
         "asked": len(story),
         "happened": outcome.happened,
@@ -225,8 +225,7 @@ def _row(name: str, scenario: Scenario, story: Sequence[FaultAt], kills: int = 0
             for it in needed
         ],
     }
-    print(json.dumps(row), file=sys.stderr, flush=True)
-    return row
+    return told(row)
 
 
 def show(result: dict[str, Any], console: Console) -> None:

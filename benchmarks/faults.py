@@ -51,6 +51,7 @@ from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.schema import Fleet, RandomStart
 from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
+from benchmarks.rows import told
 from firmware_model.power.charge import FULL, ChargeModel
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +59,7 @@ SCENARIO = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 SEVERAL = ROOT / "launch_scripts" / "scenarios" / "bay-120.yaml"
 MUSSELBED = Path(sys.executable).with_name("musselbed")
 TRIES = 3
-MINUTES = 1.0
+MINUTES, SHORT_MINUTES = 1.0, 0.1
 SEED = 20261122
 _VARIABLE = "MUSSELBED_FAULT_TRY"
 _GONE_S = 10.0
@@ -760,14 +761,19 @@ FAULTS = (
     Fault("a random agent killed every two seconds, the supervisor three times", _killed_at_random),
     Fault("the supervisor killed again and again, with leaking batteries", _killed_with_leaks),
 )
+SHORT = ("SIGINT while a run starts, asap", "two resumes at once", "full disk, asap")
+"""Names of the faults whose flights take some seconds each."""
 
 
-def measure(tries: int = TRIES, minutes: float = MINUTES) -> dict[str, Any]:
+def measure(tries: int = TRIES, minutes: float = MINUTES, short: bool = False) -> dict[str, Any]:
     """Each fault `tries` times; one that comes again and again lasts so many `minutes`.
 
     The rows' counts are sums over the tries; a further figure of a fault is the greatest of its tries.
     """
-    return {"rows": [_measured(fault, tries, minutes) for fault in FAULTS]}
+    if short:
+        tries, minutes = 1, SHORT_MINUTES
+    faults = [it for it in FAULTS if it.name in SHORT or not short]
+    return {"rows": [_measured(fault, tries, minutes) for fault in faults]}
 
 
 def _measured(fault: Fault, tries: int, minutes: float) -> dict[str, Any]:
@@ -778,8 +784,7 @@ def _measured(fault: Fault, tries: int, minutes: float) -> dict[str, Any]:
     for key in results[0].figures if results else ():
         row[key] = max(it.figures.get(key, 0) for it in results)
     row["notes"] = [note for it in results for note in it.notes]
-    print(json.dumps(row), file=sys.stderr, flush=True)
-    return row
+    return told(row)
 
 
 def show(result: dict[str, Any], console: Console) -> None:

@@ -46,6 +46,7 @@ from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Sound
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
 from agents.time_scale import TimeScale
+from benchmarks.rows import told
 from firmware_model.config import FullFirmware, LastResort, Timeslots
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
@@ -95,8 +96,7 @@ def measure(short: bool = False) -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
 
     def keep(row: dict[str, Any]) -> None:
-        rows.append(row)
-        print(json.dumps(row), file=sys.stderr, flush=True)
+        rows.append(told(row))
 
     for board, agents, window_s in boards:
         with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:

@@ -31,23 +31,27 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.ros.system.master import loopback_environment, start_master
+from benchmarks.rows import told
 
-AGENTS = 1000
-TICKS = 15
+AGENTS, SHORT_AGENTS = 1000, 100
+TICKS, SHORT_TICKS = 15, 5
 STALLED_TICKS = 45
 STALLED_BUFFER_BYTES = 4096
-LISTENED = tuple(str(agent_id) for agent_id in range(1, AGENTS + 1, AGENTS // 20))
 NODES = Path(__file__).parent / "nodes"
 TIMEOUT_S = 120.0
 FLOWN_AGENTS = 100
-FLOWN_S = 40
+FLOWN_S, SHORT_S = 40, 10
 SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml"
 GUARDED = SCENARIO.with_name("real-apad.yaml")
 KEYS = ("agents", "readers", "messages_per_s", "lost", "latency_p50_ms", "latency_p99_ms", "cpu_of_a_core")
 
 
-def measure() -> dict[str, Any]:
-    return {"rows": [row(stalled=False), row(stalled=True)], "ticks": ticks()}
+def measure(short: bool = False) -> dict[str, Any]:
+    agents, healthy_ticks, flown_s = (
+        (SHORT_AGENTS, SHORT_TICKS, SHORT_S) if short else (AGENTS, TICKS, FLOWN_S)
+    )
+    rows = [told(row(agents, healthy_ticks, stalled=False)), told(row(agents, STALLED_TICKS, stalled=True))]
+    return {"rows": rows, "ticks": told(ticks(flown_s))}
 
 
 def show(result: dict[str, Any], console: Console) -> None:
@@ -66,22 +70,23 @@ def show(result: dict[str, Any], console: Console) -> None:
     stalled = result["rows"][-1]
     console.print(
         f"the stalled reader was left out {stalled['stalled_left_out']} times and lost "
-        f"{stalled['stalled_disconnected']} of {2 * AGENTS} connections, each within "
+        f"{stalled['stalled_disconnected']} of {2 * stalled['agents']} connections, each within "
         f"{stalled['stalled_disconnected_s']:.2f} s of the first message that found its socket full"
     )
 
 
-def row(*, stalled: bool) -> dict[str, Any]:
+def row(agents: int, ticks: int, *, stalled: bool) -> dict[str, Any]:
     with ExitStack() as stack:
         home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
         master = start_master(home, timeout_s=20, orphan_s=0)
         stack.callback(master.stop)
         environment = loopback_environment(home, master.uri)
         environment["PYTHONPATH"] = str(NODES.parents[1])
-        gateway = Node(stack, environment, str(NODES / "gateway.py"), str(AGENTS))
+        listened = map(str, range(1, agents + 1, agents // 20))
+        gateway = Node(stack, environment, str(NODES / "gateway.py"), str(agents))
         _, open_s, uri = gateway.line().split()
-        reader = Node(stack, environment, str(NODES / "tcpros_reader.py"), uri, "everything", str(AGENTS))
-        ranging = Node(stack, environment, str(NODES / "rospy_reader.py"), *LISTENED)
+        reader = Node(stack, environment, str(NODES / "tcpros_reader.py"), uri, "everything", str(agents))
+        ranging = Node(stack, environment, str(NODES / "rospy_reader.py"), *listened)
         assert reader.line() == ranging.line() == "reading"
         if stalled:
             stopped = Node(
@@ -90,18 +95,18 @@ def row(*, stalled: bool) -> dict[str, Any]:
                 str(NODES / "tcpros_reader.py"),
                 uri,
                 "stalled",
-                str(AGENTS),
+                str(agents),
                 str(STALLED_BUFFER_BYTES),
             )
             assert stopped.line() == "reading"
             os.kill(stopped.process.pid, signal.SIGSTOP)
-        gateway.write_line(f"tick {STALLED_TICKS if stalled else TICKS}")
+        gateway.write_line(f"tick {ticks}")
         assert gateway.line() == "ticked"
         published = json.loads(gateway.end())
         received = json.loads(reader.end())
         latencies_ms = sorted(json.loads(ranging.end()))
         return {
-            "agents": AGENTS,
+            "agents": agents,
             "readers": "one is stalled" if stalled else "healthy",
             "open_s": float(open_s),
             "messages_per_s": published["published"] / published["took_s"],
@@ -115,11 +120,11 @@ def row(*, stalled: bool) -> dict[str, Any]:
         }
 
 
-def ticks() -> dict[str, Any]:
+def ticks(duration_s: int = FLOWN_S) -> dict[str, Any]:
     with ExitStack() as stack:
         home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
         scenario = home / "flown.yaml"
-        scenario.write_text(yaml.safe_dump(flown()))
+        scenario.write_text(yaml.safe_dump(flown(duration_s)))
         master = start_master(home, timeout_s=20, orphan_s=0)
         stack.callback(master.stop)
         environment = loopback_environment(home, master.uri)
@@ -142,7 +147,7 @@ def ticks() -> dict[str, Any]:
             env=environment,
             check=True,
             stdout=subprocess.DEVNULL,
-            timeout=FLOWN_S + TIMEOUT_S,
+            timeout=duration_s + TIMEOUT_S,
         )
         late_ms = lateness_ms(json.loads(reader.end()))
         return {

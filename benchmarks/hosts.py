@@ -40,9 +40,10 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 from benchmarks.network import DESPITE, MUSSELBED, ROOT
+from benchmarks.rows import told
 from benchmarks.soak import children_of_all
 
-ON_EACH = 500
+ON_EACH, SHORT_ON_EACH = 500, 12
 THETA = 30
 PERIOD_S = 10.0
 """Mission time between two reports of an aMussel: a hundred packets a second of all."""
@@ -58,12 +59,15 @@ DOCKING = {"dock_s": 5.0, "undock_s": 2.0}
 FLEETS = ("fleet-one", "fleet-two")
 
 
-def measure(minutes: float = 20.0) -> dict[str, Any]:
-    """`minutes` is the patience with each step, of which the longest are some batches of two services."""
+def measure(minutes: float = 20.0, short: bool = False) -> dict[str, Any]:
+    """`minutes` is the patience with each step, of which the longest are some batches of two services.
+
+    The short tier has few aMussels, but its cut lasts as long.
+    """
     if why := why_no_two_machines():
         raise SystemExit(f"this machine cannot play two: {why}")
     with tempfile.TemporaryDirectory(prefix="musselbed-hosts-") as folder:
-        return fly(ON_EACH, Path(folder), 60 * minutes)
+        return fly(SHORT_ON_EACH if short else ON_EACH, Path(folder), 60 * minutes)
 
 
 def written(home: Path, name: str, first_id: int, count: int) -> Path:
@@ -142,12 +146,14 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
             return {name: sum(it in ids[name] for it in heard.served[since:]) for name in FLEETS}
 
         heard_s = wait_until(lambda: all(all_heard(name, 0) for name in FLEETS), "not all are heard")
+        told({"heard_s": heard_s})
         parts = (*FLEETS, "mission")
         before_ms, used_before_s = heard.now_ms, {name: used_s(started[name].pid) for name in parts}
         took_s = wait_until(lambda: all(services(0).values()), "a machine was not served before the cut")
         rate = (heard.now_ms - before_ms) / 1000 / took_s
         processors = {name: (used_s(started[name].pid) - used_before_s[name]) / took_s for name in parts}
         memory_mb = {name: pss_mb(started[name].pid) for name in parts}
+        told({"rate": rate, "processors": processors, "memory_mb": memory_mb})
         lose(1.0)
         cut_ms = heard.now_ms
         wait_until(
@@ -156,6 +162,7 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
         lose(0.0)
         healed_ms, before = heard.now_ms, len(heard.served)
         again_s = wait_until(lambda: all_heard(FLEETS[1], healed_ms), "the second fleet is not heard again")
+        told({"again_s": again_s})
         wait_until(lambda: all(services(before).values()), "a machine was not served after the cut")
         after = services(before)
         ended_early = ended(started)

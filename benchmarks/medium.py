@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import heapq
-import json
 import random
 import statistics
-import sys
 import time
 from _blake2 import blake2b
 from pathlib import Path
@@ -20,6 +18,7 @@ from agents.water.places import Place
 from agents.water.sound import Sound
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
+from benchmarks.rows import told
 
 SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "sound-12.yaml"
 HOURS = 20
@@ -118,7 +117,7 @@ def measure(short: bool = False) -> dict[str, Any]:
     for agents in FLEETS:
         runs = [_packets(agents) for _ in range(repeats)]
         per_s = statistics.median(run["per_s"] for run in runs)
-        row = result["agents"][str(agents)] = {
+        row = {
             "packets_per_s": per_s,
             "of_floor": per_s / floor,
             "heard": runs[0]["heard"],
@@ -126,7 +125,8 @@ def measure(short: bool = False) -> dict[str, Any]:
             "flight_without_sound_s": _flight_s(agents, hours, by_sound=False),
             "broadcast_receptions_per_s": statistics.median(_broadcasts(agents) for _ in range(repeats)),
         }
-        print(json.dumps({"agents": agents, **row}), file=sys.stderr, flush=True)
+        result["agents"][str(agents)] = row
+        told({"agents": agents, **row})
     return result
 
 

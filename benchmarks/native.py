@@ -38,6 +38,7 @@ from agents.nursery.launch import launch_nursery, prepare
 from agents.time_scale import TimeScale
 from apad_bridge.commands.mu_program import bench_of, our_rig, rig_of
 from benchmarks.fleet import cost_row, kernel_kb, processor_s, serve, wait_for_merging
+from benchmarks.rows import told
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import Case, Verdict, judged, random_cases
 from firmware_model.bench.conformance_cases import CASES
@@ -45,8 +46,9 @@ from firmware_model.packets import CommandPacket, Kind
 from firmware_model.stimuli import PacketHeard
 from firmware_model.table_one import worst_case_board
 
-FLEETS = (100, 1000)
-MISSION_S = 300
+FLEETS, SHORT_FLEETS = (100, 1000), (12,)
+MISSION_S, SHORT_S = 300, 30
+SHORT_TRIES = 5
 THETA = 30
 TURNS = 3000
 RANDOM = 60
@@ -86,13 +88,14 @@ EQUIVALENT = {
 """Changes that nothing outside of the board can show, each with its reason."""
 
 
-def measure(tries: int = 60) -> dict[str, Any]:
+def measure(tries: int = 60, short: bool = False) -> dict[str, Any]:
+    tries, fleets, mission_s = (SHORT_TRIES, SHORT_FLEETS, SHORT_S) if short else (tries, FLEETS, MISSION_S)
     with tempfile.TemporaryDirectory(prefix="musselbed-") as folder:
         board = Path(folder) / "board"
         _compile(NATIVE / "worst_case.c", board)
         return {
             "turn_us": turn_us(board),
-            "fleets": [fleet_row(agents, it) for agents in FLEETS for it in (None, board)],
+            "fleets": [told(fleet_row(agents, it, mission_s)) for agents in fleets for it in (None, board)],
             "mutants": mutants(Path(folder), tries),
         }
 
@@ -129,7 +132,7 @@ def turn_us(board: Path) -> float:
     return 1e6 * (took_s[1] - took_s[0]) / TURNS
 
 
-def fleet_row(agents: int, board: Path | None) -> dict[str, Any]:
+def fleet_row(agents: int, board: Path | None, mission_s: int = MISSION_S) -> dict[str, Any]:
     states = {n: resting_on_bottom(n, 0.0, 3.0, 0.9, 1.0) for n in range(1, agents + 1)}
     firmware = () if board is None else (FirmwareConfig((str(board),)),)
     kind = "ours" if board is None else "C"
@@ -143,22 +146,24 @@ def fleet_row(agents: int, board: Path | None) -> dict[str, Any]:
             clock.advance(0)
             ready_s = time.monotonic() - began_s
             pids = [it for pid in host.pids.values() for it in (pid, *_children(pid))]
-            cpu_s, wall_s = _flown(clock, host, agents, [*pids, *_own()])
+            cpu_s, wall_s = _flown(clock, host, agents, mission_s, [*pids, *_own()])
             wait_for_merging()
             row = cost_row(
-                kind, agents, f"after_{MISSION_S}s", [host.nursery_pid, *pids], kernel_before_kb, ready_s
+                kind, agents, f"after_{mission_s}s", [host.nursery_pid, *pids], kernel_before_kb, ready_s
             )
         finally:
             host.close()
             nursery.wait()
-    hours = agents * MISSION_S * THETA / 3600
-    return row | {"cpu_ms_per_agent_hour": 1000 * cpu_s / hours, "speed": MISSION_S / wall_s}
+    hours = agents * mission_s * THETA / 3600
+    return row | {"cpu_ms_per_agent_hour": 1000 * cpu_s / hours, "speed": mission_s / wall_s}
 
 
-def _flown(clock: Coordinator, host: ProcessHost, agents: int, pids: list[int]) -> tuple[float, float]:
+def _flown(
+    clock: Coordinator, host: ProcessHost, agents: int, mission_s: int, pids: list[int]
+) -> tuple[float, float]:
     """Flies the mission, a second at a time: the processor's time of these processes, and the wall's."""
     before_s, began_s = sum(map(processor_s, pids)), time.monotonic()
-    for now_s in range(1, MISSION_S + 1):
+    for now_s in range(1, mission_s + 1):
         serve(clock, agents, now_s, 1)
         clock.advance(1000 * now_s)
         host.take_truths()

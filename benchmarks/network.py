@@ -34,6 +34,7 @@ from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
+from benchmarks.rows import told
 
 ROOT = Path(__file__).parents[1]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
@@ -41,6 +42,7 @@ LINK = Link(loss=0.05, delay_s=0.2)
 AHEAD_S = 2.0
 """The vehicle's clock is so far ahead of the bench's."""
 THETA = 30
+SHORT_MINUTES = 0.2
 PATIENCE_S = 600.0
 """A recorder of everything leaves each of a hundred topics by a call to the master: a second each, over this link."""
 GUARDS = {"position_age_s": 5}
@@ -53,10 +55,11 @@ CALM_S = 5.0
 """The person waits for so long after a guard's newest line."""
 
 
-def measure(minutes: float = 60.0) -> dict[str, Any]:
+def measure(minutes: float = 60.0, short: bool = False) -> dict[str, Any]:
     """The flight, its peer in virtual time, and the merged logs."""
     if why := why_no_two_machines() or ("" if shutil.which("faketime") else "faketime is missing"):
         raise SystemExit(f"this machine cannot play two: {why}")
+    minutes = SHORT_MINUTES if short else minutes
     with tempfile.TemporaryDirectory(prefix="musselbed-network-") as folder:
         home = Path(folder)
         scenario = written_scenario(home, minutes)
@@ -66,8 +69,10 @@ def measure(minutes: float = 60.0) -> dict[str, Any]:
             check=True,
             cwd=home,
         )
+        told({"virtual_time": figures(json.loads(peer.stdout))})
         with two_machines(LINK) as (vehicle, bench):
             flown = fly(home, scenario, vehicle, bench)
+        told({"flight": figures(flown.summary)})
         return {
             "minutes": minutes,
             "theta": THETA,

@@ -49,9 +49,10 @@ from apad_bridge.runs.studies.statistics import holm, standings
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from benchmarks.beliefs_flown import hear_few, with_twins
+from benchmarks.rows import told
 
 SCENARIOS = Path(__file__).parents[1] / "launch_scripts/scenarios"
-MISSIONS = 1200
+MISSIONS, SHORT_MISSIONS = 1200, 60
 STRATEGIES = ["greedy", "cautious", "blend"]
 """All with Greedy Redeploy and the paper's batches; the blend weighs a battery as 1 m."""
 FIRST_HELD_OUT = 30_001
@@ -172,44 +173,57 @@ PLANNERS: dict[str, dict[str, Any]] = {
     "rollout-fair, one by one, lead, exchanged": {**LEAD, "exchanges_places": True, "is_asynchronous": True},
 }
 """Strategies whose plans are timed, and the rules that their energy model follows."""
-PLANS = 20
+PLANS, SHORT_PLANS = 20, 2
 """Situations that are planned for each fleet."""
 
 
-def measure(tries: int = 200) -> dict[str, Any]:
+def measure(tries: int = 200, short: bool = False) -> dict[str, Any]:
     """The start of the processes counts. On a busy machine the missions a second of processor time say more."""
     workers = len(os.sched_getaffinity(0))
+    missions, plans, conditions = MISSIONS, PLANS, tuple(CONDITIONS)
+    if short:
+        tries, missions, plans, conditions = 2, SHORT_MISSIONS, SHORT_PLANS, conditions[:1]
     speed_plan = plan_of(
         {
             "name": "planner",
             "scenarios": ["pool-12.yaml"],
             "strategies": STRATEGIES,
-            "seeds": MISSIONS // len(STRATEGIES),
+            "seeds": missions // len(STRATEGIES),
         },
         "planner",
         SCENARIOS,
     )
     load_before = os.getloadavg()[0]
     rows, took_s, cpu_s = _flown(speed_plan, workers)
+    speed = told(
+        {
+            "missions": len(rows),
+            "took_s": took_s,
+            "missions_per_s": len(rows) / took_s,
+            "missions_per_cpu_s": len(rows) / cpu_s,
+        }
+    )
+    dask_s = told({str(count): _on_dask_s(speed_plan, count) for count in (1, 2)})
+    plan_ms = told(plan_times_ms(plans))
+    with tempfile.TemporaryDirectory() as passing:
+        studies = Path(passing) if short else Path("studies")
+        comparisons = [
+            told(_compared(name, file, tries, workers, studies))
+            for name in conditions
+            for file in ("pool-12.yaml", "bay-24.yaml")
+        ]
     return {
-        "missions": len(rows),
-        "took_s": took_s,
-        "missions_per_s": len(rows) / took_s,
-        "missions_per_cpu_s": len(rows) / cpu_s,
+        **speed,
         "processes": workers,
         "load_before": load_before,
-        "dask_s": {str(count): _on_dask_s(speed_plan, count) for count in (1, 2)},
-        "plan_ms": plan_times_ms(),
+        "dask_s": dask_s,
+        "plan_ms": plan_ms,
         "configurations": tries,
-        "comparisons": [
-            _compared(name, file, tries, workers)
-            for name in CONDITIONS
-            for file in ("pool-12.yaml", "bay-24.yaml")
-        ],
+        "comparisons": comparisons,
     }
 
 
-def plan_times_ms() -> dict[str, dict[str, float]]:
+def plan_times_ms(plans: int) -> dict[str, dict[str, float]]:
     """The slowest of some plans of four aMussels, by strategy and fleet, in processor time; all are in the pool."""
     nominal = energy_model(load(SCENARIOS / "bay-24.yaml"))
     found: dict[str, dict[str, float]] = {}
@@ -219,7 +233,7 @@ def plan_times_ms() -> dict[str, dict[str, float]]:
         for fleet, count in PLANNED.items():
             chance = Random(count)
             took = []
-            for _ in range(PLANS):
+            for _ in range(plans):
                 places = [(chance.uniform(0, 100), chance.uniform(0, 60)) for _ in range(count)]
                 low = tuple(
                     Candidate(number, *place, chance.uniform(0, 0.8), 1.0, *place)
@@ -246,10 +260,10 @@ def _on_dask_s(plan: Plan, count: int) -> float:
         return time.perf_counter() - began_s
 
 
-def _compared(name: str, file: str, tries: int, workers: int) -> dict[str, Any]:
+def _compared(name: str, file: str, tries: int, workers: int, studies: Path) -> dict[str, Any]:
     condition = CONDITIONS[name]
     plan = plan_for(condition, file, max(1, round(condition.share * tries)))
-    directory = Path("studies") / f"planner-{Path(file).stem}-{list(CONDITIONS).index(name):02}"
+    directory = studies / f"planner-{Path(file).stem}-{list(CONDITIONS).index(name):02}"
     return {
         "condition": name,
         "scenario": file,

@@ -20,6 +20,7 @@ from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Checkpoint, restore
 from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
+from benchmarks.rows import told
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
@@ -33,13 +34,15 @@ CASES = (
     ("twin", 100, 30, 120),
     ("twin", 1000, 1, 1),
 )
+SHORT_CASES = 1
 """Estimator, aMussels, theta, seconds between an aMussel's packets: each second, or each hour of its own time."""
 
 
-def measure() -> dict[str, Any]:
+def measure(short: bool = False) -> dict[str, Any]:
     """Processor time, with a checkpoint file just before its next full write; `same`: the restored state is equal."""
     with tempfile.TemporaryDirectory() as folder:
-        return {"rows": [_measured(Path(folder) / "checkpoint.jsonl", *case) for case in CASES]}
+        cases = CASES[:SHORT_CASES] if short else CASES
+        return {"rows": [told(_measured(Path(folder) / "checkpoint.jsonl", *case)) for case in cases]}
 
 
 def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int) -> dict[str, Any]:

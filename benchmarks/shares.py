@@ -22,10 +22,12 @@ from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
+from benchmarks.rows import told
 
 SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "bay-120.yaml"
 SEEDS = (1, 2)
 COUNT = 60
+MISSION_S, SHORT_S = 3600, 600
 Division = Callable[[Sequence[Point], Mapping[int, Point]], Sequence[tuple[int, ...]]]
 
 
@@ -44,21 +46,21 @@ def in_order(starts_m: Sequence[Point], places_m: Mapping[int, Point]) -> list[t
 DIVISIONS: dict[str, Division] = {"planned": allocate, "nearest": nearest, "in order of ids": in_order}
 
 
-def measure() -> dict[str, Any]:
+def measure(short: bool = False) -> dict[str, Any]:
     """Means over seeds: uptimes in percent over all aMussels and the least, metres, and the largest share."""
+    seeds, mission_s = (SEEDS[:1], SHORT_S) if short else (SEEDS, MISSION_S)
+    means = {}
     with tempfile.TemporaryDirectory() as folder:
-        bays = [crowded(seed, Path(folder), COUNT) for seed in SEEDS]
-        flown = {name: [_flown(it, division) for it in bays] for name, division in DIVISIONS.items()}
-    return {
-        name: {key: float(np.mean([it[key] for it in flights])) for key in flights[0]}
-        for name, flights in flown.items()
-    }
+        bays = [crowded(seed, Path(folder), COUNT, mission_s) for seed in seeds]
+        for name, division in DIVISIONS.items():
+            flights = [_flown(it, division) for it in bays]
+            means[name] = {key: float(np.mean([it[key] for it in flights])) for key in flights[0]}
+            told({"division": name, **means[name]})
+    return means
 
 
 def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(
-        title=f"{COUNT} aMussels, half of them in a fifth of the bay; means over {len(SEEDS)} seeds"
-    )
+    table = Table(title=f"{COUNT} aMussels, half of them in a fifth of the bay; means over seeds")
     for column in ("", "largest share", "Avg %", "Min %", "way [m]", "emptied", "planned in [ms]"):
         table.add_column(column, justify="right" if column else "left")
     for name, it in result.items():
@@ -67,10 +69,10 @@ def show(result: dict[str, Any], console: Console) -> None:
     console.print(table)
 
 
-def crowded(seed: int, folder: Path, count: int) -> Scenario:
-    """`count` aMussels with five aPads for an hour; half of them lie in a fifth of the bay, where the first aPad starts."""
+def crowded(seed: int, folder: Path, count: int, mission_s: int = MISSION_S) -> Scenario:
+    """`count` aMussels with five aPads; half of them lie in a fifth of the bay, where the first aPad starts."""
     data = resolve(load(SCENARIO))
-    data.update(seed=seed, duration_s=3600)
+    data.update(seed=seed, duration_s=mission_s)
     data["fleet"]["count"] = count
     data["mission"]["collection"] = "cautious"
     scenario = from_data(data, "shares")

@@ -35,6 +35,7 @@ from apad_bridge.runs.studies.specification import Plan, plan_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
+from benchmarks.rows import told
 
 SCENARIOS = Path(__file__).parents[1] / "launch_scripts/scenarios"
 TEN_DAYS_S = 10 * 86_400
@@ -137,20 +138,24 @@ SETTINGS = [
 """The law allows 15.2 aMussels with free surfacing, and 14.7, 13.9 and 12.9 with 2, 5 and 9 %."""
 
 
-def measure(tries: int = 1) -> dict[str, Any]:
+def measure(tries: int = 1, short: bool = False) -> dict[str, Any]:
     """Flies `tries` configurations of the declared comparisons, and at most `FEW` of each other setting."""
     workers = len(os.sched_getaffinity(0))
-    settings = []
-    for setting in SETTINGS:
-        plan = setting.plan(tries)
-        rows = fly_study(plan, Path("studies") / plan.study.name, workers)
-        settings += [
-            {**it, "seeds": len(plan.seeds)} for it in as_data(plan, comparisons(plan, rows))["settings"]
-        ]
+    settings, (processed_s, days, surfacings) = SETTINGS, (PROCESSING_S, DAYS, (0.0, 0.05))
+    if short:
+        tries, settings, (processed_s, days, surfacings) = 1, SETTINGS[:1], ((60,), (1,), (0.0,))
+    found = []
+    with tempfile.TemporaryDirectory() as passing:
+        studies = Path(passing) if short else Path("studies")
+        for setting in settings:
+            plan = setting.plan(tries)
+            rows = fly_study(plan, studies / plan.study.name, workers)
+            compared = as_data(plan, comparisons(plan, rows))["settings"]
+            found += [told({**it, "seeds": len(plan.seeds)}) for it in compared]
     return {
-        "settings": settings,
-        "duty_cycle": [duty_cycle(processing_s, days) for processing_s in PROCESSING_S for days in DAYS],
-        "five_apads": [five_apads(surfacing, min(tries, FEW)) for surfacing in (0.0, 0.05)],
+        "settings": found,
+        "duty_cycle": [told(duty_cycle(it, each)) for it in processed_s for each in days],
+        "five_apads": [told(five_apads(it, min(tries, FEW))) for it in surfacings],
     }
 
 

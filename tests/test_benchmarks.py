@@ -1,5 +1,6 @@
 """The command that runs benchmarks: one, or all with a page of their results."""
 
+import ast
 import json
 import os
 import shutil
@@ -183,3 +184,26 @@ def test_a_fleet_that_sleeps_is_measured_just_below_its_law(monkeypatch: pytest.
     assert found["amussels"] <= found["law"] < found["amussels"] + 1
     assert 0.95 < found["of_law"] < 1
     assert found["dead_time_h"] == 0
+
+
+NAMES = sorted(path.stem for path in RUN.parent.glob("*.py"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_benchmark_tells_its_rows_as_they_come_and_has_a_short_tier(name: str) -> None:
+    source = (RUN.parent / f"{name}.py").read_text()
+    tells = "told(" in source or name == "safety"  # its campaign prints each try
+    (measure,) = (
+        it for it in ast.parse(source).body if isinstance(it, ast.FunctionDef) and it.name == "measure"
+    )
+    assert tells and "short" in {it.arg for it in measure.args.args}
+
+
+def test_a_short_tier_has_the_old_keys_and_its_rows_stand_on_standard_error() -> None:
+    done = flown(RUN, "board", "--short", "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert set(result) == {"hours_per_s", "us_per_event", "ms_per_20_hours", "events", "repeats"}
+    rows = [json.loads(it) for it in done.stderr.splitlines() if it.startswith("{")]
+    assert len(rows) == result["repeats"] == 5
+    assert min(it["ms_per_20_hours"] for it in rows) <= result["ms_per_20_hours"]

@@ -92,6 +92,8 @@ class FailureCounts:
                 self._count(data["reason"])
         elif kind == EventKind.GUARD and self._newest != (at_ms, data["reason"]):
             self._count(data["reason"])  # unless it ended a primitive, whose line has counted it
+        elif kind == EventKind.DOCKS_DISAGREE:
+            self._count(data["reason"])
         elif kind == EventKind.REFUSED and data["order"] == "permit to surface":
             self._count(data["reason"])  # a refused command fails its primitive, whose line is counted
         elif kind == EventKind.LEFT_ALONE:
@@ -248,7 +250,7 @@ SUMMARY: tuple[Field, ...] = (
     Field("uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True),
     Field("cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"),
     Field("planned_m", NUMBER, "the straight ways of its orders, as the paper counts them", "m"),
-    Field("services", INTEGER, "aMussels that left a dock full"),
+    Field("services", INTEGER, "aMussels that left a dock full, by two witnesses of the dock"),
     Field("apad_energy_fraction", NUMBER, "used part of the aPad's battery; at theta 1 alone", "0 to 1"),
     Field("apad_energy_missing", TEXT, "why there is no such part"),
     Field("samples_uploaded", INTEGER, "samples on disk"),

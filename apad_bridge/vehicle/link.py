@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand, VehicleFact
+from apad_bridge.vehicle.commands import DockClosed, DockOpened, DocksNamed, VehicleCommand, VehicleFact
 
 if TYPE_CHECKING:
     from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -61,6 +61,8 @@ class InProcessVehicle:
     def __init__(self, apad: SimulatedAPad) -> None:
         self.apad = apad
         self._facts: list[VehicleFact] = []
+        self._named: frozenset[int] = frozenset()
+        """The aMussels that it has named as those in its docks."""
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         facts = [*self._facts, *self.apad.advance(now_ms)]
@@ -76,6 +78,11 @@ class InProcessVehicle:
                 )
         for dock_index, agent_id in sorted(self.apad.docked.items()):
             link_facts.append(Carried(now_ms, agent_id, *self.apad.dock_position(dock_index)))
+        # It answers as generation A does when it is asked after a docking, and after a resume.
+        held = frozenset(self.apad.docked.values())
+        if held and held != self._named:
+            link_facts.append(DocksNamed(now_ms, held, held))
+        self._named = held
         return link_facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:

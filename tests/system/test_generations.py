@@ -18,7 +18,7 @@ from typing import IO, Any
 
 import pytest
 from killing import kill_9
-from scenario_files import POOL_FILE
+from scenario_files import POOL_FILE, silent_in_its_dock
 
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
@@ -166,6 +166,26 @@ def test_a_flight_over_generation_b_makes_the_same_decisions(
         assert over_ros[key] == pytest.approx(virtual[key], abs=2), key
     assert over_ros["services"] == virtual["services"]
     assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
+
+
+@pytest.mark.parametrize(("generation", "counts"), [("a", True), ("b", False)])
+def test_a_charge_of_which_no_packet_came_counts_by_the_docks_own_service(
+    generation: str, counts: bool, tmp_path: Path
+) -> None:
+    """Generation A's service names who is in its docks. B has none, so there the vehicle's report stands alone."""
+    path, out = tmp_path / "silent.yaml", tmp_path / "run"
+    loader.write_resolved(path, silent_in_its_dock(generation))
+    command = [sys.executable, "-m", "apad_bridge.commands.main", "run", str(path), "--speed", "500"]
+    done = subprocess.run(
+        [*command, "--json", "--out", str(out)], capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    lines = read_journal(out / "journal.jsonl").lines
+    assert [it["full"] for it in lines if it["kind"] == "released"] == [counts]
+    summary = json.loads(done.stdout)
+    doubts = [cause for cause in summary["causes"] if "the aMussel is not heard in it" in cause]
+    assert (summary["services"], len(doubts)) == (int(counts), int(not counts))
+    assert [it["reason"] for it in lines if it["kind"] == "docks_disagree"] == doubts
 
 
 def test_the_vehicles_own_eyes_dock_simulated_amussels_that_a_camera_shows_them(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ class ReportedDocks:
         """Perches ordered of each agent since its last release, without those that the server refused."""
         self._surpluses: dict[int, _Surplus] = {}
         """Released agents of which more than one perch was ordered."""
-        self._asks = False
+        self._asks = bool(docked)
         self._named_alone: frozenset[int] = frozenset()
         """Agents that the last answer named, and that no `position_static` shows."""
         self._served = frozenset(agent_ids)

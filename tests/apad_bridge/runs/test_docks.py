@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from scenario_files import POOL_FILE
+from scenario_files import POOL_FILE, silent_in_its_dock
 
 from apad_bridge.analysis.replay.series import page_data
 from apad_bridge.commands.main import main
@@ -112,3 +112,11 @@ def test_a_run_from_before_there_was_a_number_is_shown_with_four(tmp_path: Path)
     journal.write_text("".join(json.dumps(line) + "\n" for line in lines))
     shown = page_data(old, read_journal(journal), None)
     assert shown["docks"] == [[None] * 4, [None, None, None, 1]] and len(shown["dock_bearings"]) == 4
+
+
+def test_one_that_is_never_heard_in_its_dock_counts_where_the_docks_name_it() -> None:
+    """In virtual time the docks answer as those of generation A do."""
+    figures, recorder = fly_in_memory(silent_in_its_dock())
+    kinds = [kind for _, kind, _ in recorder.events]
+    assert [data for _, kind, data in recorder.events if kind == "released"] == [{"agent": 1, "full": True}]
+    assert figures["services"] == 1 and "docks_disagree" not in kinds

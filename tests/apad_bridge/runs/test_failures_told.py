@@ -208,3 +208,10 @@ def test_a_dock_that_never_closed_has_failed_and_one_that_missed_once_has_not() 
     for kind, data in story:
         counts.take(1000, kind, data)
     assert counts.figures()["failed_docks"] == [0]
+
+
+def test_a_charge_that_no_second_witness_proves_is_a_cause_with_its_count() -> None:
+    counts, reason = FailureCounts(), "the vehicle reports it in a dock, the aMussel is not heard in it"
+    for agent_id in (3, 4):
+        counts.take(1000, "docks_disagree", {"id": agent_id, "reason": reason})
+    assert counts.figures()["causes"] == {reason: 2}

@@ -391,6 +391,16 @@ def test_the_vehicle_is_asked_after_each_docking_and_its_answer_frees_no_amussel
     assert core.docks.holds(7) and core.docks.holds(8)
 
 
+def test_after_a_resume_the_vehicle_is_asked_what_it_holds() -> None:
+    """The supervisor that died took the docks' word with it."""
+    empty, resumed = (
+        GenerationACore(range(1, 10), (10.5, 16.0), "run", docked=docked) for docked in ({}, {0: 7})
+    )
+    assert not empty.take_question() and resumed.take_question()
+    resumed.receive(DocksReceived(2_000, frozenset({"amussel7"})), 2_000)
+    assert DocksNamed(2_000, frozenset({7}), frozenset({7})) in resumed.advance(2_000)
+
+
 @pytest.mark.parametrize("refused", [True, False])
 def test_without_an_answer_the_silence_is_a_release(core: GenerationACore, refused: bool) -> None:
     shows(core, 0, 7)
