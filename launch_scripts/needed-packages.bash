@@ -12,7 +12,7 @@ debian_packages=(
   libsensor-msgs-dev libnav-msgs-dev libvisualization-msgs-dev libdiagnostic-msgs-dev libtf2-msgs-dev
 )
 # The extras of setup.cfg.
-extras=studies,export,imc
+extras=studies,export,imc,foxglove
 # The Pythons of Debian 12 and 13, for which launch_scripts/make-lock pins versions.
 pinned_pythons="3.11 3.13"
 # Prints the version of Debian's Python, as 3.11.

@@ -66,7 +66,7 @@ def test_only_the_ros_room_knows_ros() -> None:
     assert strangers == []
 
 
-@pytest.mark.parametrize("library", ["serial", "imcpy"])
+@pytest.mark.parametrize("library", ["serial", "imcpy", "foxglove"])
 def test_one_file_at_most_imports(library: str) -> None:
     assert len(list(files_that_import({library}))) <= 1
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.console import console_beside
+from apad_bridge.commands.foxglove import foxglove_beside
 from apad_bridge.commands.imc import imc_beside
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.commands.run_checks import check_run
@@ -53,6 +54,8 @@ class Live:
     """A page for a browser."""
     imc: tuple[str, ...] | None = None
     """The arguments of a gateway to consoles that speak IMC; None for no gateway."""
+    foxglove_port: int | None = None
+    """The port at which Foxglove and Lichtblick see the run's topics; None for no such server."""
 
     def refuse_several(self, scenario: Scenario) -> None:
         """UserError for a scenario of several aPads: a page and a gateway follow one each."""
@@ -69,6 +72,8 @@ class Live:
             tell(f"live page: {stack.enter_context(console_beside(directory, tell))}")
         if self.imc is not None:
             tell(stack.enter_context(imc_beside(directory, self.imc, tell)))
+        if self.foxglove_port is not None:
+            tell(stack.enter_context(foxglove_beside(directory, self.foxglove_port, tell)))
 
 
 NOTHING_LIVE = Live()

@@ -50,6 +50,7 @@ GROUPS = {
     },
     "look": {
         "console": "show a run live in a browser, and give it orders from there",
+        "foxglove": "show a run live in Foxglove or Lichtblick; they give no orders",
         "imc": "show a run live on a console that speaks IMC (Neptus), and take its orders",
         "runs": "list the runs here with their key figures, newest first",
         "replay": "show a run, or two side by side, as one HTML page",

@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.commands.foxglove import add_foxglove_argument, foxglove_port
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.imc import add_imc_argument, imc_arguments
 from apad_bridge.runs.exits import UserError
@@ -52,6 +53,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="at the end, check that the records obey the rules that hold in every run (musselbed check)",
     )
+    add_foxglove_argument(parser)
     add_imc_argument(parser)
     parser.set_defaults(run=run, part=Part.WHOLE)
 
@@ -225,5 +227,5 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.commands.flight import Live, fly, read_scenario
 
     scenario, starts = read_scenario(arguments)
-    live = Live(arguments.console, imc_arguments(arguments))
+    live = Live(arguments.console, imc_arguments(arguments), foxglove_port(arguments))
     return fly(options, scenario, starts, arguments.out, arguments.json, live, check=arguments.check)

@@ -137,7 +137,8 @@ def _heard(reader: FactReader, scenario: Scenario, for_s: float | None) -> Itera
     from apad_bridge.ros.graph_listener import GraphListener
 
     until_s = None if for_s is None else time.monotonic() + for_s
-    with closing(GraphListener([*reader.topics, *reader.amussel_topics(scenario.fleet.ids)])) as listener:
+    topics = [*reader.topics, *reader.amussel_topics(scenario.fleet.ids)]
+    with closing(GraphListener(topics, "musselbed_shadow")) as listener:
         print("listening", file=sys.stderr, flush=True)
         while until_s is None or time.monotonic() < until_s:
             for message in listener.take(_WAIT_S):

@@ -16,20 +16,27 @@ from apad_bridge.records.bag import RecordedConnection, RecordedMessage
 from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.system.inbox import Inbox
 
-NODE = "musselbed_shadow"
-
 
 class GraphListener:
     """A node that subscribes to `topics`. The master at ROS_MASTER_URI must answer: rospy waits for it for ever."""
 
-    def __init__(self, topics: Iterable[str]) -> None:
+    def __init__(self, topics: Iterable[str], node: str) -> None:
+        """`node` begins the node's name, which ROS makes unique."""
         bound_handshakes()
-        rospy.init_node(NODE, argv=[], anonymous=True, disable_signals=True, disable_rosout=True)
+        rospy.init_node(node, argv=[], anonymous=True, disable_signals=True, disable_rosout=True)
         self._inbox: Inbox[RecordedMessage] = Inbox()
         self._connections: dict[tuple[str, str], RecordedConnection] = {}
-        self._subscribers = [
-            rospy.Subscriber(topic, rospy.AnyMsg, self._put, topic, tcp_nodelay=True) for topic in topics
-        ]
+        self._subscribers: dict[str, rospy.Subscriber] = {}
+        for topic in topics:
+            self.listen(topic)
+
+    def listen(self, topic: str) -> None:
+        """Subscribes to one topic more."""
+        self._subscribers[topic] = rospy.Subscriber(topic, rospy.AnyMsg, self._put, topic, tcp_nodelay=True)
+
+    def leave(self, topic: str) -> None:
+        """Ends the subscription to a topic that it listens to."""
+        self._subscribers.pop(topic).unregister()
 
     @property
     def dropped(self) -> Counter[str]:
@@ -41,7 +48,7 @@ class GraphListener:
 
     def close(self) -> None:
         """Leaves the graph. The process cannot listen again."""
-        for subscriber in self._subscribers:
+        for subscriber in self._subscribers.values():
             subscriber.unregister()
         rospy.signal_shutdown("it has heard enough")
 

@@ -8,9 +8,11 @@ import re
 import shutil
 import struct
 import subprocess
+from collections import Counter
 
 import pytest
 from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from pyarrow import parquet
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.io import loadmat
@@ -101,6 +103,21 @@ def test_an_mcap_in_ros_2_s_form_is_read_byte_by_byte_as_cdr(pool_run, tmp_path)
     keys = ("north_m", "east_m", "heading_rad", "voltage_v", "battery")
     assert status == pytest.approx([newest[key] for key in keys], abs=0.02)
     assert (primitive, docks) == (newest["primitive"], newest["docks"])
+
+
+def test_an_mcap_in_ros_2_s_form_is_read_by_the_decoder_of_its_format(pool_run, tmp_path):
+    """mcap-ros2-support decodes by the definitions in the file; rosbags, which wrote them, has no part in it."""
+    rows = export(pool_run, Format.ROS2, tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        heard = Counter()
+        for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            heard[channel.topic] += 1
+            if channel.topic == "/musselbed/truth":
+                fleet = message
+    assert heard == rows
+    summary = json.loads(pool_run.summary.read_text())["amussels"]
+    charges = {int(n): it["final_charge"] for n, it in summary.items()}
+    assert {it.id: it.primary for it in fleet.agents} == pytest.approx(charges, abs=1e-5)
 
 
 def test_csv_and_parquet_say_the_same(pool_run, tmp_path):

@@ -1,0 +1,135 @@
+"""`musselbed foxglove RUN`: the topics of a run that flies, in Foxglove or Lichtblick."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.help_text import ending
+from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
+
+LOOPBACK = "127.0.0.1"
+_PORT = 8765
+_LAST_MESSAGES_S = 2.0
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "foxglove",
+        description="Serves all topics of a run that flies over ROS to Foxglove and Lichtblick, by their WebSocket. They "
+        "see the flight and cannot order anything. Each program on this machine may connect, also a page in a browser. "
+        "Ctrl-C ends this and not the run. Without RUN it serves the master at ROS_MASTER_URI.",
+        epilog=ending(
+            "musselbed foxglove runs/pool-12-1",
+            "musselbed foxglove --port 8766",
+            note="docs/ros-tools.md says which viewer is for what, and where the layout is.",
+        ),
+    )
+    parser.add_argument(
+        "directory",
+        type=Path,
+        nargs="?",
+        metavar="RUN",
+        help="the run's directory (default: the master at ROS_MASTER_URI)",
+    )
+    parser.add_argument(
+        "--host",
+        default=LOOPBACK,
+        metavar="ADDRESS",
+        help="listen on this address; whoever reaches it sees the run (default: this machine alone)",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=_PORT,
+        metavar="N",
+        help=f"listen on this port; 0: a free one (default: {_PORT})",
+    )
+    parser.add_argument("--json", action="store_true", help="print the address as JSON on stdout")
+    parser.set_defaults(run=run)
+
+
+def add_foxglove_argument(parser: argparse.ArgumentParser) -> None:
+    """The argument by which `musselbed run` has such a server beside it."""
+    parser.add_argument(
+        "--foxglove",
+        type=int,
+        metavar="PORT",
+        help="serve the run's topics to Foxglove and Lichtblick on this machine, at this port, such as 8765; 0: a free one",
+    )
+
+
+def foxglove_port(arguments: argparse.Namespace) -> int | None:
+    """The port that `musselbed run` was asked for; None for none. UserError for a server that cannot be opened so."""
+    port: int | None = getattr(arguments, "foxglove", None)
+    if port is None:
+        return None
+    _require_foxglove()
+    _refuse_port("--foxglove", port)
+    if arguments.time == "asap":
+        raise UserError(
+            "--foxglove shows a flight over ROS, and --time asap flies without it: leave one of them out"
+        )
+    return port
+
+
+def run(arguments: argparse.Namespace) -> int:
+    _require_foxglove()
+    _refuse_port("--port", arguments.port)
+    from apad_bridge.records.run_directory import RunDirectoryError
+    from apad_bridge.ros.foxglove_server import CannotListen, serve
+
+    def tell(port: int) -> None:
+        url = f"ws://{arguments.host}:{port}"
+        text = f"for Foxglove and Lichtblick (connection: Foxglove WebSocket): {url}"
+        print(json.dumps({"url": url}) if arguments.json else text, flush=True)
+
+    def warn(text: str) -> None:
+        print(f"musselbed foxglove: {text}", file=sys.stderr, flush=True)
+
+    try:
+        with peers_may_fail():
+            has_ended = serve(arguments.directory, arguments.host, arguments.port, tell, warn)
+    except RunDirectoryError as error:
+        raise UserError(str(error)) from error
+    except CannotListen as error:
+        raise UserError(f"cannot listen on {arguments.host} port {arguments.port}: {error}") from error
+    if has_ended:
+        warn("the ROS master is gone: the run has ended")
+    return Exit.DONE
+
+
+@contextmanager
+def foxglove_beside(directory: Path, port: int, tell: Callable[[str], None] = print) -> Iterator[str]:
+    """Such a server in a process of its own while this is entered; yields a line for people.
+
+    It is watched, and one that is started again has the same port. UserError when it cannot start.
+    """
+    from apad_bridge.runs.beside import Command, served_beside
+
+    def command(at: int) -> Command:
+        return Command("foxglove", directory, ["foxglove", str(directory), "--port", str(at)])
+
+    def again(line: str) -> Command:
+        return command(int(line.rpartition(":")[2]))
+
+    with served_beside(command(port), again, tell, _LAST_MESSAGES_S) as line:
+        yield line.rstrip("\n")
+
+
+def _refuse_port(option: str, port: int) -> None:
+    if not 0 <= port < 65536:
+        raise UserError(f"{option} must be 0 to 65535, not {port}")
+
+
+def _require_foxglove() -> None:
+    if find_spec("foxglove") is None:
+        raise UserError(
+            "foxglove-sdk is not installed: run launch_scripts/install, or pip install 'musselbed[foxglove]'"
+        )

@@ -1,0 +1,173 @@
+"""A run of 120 aMussels over ROS, as a client of Foxglove's protocol sees it that shares no code with its server."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import struct
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xmlrpc.client import ServerProxy
+
+import pytest
+import websocket
+import yaml
+from graphs import wait_until
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scenario_files import POOL_FILE
+
+from apad_bridge.commands.main import main
+
+pytestmark = pytest.mark.system
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 180.0
+IDS = range(1, 121)
+NODE = "/musselbed_foxglove"
+BATTERY = "/amussel{}/battery_state"
+MESSAGE, TIME = 1, 2
+
+
+class Viewer:
+    """Keeps the channels that are offered, and hands on the messages of those that it looks at."""
+
+    def __init__(self, url: str) -> None:
+        self.link = websocket.create_connection(url, PATIENCE_S, subprotocols=["foxglove.sdk.v1"])
+        self.channels: dict[str, dict[str, Any]] = {}
+        self.refusals: list[str] = []
+        self.time_ns = 0
+        self._subscribed: dict[int, str] = {}
+
+    def read(self) -> tuple[str, int, bytes] | None:
+        """The next message as (topic, stamp in ns, bytes); None where something else came."""
+        opcode, data = self.link.recv_data()
+        if opcode == websocket.ABNF.OPCODE_TEXT:
+            told = json.loads(data)
+            if told["op"] == "advertise":
+                self.channels |= {it["topic"]: it for it in told["channels"]}
+            elif told["op"] in ("status", "serviceCallFailure"):
+                self.refusals.append(told["message"])
+        elif data[0] == TIME:
+            (self.time_ns,) = struct.unpack_from("<Q", data, 1)
+        elif data[0] == MESSAGE:
+            number, at_ns = struct.unpack_from("<IQ", data, 1)
+            return self._subscribed[number], at_ns, data[13:]
+        return None
+
+    def read_until(self, holds: Callable[[], object]) -> None:
+        while not holds():
+            self.read()
+
+    def look_at(self, *topics: str) -> None:
+        asked = []
+        for topic in topics:
+            number = len(self._subscribed) + 1
+            self._subscribed[number] = topic
+            asked.append({"id": number, "channelId": self.channels[topic]["id"]})
+        self.send({"op": "subscribe", "subscriptions": asked})
+
+    def send(self, told: dict[str, Any]) -> None:
+        self.link.send(json.dumps(told))
+
+
+def decoder(channel: dict[str, Any]) -> Callable[[bytes], Any]:
+    """Reads messages by the definition that the server offers."""
+    assert (channel["encoding"], channel["schemaEncoding"]) == ("ros1", "ros1msg")
+    kind = channel["schemaName"].replace("/", "/msg/")
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(channel["schema"], kind))
+    return lambda data: store.deserialize_ros1(data, kind)
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The run, and the address of its server."""
+    scenario, out = tmp_path / "seen.yaml", tmp_path / "run"
+    data = yaml.safe_load(POOL_FILE.read_text())
+    data["fleet"].update(count=120, hosting="one_process", start={"charge": [0.5, 1.0]})
+    scenario.write_text(yaml.safe_dump(data))
+    command = [*MUSSELBED, "run", str(scenario), "--foxglove", "0", "--out", str(out)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    line = next((it for it in process.stderr if "ws://" in it), "")
+    yield process, line[line.find("ws://") :].strip()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+
+
+def nodes_of(uri: str, role: int, topic: str | None = None) -> list[str]:
+    """Our server's nodes that publish (role 0) or subscribe to (1) a topic, or to any."""
+    with ServerProxy(uri) as master:
+        _, _, state = master.getSystemState("/observer")  # type: ignore[misc]
+    found = {name: nodes for name, nodes in state[role] if topic in (None, name)}  # type: ignore[index, union-attr]
+    return [it for nodes in found.values() for it in nodes if it.startswith(NODE)]
+
+
+def test_120_aMussels_are_seen_each_second_and_a_viewer_orders_nothing(
+    flight: tuple[subprocess.Popen[str], str], tmp_path: Path
+) -> None:
+    process, url = flight
+    assert url.startswith("ws://127.0.0.1:")
+    viewer = Viewer(url)
+    wanted = {"/musselbed/markers", "/tf_static", *map(BATTERY.format, IDS)}
+    viewer.read_until(lambda: wanted <= viewer.channels.keys())
+    uri = json.loads((tmp_path / "run" / "run.json").read_text())["master_uri"]
+    # Nobody looks: the flight sends it the clock and nothing else.
+    assert nodes_of(uri, 1, BATTERY.format(1)) == []
+
+    viewer.look_at(*wanted)
+    heard: Counter[str] = Counter()
+    stamps: dict[str, list[int]] = {}
+    charges: dict[str, float] = {}
+    decode = decoder(viewer.channels[BATTERY.format(1)])
+    while min(heard[BATTERY.format(it)] for it in IDS) < 5:
+        if (message := viewer.read()) is not None:
+            topic, at_ns, data = message
+            heard[topic] += 1
+            stamps.setdefault(topic, []).append(at_ns)
+            if topic.endswith("battery_state"):
+                charges[topic] = decode(data).percentage
+    with (tmp_path / "run" / "starts.csv").open() as file:
+        started = {int(row["id"]): float(row["battery"]) for row in csv.DictReader(file)}
+    assert {it: charges[BATTERY.format(it)] for it in IDS} == pytest.approx(started, abs=0.05)
+    # A tick a second, by the time of the mission, which the server tells as its own.
+    for topic in map(BATTERY.format, IDS):
+        steps_s = [(b - a) / 1e9 for a, b in zip(stamps[topic], stamps[topic][1:], strict=False)]
+        assert steps_s == pytest.approx([1.0] * len(steps_s), abs=0.5)
+    assert viewer.time_ns == pytest.approx(stamps["/musselbed/markers"][-1], abs=3e9)
+    # A later viewer is told of what came once, before it looked.
+    later = Viewer(url)
+    later.read_until(lambda: "/tf_static" in later.channels)
+    later.look_at("/tf_static")
+    while (message := later.read()) is None:
+        continue
+    assert message[0] == "/tf_static"
+    later.link.close()
+
+    viewer.send(
+        {"op": "advertise", "channels": [{"id": 1, "topic": "/x", "encoding": "ros1", "schemaName": "a/B"}]}
+    )
+    viewer.send({"op": "setParameters", "parameters": [{"name": "/x", "value": 1}]})
+    viewer.link.send_binary(struct.pack("<BIII", 2, 1, 1, 4) + b"ros1")
+    viewer.read_until(lambda: len(viewer.refusals) == 3)
+    assert [it.startswith("Server does not support ") for it in viewer.refusals] == [True] * 3
+    assert nodes_of(uri, 0) == []
+
+    viewer.link.close()
+    wait_until(lambda: nodes_of(uri, 1, BATTERY.format(1)) == [], process)
+
+
+def test_mistakes_are_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "pool-12", "--foxglove", "8765", "--time", "asap"]) == 2
+    assert "--time asap flies without it" in capsys.readouterr().err
+    assert main(["run", "pool-12", "--foxglove", "65536"]) == 2
+    assert "0 to 65535" in capsys.readouterr().err
+    assert main(["foxglove", str(tmp_path), "--port", "0"]) == 2
+    assert "no run: it has no scenario.yaml" in capsys.readouterr().err
+    assert main(["foxglove", str(tmp_path), "--host", "192.0.2.1"]) == 2
+    assert "cannot listen on 192.0.2.1 port 8765: Cannot assign requested address" in capsys.readouterr().err
