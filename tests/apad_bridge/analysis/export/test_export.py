@@ -110,7 +110,9 @@ def test_an_mcap_in_ros_2_s_form_is_read_by_the_decoder_of_its_format(pool_run, 
     rows = export(pool_run, Format.ROS2, tmp_path / "run.mcap")
     with (tmp_path / "run.mcap").open("rb") as file:
         heard = Counter()
-        for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        for _, channel, _, message in make_reader(
+            file, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
             heard[channel.topic] += 1
             if channel.topic == "/musselbed/truth":
                 fleet = message
