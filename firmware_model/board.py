@@ -22,6 +22,7 @@ from firmware_model.stimuli import (
     ChargeVanished,
     ClockJumped,
     ClockSkewed,
+    ConverterDisturbed,
     ModemSpoke,
     PacketHeard,
     PowerCameOn,
@@ -220,6 +221,8 @@ class Board:
                 actions += firmware.start(cause, now_ms)
             case ChargeVanished(primary, secondary):
                 hardware.lose(primary, secondary, now_ms)
+            case ConverterDisturbed(noise):
+                hardware.noise = noise
             case ClockJumped() | ClockSkewed():
                 reason = hardware.disturb_clock(stimulus, now_ms)
                 firmware.clock_disturbed(now_ms)

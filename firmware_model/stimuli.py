@@ -90,6 +90,13 @@ class ClockSkewed:
     skew_ppb: int
 
 
+@dataclass(frozen=True, slots=True)
+class ConverterDisturbed:
+    """The converter's readings of the batteries scatter by up to `noise` grains either way, by a defect; 0 heals it."""
+
+    noise: int
+
+
 Stimulus = (
     PowerCameOn
     | ChargePinRose
@@ -102,4 +109,5 @@ Stimulus = (
     | ChargeVanished
     | ClockJumped
     | ClockSkewed
+    | ConverterDisturbed
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from agents.modem.frames import SHORT_MS, Generation
 from agents.mussel.body import Body, WaterConfig, gps_fix_um
+from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
@@ -23,6 +24,7 @@ from agents.mussel.stimuli import (
     CrystalSkewed,
     DockMoved,
     ModemSent,
+    PartFailed,
     PinDisturbed,
     PingArrived,
     Placed,
@@ -45,6 +47,7 @@ from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
     from agents.mussel.defects import Defects
+    from agents.mussel.failing_flash import FailingFlash
     from agents.mussel.logbook import Logbook
     from agents.mussel.peripherals import World
     from agents.mussel.port_firmware import PortFirmware
@@ -82,7 +85,8 @@ class Agent:
         """`flash` outlives the agent; without one, a whole board's log ends with the agent."""
         self.config = config
         self._codec = codec
-        self._flash = flash
+        self._kept_flash = flash
+        self._flash: FailingFlash | None = None
         self._defects: Defects | None = None
         self._others: PortFirmware | None = None
         self._ask_for_report: Callable[[int], list[board_actions.Action]] | None = None
@@ -139,6 +143,8 @@ class Agent:
             None if config.board.whole is None or config.firmware else self._open_logbook(physical)
         )
         self._reporter = Reporter(self.board, self.body, self._logbook, config.reports.modem)
+        if self._defects is not None:
+            self._apply_parts(self._defects, now_ms)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
@@ -184,7 +190,9 @@ class Agent:
                 min(0xFFFF, round(depth_m * 100)),
             )
 
-        def sensors(now_ms: int, sequence: int) -> tuple[Counts, int]:
+        def sensors(now_ms: int, sequence: int) -> tuple[Counts, int] | None:
+            if self._is_bus_silent:
+                return None
             place = body.north_um, body.east_um, body.depth_at_um(now_ms)
             noises = unit_noises(water.seed, self.config.board.agent_id, sequence)
             return sample(SENSORS, water.fields.values_at(*place, now_ms), noises)
@@ -192,10 +200,11 @@ class Agent:
         return World(self._open_flash(), place_cm, sensors, physical.samples, physical.acknowledged)
 
     def _open_flash(self) -> Flash:
-        from firmware_model.sampling.flash import MemoryFlash
-
         if self._flash is None:
-            self._flash = MemoryFlash()
+            from agents.mussel.failing_flash import FailingFlash
+            from firmware_model.sampling.flash import MemoryFlash
+
+            self._flash = FailingFlash(self._kept_flash or MemoryFlash())
         return self._flash
 
     def _open_logbook(self, physical: Physical) -> Logbook:
@@ -262,7 +271,10 @@ class Agent:
         while self._timer is not None and self._timer[0] <= now_ms:
             due_ms, fire = self._timer
             self._now_ms = due_ms
-            outputs += fire(due_ms)
+            try:
+                outputs += fire(due_ms)
+            except PowerLost:
+                outputs += self._brown_out(due_ms)
             self._timer = self._next_timer()
         self._now_ms = now_ms
         return outputs
@@ -270,9 +282,18 @@ class Agent:
     def receive(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
         """Takes a fact from the world at `now_ms`, after everything that was due by then."""
         outputs = self.advance(now_ms)
-        outputs += self._take(stimulus, now_ms)
+        try:
+            outputs += self._take(stimulus, now_ms)
+        except PowerLost:
+            outputs += self._brown_out(now_ms)
         self._note_truth(now_ms)
         self._timer = self._next_timer()
+        return outputs
+
+    def _brown_out(self, now_ms: int) -> list[Output]:
+        """Resets the board whose supply failed in the middle of a write."""
+        outputs = self._power_on(self._physical_now(), now_ms, ResetCause.BROWN_OUT)
+        self._note_truth(now_ms)
         return outputs
 
     def _next_timer(self) -> tuple[int, Callable[[int], list[Output]]] | None:
@@ -393,7 +414,7 @@ class Agent:
             case SoundArrived(data):
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
-                return self._stimulate_board(board_stimuli.PacketHeard(data), now_ms)
+                return self._stimulate_board(board_stimuli.PacketHeard(self._received(data)), now_ms)
             case PingArrived(travelled_us):
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
@@ -407,7 +428,7 @@ class Agent:
             case WifiArrived(data):
                 if not self.config.reports.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]
-                return self._stimulate_board(board_stimuli.WifiReceived(data), now_ms)
+                return self._stimulate_board(board_stimuli.WifiReceived(self._received(data)), now_ms)
             case Placed():
                 return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
             case WasReset(cause):
@@ -417,7 +438,13 @@ class Agent:
 
     def _take_defect(
         self,
-        defect: ChargeLost | ClockShifted | CrystalSkewed | BuoyancyJammed | PinDisturbed | ContactBounced,
+        defect: ChargeLost
+        | ClockShifted
+        | CrystalSkewed
+        | BuoyancyJammed
+        | PinDisturbed
+        | ContactBounced
+        | PartFailed,
         now_ms: int,
     ) -> list[Output]:
         # Imported here: few agents are ever defective.
@@ -448,6 +475,28 @@ class Agent:
                     return [Dropped(now_ms, "a contact bounced in a dock that does not hold this aMussel")]
                 defects.bounces = 2 * times
                 return self._bounce(defects, now_ms)
+            case PartFailed(part, value):
+                return self._fail_part(defects, part, value, now_ms)
+
+    def _fail_part(self, defects: Defects, part: int, value: int, now_ms: int) -> list[Output]:
+        from agents.mussel.defects import WHOLE_ONLY, Part
+
+        if self.config.board.whole is None and part in WHOLE_ONLY:
+            return [Dropped(now_ms, f"a defect of its {Part(part).name.lower()}: the worst case has none")]
+        others = {kind: how for kind, how in defects.parts.items() if kind != part}
+        defects.parts = others | ({Part(part): value} if value else {})
+        self._apply_parts(defects, now_ms)
+        return []
+
+    def _apply_parts(self, defects: Defects, now_ms: int) -> None:
+        """Lets the board's parts fail as their defects say."""
+        from agents.mussel.defects import Part
+
+        self.board.receive(board_stimuli.ConverterDisturbed(defects.parts.get(Part.CONVERTER, 0)), now_ms)
+        if self._flash is not None:
+            self._flash.parts = defects.parts
+        if self._logbook is not None:
+            self._logbook.sensors_answer = Part.BUS not in defects.parts
 
     def _bounce(self, defects: Defects, now_ms: int) -> list[Output]:
         """Opens or closes the contact in the dock; `_align` closes it the last time."""
@@ -476,6 +525,22 @@ class Agent:
             acknowledged=former.acknowledged,
             fix_um=place_um,
         )
+
+    @property
+    def _is_bus_silent(self) -> bool:
+        if self._defects is None:
+            return False
+        from agents.mussel.defects import Part
+
+        return Part.BUS in self._defects.parts
+
+    def _received(self, data: bytes) -> bytes:
+        """The bytes of a packet that the board's UART keeps."""
+        if self._defects is None:
+            return data
+        from agents.mussel.defects import Part
+
+        return data[: self._defects.parts.get(Part.UARTS, len(data))]
 
     def _report_after(self, now_ms: int) -> int:
         period_ms = self.config.reports.period_ms

@@ -10,6 +10,7 @@ from typing import Any
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.body import BodyConfig
+from agents.mussel.defects import Part
 from agents.mussel.outputs import Output, SoundSent, WifiSent
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
@@ -18,6 +19,7 @@ from agents.mussel.stimuli import (
     CoilSlipped,
     ContactClosed,
     ContactOpened,
+    PartFailed,
     PinDisturbed,
     SoundArrived,
     Stimulus,
@@ -41,13 +43,27 @@ _DEPTH_UM = 3_000_000
 _TRAVEL_MS = 60_000
 _BEACON_WAIT_MS = 60_000
 _NO_REPORTS_MS = 10**12
-_NUMBER = re.compile(r"(beacon|jump|loses):(-?\d+)")
+_NUMBER = re.compile(r"(beacon|jump|loses|bus|readings|uart|writes|cells|supply):(-?\d+)")
+_PARTS = {
+    "bus": Part.BUS,
+    "uart": Part.UARTS,
+    "writes": Part.WRITES,
+    "cells": Part.CELLS,
+    "supply": Part.SUPPLY,
+}
 STIMULI = (
     "slips, the coils in the dock",
     "beacon:MS, the time that an aPad tells",
     "jump:MS, of the clock chip",
     "loses:PERCENT, of the primary battery",
+    "bus:1, sensors that do not answer",
+    "readings:PERCENT, of noise in the batteries' readings",
+    "uart:BYTES, which are kept of each packet",
+    "writes:BYTES, which are written of each record",
+    "cells:MASK, the bits that stay erased",
+    "supply:BYTES, after which the next write ends with a brown-out",
 )
+"""The parts of a board fail until the same word comes with 0."""
 
 
 def whole_board(whole: Whole) -> BoardConfig:
@@ -146,8 +162,12 @@ class AgentRig(Rig):
             self._tell(SoundArrived(Beacon(1, number).encode()))
         elif word == "jump":
             self._tell(ClockShifted(number))
-        else:
+        elif word == "loses":
             self._tell(ChargeLost(grains(number / 100), 0))
+        elif word == "readings":
+            self._tell(PartFailed(Part.CONVERTER, grains(number / 100)))
+        else:
+            self._tell(PartFailed(_PARTS[word], number))
 
     def own_stimuli(self) -> Sequence[str]:
         return STIMULI

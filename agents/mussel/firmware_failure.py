@@ -1,4 +1,4 @@
-"""The failure of a firmware's process: a small module, because every agent has it."""
+"""The failures of a firmware's process and of its board's supply: a small module, because every agent has it."""
 
 from __future__ import annotations
 
@@ -14,3 +14,7 @@ class FirmwareFailed(Exception):
         super().__init__(reason)
         self.hung = hung
         self.by_watchdog = by_watchdog
+
+
+class PowerLost(Exception):
+    """The board's supply failed in the middle of a write to its flash."""

@@ -28,18 +28,24 @@ class Logbook:
         newest = self.log.newest()
         self.counts = NO_COUNTS if newest is None else newest.counts
         """The counts of the newest sample; zeros if there is none, or if it cannot be read."""
+        self.sensors_answer = True
         self._sent = 0
         """The first sequence that this upload has not sent yet."""
 
     def take_sample(self, north_um: int, east_um: int, depth_um: int, now_ms: int, clock_ms: int) -> None:
-        """Samples the water at agent time `now_ms`, when the board's clock reads `clock_ms`."""
+        """Samples the water at agent time `now_ms`, when the board's clock reads `clock_ms`.
+
+        While the sensors do not answer, it logs their last counts once more.
+        """
         log = self.log
         sequence = log.next_sequence
-        counts, saturated = sample(
-            SENSORS,
-            self._fields.values_at(north_um, east_um, depth_um, now_ms),
-            unit_noises(self._seed, self._agent_id, sequence),
-        )
+        counts, saturated = self.counts, 0
+        if self.sensors_answer:
+            counts, saturated = sample(
+                SENSORS,
+                self._fields.values_at(north_um, east_um, depth_um, now_ms),
+                unit_noises(self._seed, self._agent_id, sequence),
+            )
         log.append(SampleRecord(sequence, clock_ms, counts, saturated))
         self.counts = counts
 

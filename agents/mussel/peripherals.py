@@ -55,8 +55,9 @@ class World:
     flash: Flash
     place_cm: Callable[[int], tuple[int, int, int]]
     """North, east and depth at an agent time, in cm, as the aMussel knows them."""
-    sensors: Callable[[int, int], tuple[Counts, int]]
-    """The counts of all sensors at an agent time for the sample of a number, and a bit for each that is out of range."""
+    sensors: Callable[[int, int], tuple[Counts, int] | None]
+    """The counts of all sensors at an agent time for the sample of a number, and a bit for each that is out of range; None
+    while they do not answer."""
     samples: int = 0
     acknowledged: int = 0
 
@@ -89,7 +90,10 @@ class Peripherals:
     def _sensor(self, place: int, now_ms: int) -> bytes | None:
         if not self._hardware.is_on(SENSOR_RAILS[place]):
             return None
-        counts, saturated = self.world.sensors(now_ms, self.world.samples)
+        measured = self.world.sensors(now_ms, self.world.samples)
+        if measured is None:
+            return None
+        counts, saturated = measured
         return _COUNTS.pack(counts[place], saturated >> place & 1)
 
     def _monitor(self, written: bytes, now_ms: int) -> bytes | None:
@@ -162,13 +166,13 @@ class Peripherals:
         return flash.read(at, size) if at + size <= flash.pages * flash.page_bytes else None
 
     def flash_program(self, at: int, data: bytes) -> bytes | None:
-        """Programs bytes of one page that are erased; None for others, of which nothing changes."""
+        """Programs bytes of one page that are erased; None for others, of which nothing changes, and for a failed write."""
         flash = self.world.flash
         page, offset = divmod(at, flash.page_bytes)
         if page >= flash.pages or offset + len(data) > flash.page_bytes or any(flash.read(at, len(data))):
             return None
         flash.program(at, data)
-        return b""
+        return b"" if flash.read(at, len(data)) == data else None
 
     def flash_erase(self, page: int) -> bytes | None:
         if page >= self.world.flash.pages:

@@ -135,17 +135,28 @@ class PortFirmware:
     def clock_disturbed(self, now_ms: int) -> None:
         """The worst case has no clock of its own."""
 
-    def _turn(self, now_ms: int, *interrupts: FrameToBoard) -> list[Action]:
+    def _turn(self, now_ms: int, interrupt: FrameToBoard | None = None) -> list[Action]:
         """Tells the board what happened, lets it run, and takes what it does until it sleeps, or FirmwareFailed."""
-        frames = list(interrupts)
-        head: list[FrameToBoard] = []
         link = self._link
         if link is None:
+            # The program begins in a turn of its own, whatever happens at the same time: a turn has one interrupt at most.
             link = self._link = self._connect()
             assert self.reset_cause is not None
-            head = [self._hello()]
-            frames.insert(0, (ToBoard.RESET, 0, bytes([self.reset_cause])))
-        link.send([*head, (ToBoard.RUN, 0, bytes([self._levels(), len(frames)])), *frames], now_ms)
+            begun = self._exchange(link, now_ms, (ToBoard.RESET, 0, bytes([self.reset_cause])), self._hello())
+            return begun if interrupt is None else begun + self._turn(now_ms, interrupt)
+        return self._exchange(link, now_ms, interrupt)
+
+    def _exchange(
+        self,
+        link: BoardLink,
+        now_ms: int,
+        interrupt: FrameToBoard | None = None,
+        hello: FrameToBoard | None = None,
+    ) -> list[Action]:
+        """One turn, before the first of which stands the bench's HELLO."""
+        head, interrupts = ([] if it is None else [it] for it in (hello, interrupt))
+        run = (ToBoard.RUN, 0, bytes([self._levels(), len(interrupts)]))
+        link.send([*head, run, *interrupts], now_ms)
         self._alarm_ms = None
         actions: list[Action] = []
         if now_ms != self._counted_ms:

@@ -118,6 +118,14 @@ class ContactBounced:
     times: int
 
 
+@dataclass(frozen=True, slots=True)
+class PartFailed:
+    """A defect of a part of the board (a `defects.Part`), with a value of its own; the value 0 heals it."""
+
+    part: int
+    value: int
+
+
 Stimulus = (
     ContactClosed
     | DockMoved
@@ -135,6 +143,7 @@ Stimulus = (
     | BuoyancyJammed
     | PinDisturbed
     | ContactBounced
+    | PartFailed
 )
 
 _KINDS: tuple[type[Any], ...] = (
@@ -154,6 +163,7 @@ _KINDS: tuple[type[Any], ...] = (
     BuoyancyJammed,
     PinDisturbed,
     ContactBounced,
+    PartFailed,
 )
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
@@ -173,6 +183,7 @@ _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
     (("jammed", int),),
     (("inverted", int), ("unseen", int)),
     (("times", int),),
+    (("part", int), ("value", int)),
 )
 
 

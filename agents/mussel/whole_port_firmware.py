@@ -108,8 +108,8 @@ class WholePortFirmware(PortFirmware):
         alarm = self._peripherals.alarm
         self._clock_due_ms = None if alarm is None else max(now_ms, self._hardware.clock.when(alarm))
 
-    def _turn(self, now_ms: int, *interrupts: FrameToBoard) -> list[Action]:
-        return [] if self.watchdog_fired else super()._turn(now_ms, *interrupts)
+    def _turn(self, now_ms: int, interrupt: FrameToBoard | None = None) -> list[Action]:
+        return [] if self.watchdog_fired else super()._turn(now_ms, interrupt)
 
     def _hello(self) -> FrameToBoard:
         whole, (kind, port, payload) = self._whole, super()._hello()

@@ -43,6 +43,12 @@ class TimedFault(StrEnum):
     EDGE_FALSE = "edge_false"
     EDGE_MISSED = "edge_missed"
     EDGE_CHATTER = "edge_chatter"
+    BUS_SILENT = "bus_silent"
+    READINGS_SCATTER = "readings_scatter"
+    UART_OVERRUN = "uart_overrun"
+    WRITE_TORN = "write_torn"
+    FLASH_WORN = "flash_worn"
+    WRITE_BROWN_OUT = "write_brown_out"
     APAD_FROZEN = "apad_frozen"
     APAD_LIES = "apad_lies"
     DOCK_JAMMED = "dock_jammed"
@@ -145,6 +151,41 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         "the contact holds after the last edge, or the dock opens",
         parameter=Parameter("openings", "20 ms of agent time each", 50.0, 1.0, 10_000.0),
         needs_dock=True,
+    ),
+    _F.BUS_SILENT: FaultRow(
+        "the sensors do not answer on their bus (NACK)",
+        "they answer again; samples meanwhile repeat the last counts",
+        60.0,
+    ),
+    _F.READINGS_SCATTER: FaultRow(
+        "the converter's readings of the batteries have noise",
+        "they are exact again",
+        60.0,
+        Parameter("amplitude", "of a battery, either way", 0.05, 0.0, 1.0),
+    ),
+    _F.UART_OVERRUN: FaultRow(
+        "the board's UARTs overrun: each packet to it loses its end",
+        "packets arrive whole",
+        60.0,
+        Parameter("kept", "bytes", 4.0, 1.0, 1000.0),
+    ),
+    _F.WRITE_TORN: FaultRow(
+        "each write to the flash ends in its middle",
+        "writes are whole; the torn records stay unreadable",
+        60.0,
+        Parameter("written", "bytes", 10.0, 1.0, 4096.0),
+    ),
+    _F.FLASH_WORN: FaultRow(
+        "worn cells of the flash stay erased",
+        "writes are whole; the spoilt records stay unreadable",
+        60.0,
+        Parameter("bits", "mask of each byte", 16.0, 1.0, 255.0),
+    ),
+    _F.WRITE_BROWN_OUT: FaultRow(
+        "a brown-out resets the MU in the middle of its next write to the flash",
+        "the board boots again, and counts the torn record; if it wrote nothing, nothing happens",
+        600.0,
+        Parameter("written", "bytes", 10.0, 1.0, 4096.0),
     ),
     _F.APAD_FROZEN: FaultRow(
         "the aPad's computer reports nothing and takes no order; it goes on with the last one",

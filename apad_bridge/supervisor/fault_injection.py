@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
+from agents.mussel.defects import Part
 from agents.mussel.stimuli import (
     BuoyancyJammed,
     ChargeLost,
@@ -18,6 +19,7 @@ from agents.mussel.stimuli import (
     CoilSlipped,
     ContactBounced,
     CrystalSkewed,
+    PartFailed,
     PinDisturbed,
     Stimulus,
     WasReset,
@@ -35,6 +37,14 @@ if TYPE_CHECKING:
     from apad_bridge.beliefs.fleet import FleetBeliefs
 
 REAL_HULL = "a real aPad flies: faults are for runs with the simulated one"
+_PARTS = {
+    TimedFault.BUS_SILENT: Part.BUS,
+    TimedFault.READINGS_SCATTER: Part.CONVERTER,
+    TimedFault.UART_OVERRUN: Part.UARTS,
+    TimedFault.WRITE_TORN: Part.WRITES,
+    TimedFault.FLASH_WORN: Part.CELLS,
+    TimedFault.WRITE_BROWN_OUT: Part.SUPPLY,
+}
 _LEAK_MS = 10_000
 """A leaking battery loses its charge in steps of so much mission time."""
 
@@ -164,6 +174,12 @@ class FaultInjection:
                 return _to(injection, ContactBounced(round(value)))
             case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
                 return self._pin(injection, begins=True)
+            case TimedFault.BUS_SILENT:
+                return _to(injection, PartFailed(Part.BUS, 1))
+            case TimedFault.READINGS_SCATTER:
+                return _to(injection, PartFailed(Part.CONVERTER, grains(value)))
+            case fault if fault in _PARTS:
+                return _to(injection, PartFailed(_PARTS[fault], round(value)))
             case TimedFault.APAD_FROZEN if link is not None:
                 link.is_frozen = True
             case TimedFault.APAD_LIES if link is not None:
@@ -198,6 +214,8 @@ class FaultInjection:
                 return _to(injection, BuoyancyJammed(0))
             case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
                 return self._pin(injection, begins=False)
+            case fault if fault in _PARTS:
+                return _to(injection, PartFailed(_PARTS[fault], 0))
             case TimedFault.APAD_FROZEN if link is not None:
                 link.is_frozen = False
             case TimedFault.APAD_LIES if link is not None:

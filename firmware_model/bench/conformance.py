@@ -37,6 +37,8 @@ _FASTEST = FULL * 4 // 1000 // 60_000
 """Grains a millisecond that no charge or load of the worst case exceeds: an event within its tolerance moves so much."""
 _WHOLE_FASTEST = FULL * 3 // 100 // 60_000
 """The same for a whole board, whose motors draw most."""
+_LONGEST_TOLD = 64
+"""The letters of an event in a table of two histories."""
 _CHARGE = 1 / 255
 """The charges that two packets tell may differ by a step of the shortest one."""
 
@@ -204,7 +206,7 @@ def _difference(case: Case, ours: History, theirs: History, late_ms: int) -> str
     for n, (expected, found) in enumerate(zip_longest(ours.events, theirs.events), start=packets_taken):
         tolerance_ms = case.tolerance_ms + late_ms * (n + 2)
         if expected is None or found is None or not _is_alike(expected.what, found.what, tolerance_ms):
-            return f"expected {expected or 'nothing more'}, found {found or 'nothing more'}"
+            return f"expected {_told(expected)}, found {_told(found)}{_other_values(expected, found)}"
         if abs(expected.at_ms - found.at_ms) > tolerance_ms:
             return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
     count = len(ours.events) + 1
@@ -235,17 +237,41 @@ def _paper_difference(paper: PaperTime, theirs: History) -> str | None:
     return f"after {told} {paper.ends} in the paper, and here after {found_min:.1f} min"
 
 
+def _told(event: Event | None) -> str:
+    """The event in a few words: of a long packet its beginning and its size."""
+    if event is None:
+        return "nothing more"
+    text = str(event)
+    if len(text) <= _LONGEST_TOLD:
+        return text
+    size = len(text.rpartition(" ")[2]) // 2
+    return f"{text[: _LONGEST_TOLD - 12]}... ({size} bytes)"
+
+
+def _other_values(expected: Event | None, found: Event | None) -> str:
+    """The values in which two packets of one kind differ."""
+    ours, theirs = (None if it is None else _packet_of(it.what) for it in (expected, found))
+    if not is_dataclass(ours) or type(ours) is not type(theirs):
+        return ""
+    return "".join(
+        f"; its {name} is {getattr(theirs, name)} and not {getattr(ours, name)}"
+        for name in (it.name for it in fields(ours))
+        if getattr(ours, name) != getattr(theirs, name) and name != "data"
+    )
+
+
+def _packet_of(what: str) -> Any:
+    """The packet of an event that sends one; None for another, and for bytes that are none."""
+    return packets.decode(bytes.fromhex(what.rpartition(" ")[2])) if what.startswith("sends ") else None
+
+
 def _is_alike(expected: str, found: str, tolerance_ms: int) -> bool:
     """True for equal deeds, and for packets that differ in their time and in charges by their tolerances alone."""
     if expected == found:
         return True
-    sent = [
-        it.removeprefix("sends ").removeprefix("by sound ").removeprefix("by Wi-Fi ")
-        for it in (expected, found)
-    ]
-    if len(expected) != len(found) or not all(it.startswith("sends ") for it in (expected, found)):
+    if expected.rpartition(" ")[0] != found.rpartition(" ")[0]:
         return False
-    ours, theirs = (packets.decode(bytes.fromhex(it)) for it in sent)
+    ours, theirs = _packet_of(expected), _packet_of(found)
     return ours is not None and _has_values_of(ours, theirs, tolerance_ms)
 
 
@@ -280,12 +306,13 @@ def _has_values_of(ours: Any, theirs: Any, tolerance_ms: int) -> bool:
 
 def side_by_side(result: Result) -> Iterator[str]:
     """Both histories, a line an event: its mark, what was expected, what was found."""
-    ours, theirs = (list(map(str, it.events)) for it in (result.ours, result.theirs))
+    ours, theirs = (list(map(_told, it.events)) for it in (result.ours, result.theirs))
     width = max([len(line) for line in ours] + [8])
     yield f"   {'expected':{width}}  found"
     for n in range(max(len(ours), len(theirs))):
         left, right = (lines[n] if n < len(lines) else "" for lines in (ours, theirs))
-        yield f" {' ' if left == right else '!'} {left:{width}}  {right}"
+        same = n < min(len(ours), len(theirs)) and result.ours.events[n] == result.theirs.events[n]
+        yield f" {' ' if same else '!'} {left:{width}}  {right}"
     if result.theirs.failure is not None:
         yield f" ! {'':{width}}  {result.theirs.failure}"
 

@@ -369,6 +369,68 @@ _LOG = [
         f"3s {_EACH_MINUTE} 45h permission 70s rises 5min",
     ),
 ]
+_UPLOADED = "1h permission 70s rises 10min"
+"""Docked, a report and an upload after the words before it."""
+_FAULTS = [
+    _case(
+        "a-silent-sensor",
+        Source.CHOICE,
+        "a sensor that does not answer repeats its last counts",
+        f"3s {_EACH_MINUTE} 10min bus:1 10min bus:0 {_UPLOADED}",
+    ),
+    _case(
+        "a-torn-write",
+        Source.PACKETS,
+        "a torn record is left out of an upload, and no other",
+        f"3s {_EACH_MINUTE} 10min writes:10 2min writes:0 {_UPLOADED}",
+    ),
+    _case(
+        "a-write-torn-to-a-byte",
+        Source.PACKETS,
+        "a torn record is left out of an upload, and no other",
+        f"3s {_EACH_MINUTE} 10min writes:1 1min writes:0 {_UPLOADED}",
+    ),
+    _case(
+        "worn-cells",
+        Source.PACKETS,
+        "a record whose check is wrong is left out of an upload",
+        f"3s {_EACH_MINUTE} 10min cells:16 5min cells:0 {_UPLOADED}",
+    ),
+    *(
+        _case(
+            f"a-brown-out-after-{size}-bytes",
+            Source.PACKETS,
+            "a record that a reset tore is counted, and its sequence is not used again",
+            f"3s {_EACH_MINUTE} 10min supply:{size} {_UPLOADED}",
+        )
+        for size in (1, 10, 23, 24)
+    ),
+    _case(
+        "torn-at-a-page-s-edge",
+        Source.PACKETS,
+        "a page whose first record is torn goes on with the next one",
+        f"3s {_EACH_MINUTE} 170min supply:10 {_UPLOADED}",
+    ),
+    _case(
+        "torn-again-and-again",
+        Source.PACKETS,
+        "every torn record is counted",
+        f"3s {_EACH_MINUTE} 10min supply:10 5min supply:20 5min supply:5 {_UPLOADED}",
+    ),
+    _case(
+        "an-overrun",
+        Source.PACKETS,
+        "bytes that are no packet are dropped",
+        "3s uart:4 permission ping 1min uart:0 ping 1min permission 3min",
+    ),
+    _case(
+        "readings-with-noise",
+        Source.PACKETS,
+        "a status has the batteries' readings",
+        "3s readings:5 3h readings:0 2h",
+        _FIELD,
+    ),
+]
 _EMERGENCY = [
     _case("empties", Source.STATES, "an empty one measures nothing", "8h", primary=0.005),
     _case(
@@ -469,4 +531,4 @@ _EMERGENCY = [
         0.01,
     ),
 ]
-WHOLE_CASES = (*_PAPER, *_SLEEP, *_PINGS, *_TRAVEL, *_LOG, *_EMERGENCY)
+WHOLE_CASES = (*_PAPER, *_SLEEP, *_PINGS, *_TRAVEL, *_LOG, *_FAULTS, *_EMERGENCY)

@@ -37,6 +37,8 @@ class WholeBoardHardware:
         self._batteries = PowerPath(
             config.charge, self._power, primary, secondary, now_ms, config.agent_id, self.stored.levels
         )
+        self.noise = 0
+        """The defect of a converter: its readings are off by up to so many grains."""
         self.rails = 0
         """The rails that are on, as bits."""
         self._state_rails = 0
@@ -82,7 +84,12 @@ class WholeBoardHardware:
 
     def readings(self, now_ms: int) -> tuple[int, int]:
         """Primary and secondary as the battery monitor reads them, in grains."""
-        return self._batteries.readings(now_ms)
+        read = self._batteries.readings(now_ms)
+        if not self.noise:
+            return read
+        from firmware_model.hardware.converter import scattered
+
+        return scattered(read, self.noise, self._config.agent_id, now_ms)
 
     def next_timer(self) -> tuple[int | None, Timer]:
         due_ms, pulse_ms = self._batteries.due_ms, self._pulse_due_ms

@@ -27,6 +27,8 @@ class WorstCaseHardware:
         self.feed = ActiveBattery.PRIMARY
         self.pin_high = False
         self.at_surface = False
+        self.noise = 0
+        """The defect of a converter: its readings are off by up to so many grains."""
         self._is_powered = True
         """False while the pin is high without a charger."""
         self._watch_from_ms: int | None = None
@@ -49,9 +51,15 @@ class WorstCaseHardware:
         return now_ms
 
     def readings(self, now_ms: int) -> tuple[int, int]:
-        """Primary and secondary charge, in grains: the worst case measures them exactly."""
+        """Primary and secondary charge, in grains: the worst case measures them exactly, unless its converter is defect."""
         charge = self._config.charge
-        return charge.charge_at(self.primary, now_ms), charge.charge_at(self.secondary, now_ms)
+        exact = charge.charge_at(self.primary, now_ms), charge.charge_at(self.secondary, now_ms)
+        if not self.noise:
+            return exact
+        # Imported here: few converters are defect, and every memory page of an agent counts.
+        from firmware_model.hardware.converter import scattered
+
+        return scattered(exact, self.noise, self._config.agent_id, now_ms)
 
     def next_timer(self) -> tuple[int | None, Timer]:
         due_ms = None
@@ -114,7 +122,8 @@ class WorstCaseHardware:
         flow = Flow.CHARGING if is_fed else Flow.DISCHARGING
         if flow is not self.primary.flow:
             self.primary = self._config.charge.settle(self.primary, now_ms, flow)
-        is_filling = is_fed and self._config.motor_run > 0 and self.readings(now_ms)[1] < FULL
+        charge = self._config.charge.charge_at(self.secondary, now_ms)
+        is_filling = is_fed and self._config.motor_run > 0 and charge < FULL
         backup = Flow.CHARGING if is_filling else Flow.RESTING
         if backup is not self.secondary.flow:
             self.secondary = self._config.charge.settle(self.secondary, now_ms, backup)

@@ -28,8 +28,9 @@ from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
+from agents.mussel.defects import Part
 from agents.mussel.outputs import Truth
-from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, PartFailed, SoundArrived, Stimulus
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
 from apad_bridge.analysis.invariants import check_run
@@ -73,6 +74,13 @@ def command(kind: Kind, agent_id: int) -> SoundArrived:
 EVENTS = st.one_of(
     st.just("kill"),
     st.sampled_from([ContactClosed(1, 2), DockMoved(9, 9), ContactOpened()]),
+    st.sampled_from(
+        [
+            PartFailed(part, value)
+            for part in (Part.CONVERTER, Part.UARTS, Part.SUPPLY)
+            for value in (0, 4, 10**9)
+        ]
+    ),
     st.sampled_from(
         [command(kind, agent_id) for kind in (Kind.PERMISSION, Kind.RELEASE) for agent_id in IDS]
     ),

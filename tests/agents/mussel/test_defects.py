@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from fleets import PAPER
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,6 +10,7 @@ from seas import FLEET as WHOLE
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
+from agents.mussel.defects import Part
 from agents.mussel.outputs import Dropped
 from agents.mussel.stimuli import (
     BuoyancyJammed,
@@ -17,8 +19,11 @@ from agents.mussel.stimuli import (
     ContactBounced,
     ContactClosed,
     CrystalSkewed,
+    PartFailed,
     PinDisturbed,
     SoundArrived,
+    Stimulus,
+    WasReset,
 )
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
@@ -149,3 +154,94 @@ def test_a_clock_jumps_and_runs_fast_until_it_is_healed() -> None:
 def test_the_worst_case_has_no_clock_to_disturb() -> None:
     (dropped,) = agent(PAPER).receive(ClockShifted(60_000), 0)
     assert isinstance(dropped, Dropped) and "the worst case has none" in dropped.reason
+
+
+def test_the_worst_case_has_neither_sensors_nor_flash() -> None:
+    for part in (Part.BUS, Part.WRITES, Part.CELLS, Part.SUPPLY):
+        (dropped,) = agent(PAPER).receive(PartFailed(part, 1), 0)
+        assert isinstance(dropped, Dropped) and dropped.reason.endswith("the worst case has none")
+
+
+@given(st.sampled_from([PAPER, WHOLE]), st.integers(0, 10**7))
+def test_readings_scatter_within_their_noise_and_the_charge_does_not(fleet: FleetConfig, at_ms: int) -> None:
+    noisy, healthy = agent(fleet), agent(fleet)
+    noisy.receive(PartFailed(Part.CONVERTER, grains(0.05)), 0)
+    for mussel in (noisy, healthy):
+        mussel.advance(at_ms)
+    assert noisy.board.primary == healthy.board.primary
+    for read, exact in zip(noisy.board.readings(at_ms), healthy.board.readings(at_ms), strict=True):
+        assert abs(read - exact) <= grains(0.05) and 0 <= read <= grains(1.0)
+    noisy.receive(PartFailed(Part.CONVERTER, 0), at_ms)
+    assert noisy.board.readings(at_ms) == healthy.board.readings(at_ms)
+
+
+def test_noise_outlives_a_reset_of_the_board_and_differs_from_time_to_time() -> None:
+    mussel = agent(PAPER)
+    mussel.receive(PartFailed(Part.CONVERTER, grains(0.05)), 0)
+    mussel.receive(WasReset(ResetCause.BROWN_OUT), 1_000)
+    errors = {
+        mussel.board.readings(at_ms)[0] - charge(mussel, at_ms) for at_ms in range(10_000, 20_000, 1_000)
+    }
+    assert len(errors) == 10
+
+
+def test_a_packet_that_overruns_the_uart_is_dropped() -> None:
+    for fleet in (PAPER, WHOLE):
+        mussel = agent(fleet)
+        mussel.receive(PartFailed(Part.UARTS, 4), 3_000)
+        dropped = mussel.receive(PERMISSION, 4_000)
+        assert [it.reason for it in dropped if isinstance(it, Dropped)] == ["not a command"]
+        mussel.receive(PartFailed(Part.UARTS, 0), 5_000)
+        mussel.receive(PERMISSION, 6_000)
+        assert mussel.board.state is State.SURFACING
+
+
+HOUR_MS = 3_600_000
+
+
+def sampled(*failing: tuple[int, Stimulus], hours: int = 5) -> Agent:
+    """A whole board after so many hourly samples; each failure comes at an hour, half an hour after a sample."""
+    mussel = agent(WHOLE)
+    for hour, stimulus in failing:
+        mussel.receive(stimulus, hour * HOUR_MS + HOUR_MS // 2)
+    mussel.advance(hours * HOUR_MS + HOUR_MS // 2)
+    return mussel
+
+
+def readable(mussel: Agent) -> list[int]:
+    assert mussel._logbook is not None
+    return [record.sequence for record in mussel._logbook.log.read(0, 99)]
+
+
+def test_a_silent_bus_repeats_the_last_counts_as_another_record() -> None:
+    mussel = sampled((2, PartFailed(Part.BUS, 1)), (4, PartFailed(Part.BUS, 0)))
+    assert mussel._logbook is not None
+    counts = [record.counts for record in mussel._logbook.log.read(0, 99)]
+    assert len(counts) == 5
+    assert counts[1] == counts[2] == counts[3] and len(set(counts)) == 3
+
+
+@pytest.mark.parametrize(("part", "value"), [(Part.WRITES, 10), (Part.WRITES, 1), (Part.CELLS, 16)])
+def test_a_write_that_fails_spoils_its_record_alone(part: Part, value: int) -> None:
+    mussel = sampled((2, PartFailed(part, value)), (4, PartFailed(part, 0)))
+    assert readable(mussel) == [0, 1, 4]
+    assert mussel.physical.samples == 5
+
+
+@pytest.mark.parametrize("written", [1, 10, 23])
+def test_a_brown_out_in_a_write_tears_one_record_and_boots_the_board(written: int) -> None:
+    """The third sample is torn at 3 h and 10 s; the board boots at once, and its next record is the fourth."""
+    mussel = sampled((2, PartFailed(Part.SUPPLY, written)))
+    boots = [it.at_ms for it in mussel.take_truths() if it.state is State.BOOTING]
+    assert boots == [0, 3 * HOUR_MS + 10_000]
+    assert mussel.board.reset_cause is ResetCause.BROWN_OUT
+    assert mussel._logbook is not None and mussel._logbook.log.torn == 1
+    assert readable(mussel) == [0, 1, 3, 4]
+
+
+def test_a_brown_out_that_found_no_write_is_forgotten() -> None:
+    mussel = agent(WHOLE)
+    mussel.receive(PartFailed(Part.SUPPLY, 10), 1_000)
+    mussel.receive(PartFailed(Part.SUPPLY, 0), 2_000)
+    mussel.advance(2 * HOUR_MS)
+    assert mussel.board.reset_cause is ResetCause.POWER_ON

@@ -14,12 +14,16 @@ from native_boards import compiled, script
 
 from agents.fleet import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
+from agents.mussel.defects import Part
+from agents.mussel.failing_flash import FailingFlash
+from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import Output, Truth
 from agents.mussel.peripherals import Address, Peripherals, World
 from agents.mussel.stimuli import (
     CoilSlipped,
     ContactClosed,
     ContactOpened,
+    PartFailed,
     PinDisturbed,
     PingArrived,
     Placed,
@@ -47,7 +51,7 @@ from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.port_frames import Frame, FromBoard, SleepMode
 from firmware_model.power.charge import FULL, Battery, Flow, grains
 from firmware_model.power.rails import Rail, bits
-from firmware_model.sampling.flash import MemoryFlash
+from firmware_model.sampling.flash import Flash, MemoryFlash
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, METERING, board, power
@@ -97,6 +101,18 @@ STIMULI: tuple[Stimulus, ...] = (
     PinDisturbed(False, True),
     Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
     WasReset(ResetCause.BROWN_OUT),
+    *(
+        PartFailed(part, value)
+        for part, values in {
+            Part.BUS: (1, 0),
+            Part.CONVERTER: (grains(0.05), 0),
+            Part.UARTS: (4, 0),
+            Part.WRITES: (10, 0),
+            Part.CELLS: (16, 0),
+            Part.SUPPLY: (1, 13, 23),
+        }.items()
+        for value in values
+    ),
 )
 END_MS = 2_000_000
 TIMES = st.integers(0, END_MS)
@@ -144,6 +160,16 @@ def lasting(truths: list[Truth]) -> list[Truth]:
 @example(
     story=[(2000, SoundArrived(CODEC.encode(CommandPacket(Kind.HOVER, 7))))], cuts=[], charges=(0.001, 0.15)
 )
+@example(
+    # A level is reached at the millisecond at which a brown-out in a write resets the board.
+    story=[
+        (472, SoundArrived(CODEC.encode(SleepSchedule(7, 150_000, 20_000)))),
+        (196_962, SoundArrived(CODEC.encode(SetThreshold(7, Threshold.LOW_LEVEL, 0.8)))),
+        (245_930, PartFailed(Part.SUPPLY, 1)),
+    ],
+    cuts=[],
+    charges=(0.5001, 1.0),
+)
 @given(
     story=st.lists(st.tuples(TIMES, st.sampled_from(STIMULI)), max_size=12, unique_by=lambda it: it[0]),
     cuts=st.lists(TIMES, max_size=6),
@@ -185,11 +211,13 @@ def test_a_watchdog_that_is_not_served_resets_the_board_also_in_its_sleep(tmp_pa
     mussel.close()
 
 
-def devices(now_ms: int = 0) -> tuple[Peripherals, WholeBoardHardware]:
+def devices(now_ms: int = 0, flash: Flash | None = None) -> tuple[Peripherals, WholeBoardHardware]:
     battery = Battery(0, FULL // 2, Flow.DISCHARGING)
     hardware = WholeBoardHardware(OURS.board, battery, battery, 0, None)
     hardware.power_on(False, False, now_ms)
-    world = World(MemoryFlash(), lambda at: (100, -200, 300), lambda at, n: ((1, 2, 3, 4 + n), 0b1000))
+    world = World(
+        flash or MemoryFlash(), lambda at: (100, -200, 300), lambda at, n: ((1, 2, 3, 4 + n), 0b1000)
+    )
     return Peripherals(hardware, world), hardware
 
 
@@ -214,6 +242,29 @@ def test_a_sensor_without_power_does_not_answer() -> None:
 )
 def test_bytes_that_no_device_takes_get_no_answer(address: int, written: bytes, count: int) -> None:
     assert devices()[0].transfer(address, written, count, 0) is None
+
+
+def test_a_write_that_fails_is_an_error_of_the_flash() -> None:
+    flash = FailingFlash(MemoryFlash())
+    bus, _ = devices(flash=flash)
+    flash.parts = {Part.WRITES: 3}
+    assert bus.flash_program(0, b"torn") is None
+    assert bus.flash_read(0, 4) == b"tor\0"
+    flash.parts = {Part.CELLS: 0x20}
+    assert bus.flash_program(8, b"worn") is None
+    assert bus.flash_read(8, 4) == b"WORN"
+    flash.parts = {Part.SUPPLY: 2}
+    with pytest.raises(PowerLost):
+        bus.flash_program(16, b"dark")
+    assert bus.flash_read(16, 4) == b"da\0\0"
+    assert bus.flash_program(32, b"whole") == b""
+
+
+def test_a_silent_sensor_gives_no_answer() -> None:
+    bus, hardware = devices()
+    hardware.enter(State.SAMPLING, bits(Rail.TURBIDITY), 0)
+    bus.world.sensors = lambda now_ms, sequence: None
+    assert bus.transfer(Address.SENSOR + 3, b"", 3, 0) is None
 
 
 def test_flash_is_programmed_once_within_a_page() -> None:

@@ -1,0 +1,34 @@
+"""A whole board's flash, whose writes may be torn, stick or be cut by a brown-out."""
+
+from __future__ import annotations
+
+from agents.mussel.defects import Part
+from agents.mussel.firmware_failure import PowerLost
+from firmware_model.sampling.flash import Flash
+
+
+class FailingFlash:
+    """A `Flash` in front of the board's own. `parts` are the defects of this board, in force from now on."""
+
+    def __init__(self, flash: Flash) -> None:
+        self._flash = flash
+        self.pages, self.page_bytes = flash.pages, flash.page_bytes
+        self.parts: dict[Part, int] = {}
+
+    def read(self, at: int, size: int) -> bytes:
+        return self._flash.read(at, size)
+
+    def program(self, at: int, data: bytes) -> None:
+        """Programs what the defects leave of `data`; PowerLost once if the supply fails in its middle."""
+        parts = self.parts
+        if parts:
+            cells = 0xFF & ~parts.get(Part.CELLS, 0)
+            data = bytes(byte & cells for byte in data)[: parts.get(Part.WRITES, len(data))]
+            reached = parts.pop(Part.SUPPLY, None)
+            if reached is not None:
+                self._flash.program(at, data[:reached])
+                raise PowerLost
+        self._flash.program(at, data)
+
+    def erase(self, page: int) -> None:
+        self._flash.erase(page)
