@@ -250,8 +250,9 @@ def _told(event: Event | None) -> str:
 
 def _other_values(expected: Event | None, found: Event | None) -> str:
     """The values in which two packets of one kind differ."""
+    ours: Any
     ours, theirs = (None if it is None else _packet_of(it.what) for it in (expected, found))
-    if not is_dataclass(ours) or type(ours) is not type(theirs):
+    if ours is None or type(ours) is not type(theirs):
         return ""
     return "".join(
         f"; its {name} is {getattr(theirs, name)} and not {getattr(ours, name)}"
