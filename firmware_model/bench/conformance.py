@@ -250,15 +250,17 @@ def _told(event: Event | None) -> str:
 
 def _other_values(expected: Event | None, found: Event | None) -> str:
     """The values in which two packets of one kind differ."""
-    ours: Any
-    ours, theirs = (None if it is None else _packet_of(it.what) for it in (expected, found))
-    if ours is None or type(ours) is not type(theirs):
+    if expected is None or found is None:
         return ""
-    return "".join(
-        f"; its {name} is {getattr(theirs, name)} and not {getattr(ours, name)}"
-        for name in (it.name for it in fields(ours))
-        if getattr(ours, name) != getattr(theirs, name) and name != "data"
-    )
+    ours, theirs = _packet_of(expected.what), _packet_of(found.what)
+    return "" if ours is None or type(ours) is not type(theirs) else "".join(_differing(ours, theirs))
+
+
+def _differing(ours: Any, theirs: Any) -> Iterator[str]:
+    for name in (it.name for it in fields(ours) if it.name != "data"):
+        one, other = getattr(ours, name), getattr(theirs, name)
+        if one != other:
+            yield f"; its {name} is {other} and not {one}"
 
 
 def _packet_of(what: str) -> Any:
