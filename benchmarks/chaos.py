@@ -24,7 +24,7 @@ from apad_bridge.analysis.invariants import check_run
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.fleet import FaultBegan, Stimulated
 from apad_bridge.records.journal import JournalTail, read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import PreparedFlight, RunSpec, prepare
@@ -102,7 +102,7 @@ def flown(scenario: Scenario, faults: Sequence[FaultAt], kills: int = 0) -> Outc
             return Outcome(0, (f"no exception: {type(error).__name__}: {error} ({where})",))
         broken = tuple(f"{it.rule}: {it.reason}" for it in check_run(directory))
         lines = read_journal(directory.journal).lines
-    happened = sum(it["kind"] == EventKind.FAULT and "refused" not in it for it in lines)
+    happened = sum(it["kind"] == FaultBegan.kind and "refused" not in it for it in lines)
     return Outcome(happened, broken, supervisors.begun - 1)
 
 
@@ -110,7 +110,7 @@ def _stimulated(flying: PreparedFlight, directory: RunDirectory, due_ms: float) 
     """Flies to the first tick from `due_ms` on that queues a stimulus; False if the flight ends before."""
     with closing(JournalTail(directory.journal)) as tail:
         while not flying.flight.step():
-            queued = any(it["kind"] == EventKind.STIMULUS for it in tail.read_new().lines)
+            queued = any(it["kind"] == Stimulated.kind for it in tail.read_new().lines)
             if queued and flying.flight.now_ms > due_ms:
                 return True
     return False

@@ -42,7 +42,16 @@ from rosbags.rosbag1.reader import ReaderError
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ChargeLost, from_json
 from apad_bridge.analysis.invariants import check_run
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.fleet import ProcessDied, Stimulated, TruthChanged
+from apad_bridge.events.mission import (
+    AMusselReleased,
+    DockSwitched,
+    LegBegan,
+    PlanMade,
+    PrimitiveChanged,
+    StepGivenUp,
+)
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import JournalContents, JournalTail, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.truth_lines import truth_of
@@ -516,7 +525,7 @@ def _killed_with_leaks(attempt: Try) -> str | None:
 def _leaked_ms(lines: Sequence[Line]) -> int | None:
     """The mission time of the newest of these lines, if one of them is a leak's stimulus."""
     leaked = any(
-        it["kind"] == EventKind.STIMULUS and isinstance(from_json(it["wire"]), ChargeLost) for it in lines
+        it["kind"] == Stimulated.kind and isinstance(from_json(it["wire"]), ChargeLost) for it in lines
     )
     return max(it["t"] for it in lines) if leaked else None
 
@@ -571,7 +580,7 @@ def _contradiction(attempt: Try) -> str | None:
     jump = _greatest_jump(journal, charge_models(scenario))
     low_m, high_m = _driven_m(journal.lines)
     gap = max(0.0, low_m - summary["cost_m"], summary["cost_m"] - high_m) / high_m
-    died = sum(line["kind"] == EventKind.DIED for line in journal.lines)
+    died = sum(line["kind"] == ProcessDied.kind for line in journal.lines)
     figures = attempt.figures
     figures |= {
         "died": died,
@@ -582,7 +591,7 @@ def _contradiction(attempt: Try) -> str | None:
     # A supervisor that dies in a tick may lose the word of a death, never add one.
     most = figures["agents_killed"] + (figures["nurseries_killed"]) * scenario.fleet.count
     twice = [line for line, count in Counter(map(_event, journal.lines)).items() if count > 1 and line]
-    full = sum(line["kind"] == EventKind.RELEASED and line["full"] for line in journal.lines)
+    full = sum(line["kind"] == AMusselReleased.kind and line["full"] for line in journal.lines)
     if jump > 1e-9:
         return f"a battery jumped by {jump:g} of its charge"
     if summary["gave_up"]:
@@ -600,7 +609,7 @@ def _contradiction(attempt: Try) -> str | None:
 
 def _driven_m(lines: Sequence[Line]) -> tuple[float, float]:
     """Bounds of the way driven on go-tos, by the aPad's track: each ends somewhere between two of its points."""
-    track = [(line["t"], line["north_m"], line["east_m"]) for line in lines if line["kind"] == EventKind.APAD]
+    track = [(line["t"], line["north_m"], line["east_m"]) for line in lines if line["kind"] == APadMoved.kind]
     low_m = high_m = 0.0
     for begin_ms, end_ms in _go_tos(lines):
         before = [point for point in track if point[0] <= begin_ms][-1:]
@@ -614,7 +623,7 @@ def _go_tos(lines: Sequence[Line]) -> Iterator[tuple[int, int]]:
     """The begin and the end of each go-to, in mission ms; a supervisor that died left one without an end."""
     begin_ms = None
     for line in lines:
-        if line["kind"] != EventKind.PRIMITIVE:
+        if line["kind"] != PrimitiveChanged.kind:
             continue
         is_start, is_go_to = line["phase"] == "started", line["name"] == "go to point"
         if begin_ms is not None and (is_start or (is_go_to and line["t"] > begin_ms)):
@@ -629,12 +638,12 @@ def _go_tos(lines: Sequence[Line]) -> Iterator[tuple[int, int]]:
 def _event(line: Line) -> str:
     """The text of an event that happens once; empty for another line."""
     once = (
-        EventKind.DOCK,
-        EventKind.RELEASED,
-        EventKind.LEG,
-        EventKind.PLAN,
-        EventKind.GIVEN_UP,
-        EventKind.TRUTH,
+        DockSwitched.kind,
+        AMusselReleased.kind,
+        LegBegan.kind,
+        PlanMade.kind,
+        StepGivenUp.kind,
+        TruthChanged.kind,
     )
     return json.dumps(line) if line["kind"] in once else ""
 
@@ -644,7 +653,7 @@ def _greatest_jump(journal: JournalContents, charge_of: Callable[[int], ChargeMo
     newest: dict[int, Truth] = {}
     greatest = 0
     for line in journal.lines:
-        if line["kind"] != EventKind.TRUTH:
+        if line["kind"] != TruthChanged.kind:
             continue
         truth = truth_of(line)
         before, charge = newest.get(truth.agent_id, truth).physical, charge_of(truth.agent_id)

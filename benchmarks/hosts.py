@@ -34,9 +34,10 @@ from two_machines import (
     why_no_two_machines,
 )
 
+from apad_bridge.events.fleet import BeliefChanged
+from apad_bridge.events.mission import AMusselReleased
 from apad_bridge.records.bag_messages import BELIEFS
 from apad_bridge.records.bag_samples import definitions_in, open_bag
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 from benchmarks.network import DESPITE, MUSSELBED, ROOT
@@ -100,9 +101,9 @@ class Heard:
             self._tail = JournalTail(self._path)
         for line in () if self._tail is None else self._tail.read_new().lines:
             self.now_ms = max(self.now_ms, line["t"])
-            if line["kind"] == EventKind.BELIEF:
+            if line["kind"] == BeliefChanged.kind:
                 self.newest_ms[line["id"]] = max(self.newest_ms.get(line["id"], 0), line["heard"])
-            if line["kind"] == EventKind.RELEASED and line["full"]:
+            if line["kind"] == AMusselReleased.kind and line["full"]:
                 self.served.append(line["agent"])
 
 

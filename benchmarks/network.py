@@ -29,8 +29,11 @@ from rich.console import Console
 from rich.table import Table
 from two_machines import Link, Machine, Programs, interrupt, master_uri, two_machines, why_no_two_machines
 
+from apad_bridge.events.graph import MasterGone
+from apad_bridge.events.guards import DangerOver, GuardReacted
+from apad_bridge.events.persons import PersonOrdered
+from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
 from apad_bridge.records.bag import recorded_messages
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
@@ -172,7 +175,7 @@ def person(run: Path) -> Iterator[None]:
         thread.join()
 
 
-STOPPED = (EventKind.GUARD, EventKind.GUARD_OVER, EventKind.VEHICLE_SILENT, EventKind.VEHICLE_HEARD)
+STOPPED = (GuardReacted.kind, DangerOver.kind, VehicleSilent.kind, VehicleHeard.kind)
 
 
 def figures(summary: dict[str, Any]) -> dict[str, Any]:
@@ -186,10 +189,10 @@ def told_by_journal(run: Path) -> dict[str, Any]:
     lines = tail.read_new().lines
     tail.close()
     return {
-        "guards": Counter(it["cause"] for it in lines if it["kind"] == EventKind.GUARD),
-        "vehicle_silent": sum(it["kind"] == EventKind.VEHICLE_SILENT for it in lines),
-        "master_gone": sum(it["kind"] == EventKind.MASTER_GONE for it in lines),
-        "person_asked": sum(it["kind"] == EventKind.OPERATOR for it in lines),
+        "guards": Counter(it["cause"] for it in lines if it["kind"] == GuardReacted.kind),
+        "vehicle_silent": sum(it["kind"] == VehicleSilent.kind for it in lines),
+        "master_gone": sum(it["kind"] == MasterGone.kind for it in lines),
+        "person_asked": sum(it["kind"] == PersonOrdered.kind for it in lines),
     }
 
 

@@ -17,9 +17,8 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
-from apad_bridge.events.sound import RangeMeasured
+from apad_bridge.events.sound import PlaceFixed, RangeMeasured
 from apad_bridge.mission.events import Ping, RangeHeard, SupervisorAction
-from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.state_groups import DOCKED, UP_AND_UNDOCKED
 
@@ -176,7 +175,7 @@ class RangingService:
             return actions
         variance_m2 = (fix.covariance[0] + fix.covariance[2]) / 2
         beliefs.learn(fix.agent_id, Fixed(fix.at_ms, fix.north_m, fix.east_m, variance_m2))
-        return [*actions, Note("fix", fix_data(fix))]
+        return [*actions, _fix_event(fix)]
 
     def _learn_range(self, taken: RangeTaken, beliefs: FleetBeliefs) -> None:
         down_m = self._depth_m - self._keel_m
@@ -243,14 +242,13 @@ def _is_away(belief: Belief) -> bool:
     return belief.state in _AWAY
 
 
-def fix_data(fix: PositionFix) -> dict[str, object]:
-    """A fix as the journal has it; metres and square metres."""
-    return {
-        "id": fix.agent_id,
-        "north_m": round(fix.north_m, 3),
-        "east_m": round(fix.east_m, 3),
-        "covariance": [round(it, 6) for it in fix.covariance],
-        "hdop": round(fix.hdop, 3),
-        "residual_m": round(fix.residual_m, 4),
-        "ranges": fix.ranges,
-    }
+def _fix_event(fix: PositionFix) -> PlaceFixed:
+    return PlaceFixed(
+        fix.agent_id,
+        round(fix.north_m, 3),
+        round(fix.east_m, 3),
+        [round(it, 6) for it in fix.covariance],
+        round(fix.hdop, 3),
+        round(fix.residual_m, 4),
+        fix.ranges,
+    )

@@ -17,7 +17,10 @@ from typing import Any
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ChargeLost, ContactClosed, ContactOpened, Placed, from_json
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.fleet import BeliefChanged, FaultBegan, FaultEnded, Stimulated, TruthChanged
+from apad_bridge.events.mission import DockSwitched, LegBegan
+from apad_bridge.events.run import RunBegan, RunResumed
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.line_file import Line, read_lines
 from apad_bridge.records.run_directory import RunDirectory
@@ -95,28 +98,28 @@ class Invariants:
             yield "time never falls", f"{line['t']} ms after {self._now_ms} ms"
         self._now_ms = max(self._now_ms, line["t"])
         match line["kind"]:
-            case EventKind.RUN:
+            case RunBegan.kind:
                 ids = [it["id"] for it in line["agents"]]
                 self._ids = frozenset(ids)
                 if len(ids) != len(self._ids):
                     yield "ids are unique", f"{ids}"
-            case EventKind.TRUTH:
+            case TruthChanged.kind:
                 yield from self._of_truth(truth_of(line))
-            case EventKind.BELIEF:
+            case BeliefChanged.kind:
                 yield from _of_belief(line)
-            case EventKind.STIMULUS:
+            case Stimulated.kind:
                 self._take_stimulus(line)
-            case EventKind.DOCK:
+            case DockSwitched.kind:
                 yield from self._of_dock(line["dock"], line["agent"], closed=line["closed"])
-            case EventKind.APAD:
+            case APadMoved.kind:
                 yield from self._of_apad(line)
-            case EventKind.LEG:
+            case LegBegan.kind:
                 self._legs_m += line["metres"]
-            case EventKind.FAULT if line["fault"] == TimedFault.APAD_LIES and "refused" not in line:
+            case FaultBegan.kind if line["fault"] == TimedFault.APAD_LIES and "refused" not in line:
                 self._lie_m, self._lie_until_ms = abs(line["value"]), 1 << 62
-            case EventKind.FAULT_OVER if line["fault"] == TimedFault.APAD_LIES:
+            case FaultEnded.kind if line["fault"] == TimedFault.APAD_LIES:
                 self._lie_until_ms = line["t"] + 2000  # the place of that tick came before
-            case EventKind.RESUMED:
+            case RunResumed.kind:
                 self._docks, self._contact = {}, {}
 
     def _of_truth(self, truth: Truth) -> Iterator[tuple[str, str]]:

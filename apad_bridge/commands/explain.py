@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.mission import PlanMade
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         lines = read_journal(RunDirectory.open(arguments.directory).journal).lines
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
-    plans = [line for line in lines if line["kind"] == EventKind.PLAN]
+    plans = [line for line in lines if line["kind"] == PlanMade.kind]
     if not plans:
         raise UserError(f"{arguments.directory}: no plan was made yet")
     if arguments.at is not None and 1000 * arguments.at > lines[-1]["t"]:

@@ -19,8 +19,8 @@ from apad_bridge.commands.foxglove import foxglove_beside
 from apad_bridge.commands.imc import imc_beside
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.commands.run_checks import check_run
+from apad_bridge.events.mission import PlanMade
 from apad_bridge.planning import registry
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
@@ -155,7 +155,7 @@ def fly(
         if not flown.summaries:
             raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
         if options.dry_run:
-            return print_plan(read_journal(whole.journal).first(EventKind.PLAN), as_json)
+            return print_plan(read_journal(whole.journal).first(PlanMade.kind), as_json)
         summary = _whole_summary(whole, scenario, all_members, flown)
         flown_by = flown_by_whom(options, scenario)
         bags = (

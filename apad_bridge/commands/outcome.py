@@ -13,7 +13,7 @@ from rich.console import Console
 
 from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.commands.table import print_table
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.run import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit, exit_of_all
 from apad_bridge.scenario.schema import Scenario

@@ -18,8 +18,7 @@ from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.run import namespace_of_shell
-from apad_bridge.mission.state import Phase
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.mission import MissionChanged, Phase
 from apad_bridge.runs.exits import Exit, UserError
 
 if TYPE_CHECKING:
@@ -149,7 +148,7 @@ def _heard(reader: FactReader, scenario: Scenario, for_s: float | None) -> Itera
 
 
 def _ends(event: EventTold) -> bool:
-    return event.kind == EventKind.MISSION and event.data.get("phase") == Phase.ENDED
+    return event.kind == MissionChanged.kind and event.data.get("phase") == Phase.ENDED
 
 
 def _line(decision: Decision) -> str:

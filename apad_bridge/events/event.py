@@ -7,9 +7,13 @@ consoles, and the table in docs/records.md follow from an event's class.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from enum import Enum, StrEnum
-from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
+
+from annotated_types import Ge, Lt
+
+from apad_bridge.scenario.schema import MAX_DOCKS
 
 
 class Meaning(NamedTuple):
@@ -21,6 +25,10 @@ class Meaning(NamedTuple):
 
 AMussel = Annotated[int, Meaning("the aMussel")]
 Reason = Annotated[str, Meaning("why")]
+North = Annotated[float, Meaning("place, north of the scenario's origin", "m")]
+East = Annotated[float, Meaning("place, east of the scenario's origin", "m")]
+AgentTime = Annotated[int, Meaning("when, by the aMussel's time", "agent ms")]
+DockIndex = Annotated[int, Ge(0), Lt(MAX_DOCKS)]
 
 
 class Event:
@@ -87,13 +95,24 @@ def fields_of(kind: type[Event]) -> tuple[EventField, ...]:
     """The fields of a kind that have a meaning, in the order of the journal's line."""
     if kind not in _FIELDS:
         hints = get_type_hints(kind, include_extras=True)
-        declared = ((it, get_args(hints[it.name])) for it in fields(kind))  # type: ignore[arg-type]  # each is a dataclass
-        _FIELDS[kind] = tuple(
-            EventField(it.name, hint[0], hint[1], it.default is not MISSING)
-            for it, hint in declared
-            if len(hint) > 1 and isinstance(hint[1], Meaning)
-        )
+        declared = (_field_of(it, hints[it.name]) for it in fields(kind))  # type: ignore[arg-type]  # each is a dataclass
+        _FIELDS[kind] = tuple(it for it in declared if it is not None)
     return _FIELDS[kind]
+
+
+def _field_of(declared: Field[Any], hint: Any) -> EventField | None:
+    """None for a field without a meaning, which the class puts into the line itself."""
+    annotation, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    meaning = next((it for it in extras if isinstance(it, Meaning)), None)
+    if meaning is None:
+        return None
+    bounds = tuple(it for it in extras if it is not meaning)
+    return EventField(
+        declared.name,
+        Annotated[annotation, *bounds] if bounds else annotation,
+        meaning,
+        declared.default is not MISSING,
+    )
 
 
 def _members(annotation: Any) -> tuple[Any, ...]:

@@ -1,11 +1,81 @@
-"""Events of aMussels and their processes, and of the fleet's division among several aPads."""
+"""Events of aMussels, their processes and their faults, and of the fleet's division among several aPads."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated
 
-from apad_bridge.events.event import AMussel, Event, Meaning, Reason
+from annotated_types import Ge, Lt
+
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.events.event import AgentTime, AMussel, East, Event, Meaning, North, Reason
+from apad_bridge.scenario.timed_faults import TimedFault
+from firmware_model.actions import Buoyancy
+from firmware_model.power.charge import Flow
+from firmware_model.states import State
+
+BatteryAnchor = tuple[int, int, Annotated[int, Ge(0), Lt(len(Flow))], int, int]
+"""Anchor, charge, flow, load, coils: agent ms, grains."""
+
+
+class Presence(StrEnum):
+    SIMULATED = "simulated"
+    REAL = "real"
+    RETIRED = "retired"
+
+
+@dataclass(frozen=True)
+class TruthChanged(Event):
+    kind = "truth"
+    when = "a simulated aMussel's true state changed, or it drifted by a quarter of a metre; it holds until the next"
+
+    id: AMussel
+    agent_ms: AgentTime
+    state: Annotated[State, Meaning("the board's state, by name")]
+    primary: Annotated[
+        BatteryAnchor, Meaning("battery: anchor, charge, flow, load, coils", "agent ms, grains")
+    ]
+    secondary: Annotated[BatteryAnchor, Meaning("the other battery, in the same form", "agent ms, grains")]
+    north_um: Annotated[int, Meaning("place, north", "um")]
+    east_um: Annotated[int, Meaning("place, east", "um")]
+    depth: Annotated[tuple[int, int], Meaning("anchor, and the depth then", "agent ms, um")]
+    buoyancy: Annotated[Buoyancy, Meaning("the direction in which its motors move it")]
+    docked: Annotated[bool, Meaning("true while a dock holds it")]
+    hover_um: Annotated[int | None, Meaning("the depth to which it hovers", "um")] = None
+    pin_due: Annotated[int | None, Meaning("when the coils will be aligned", "agent ms")] = None
+    log: Annotated[tuple[int, int] | None, Meaning("samples taken, and samples acknowledged")] = None
+
+
+@dataclass(frozen=True)
+class BeliefChanged(Event):
+    kind = "belief"
+    when = "the supervisor's belief of an aMussel changed noticeably"
+
+    id: AMussel
+    heard: Annotated[int, Meaning("the time of its newest packet", "mission ms")]
+    state: Annotated[State, Meaning("the board's state, by name")]
+    charge: Annotated[float, Meaning("of the primary battery", "0 to 1")]
+    secondary: Annotated[float, Meaning("charge of the other battery", "0 to 1")]
+    north_m: North
+    east_m: East
+    sd: Annotated[float | None, Meaning("standard deviation of the charge; of a twin alone", "0 to 1")] = None
+    low: Annotated[float | None, Meaning("begin of the charge's interval of 95 %", "0 to 1")] = None
+    high: Annotated[float | None, Meaning("end of that interval", "0 to 1")] = None
+    mode: Annotated[Mode | None, Meaning("the most probable mode, by name")] = None
+
+
+@dataclass(frozen=True)
+class Stimulated(Event):
+    kind = "stimulus"
+    when = "something reached an aMussel: a contact, a packet, its place in a dock"
+
+    id: AMussel
+    agent_ms: AgentTime
+    wire: Annotated[
+        list[int | str],
+        Meaning("its number in `agents/mussel/stimuli.py` and its fields; bytes in hexadecimal"),
+    ]
 
 
 @dataclass(frozen=True)
@@ -14,7 +84,7 @@ class ProcessDied(Event):
     when = "an aMussel's process ended: a reset of its MU"
 
     id: AMussel
-    agent_ms: Annotated[int, Meaning("when, by the aMussel's time", "agent ms")]
+    agent_ms: AgentTime
     cause: Annotated[str, Meaning("the cause of the reset, by name")]
     reason: Annotated[str, Meaning("why the process ended")]
     gave_up: Annotated[str | None, Meaning("why it stays dead; null when it was started again")]
@@ -35,3 +105,70 @@ class APadLeftWater(Event):
 
     def text(self) -> str:
         return f"{self.name} is out of the water: {self.reason}"
+
+
+@dataclass(frozen=True)
+class PresenceChanged(Event):
+    kind = "presence"
+    when = "an aMussel became real, retired, or simulated again"
+
+    id: AMussel
+    is_: Annotated[Presence, Meaning("its new presence")]
+    by: Annotated[str, Meaning("the node that asked")]
+
+    def text(self) -> str:
+        return f"aMussel {self.id} is {self.is_}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultBegan(Event):
+    kind = "fault"
+    when = "a fault began, of a simulated aMussel or of the simulated aPad ([faults.md](faults.md))"
+
+    id: Annotated[int | None, Meaning("the aMussel; absent for a fault of the aPad")] = None
+    fault: Annotated[TimedFault, Meaning("which")]
+    value: Annotated[float | None, Meaning("its value, in the unit of its row")] = None
+    until_ms: Annotated[
+        int | None, Meaning("when it ends; the line's own time for one that is over at once", "ms")
+    ] = None
+    refused: Annotated[str | None, Meaning("why a fault of the scenario did not begin")] = None
+
+    def text(self) -> str:
+        if self.refused is not None:
+            return f"fault of {_whose(self.id)} did not begin: {self.fault}, {self.refused}"
+        value = "" if self.value is None else f", {self.value:g}"
+        return f"fault of {_whose(self.id)}: {self.fault}{value}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultEnded(Event):
+    kind = "fault_over"
+    when = "a fault that lasted was healed"
+
+    id: Annotated[int | None, Meaning("the aMussel; absent for a fault of the aPad")] = None
+    fault: Annotated[TimedFault, Meaning("which")]
+
+    def text(self) -> str:
+        return f"fault of {_whose(self.id)} healed: {self.fault}"
+
+
+@dataclass(frozen=True)
+class HandedOn(Event):
+    kind = "handed_on"
+    when = "one of several aPads no longer serves an aMussel"
+
+    id: AMussel
+    to: Annotated[str | None, Meaning("the aPad that does; with --time asap")] = None
+
+
+@dataclass(frozen=True)
+class TookOn(Event):
+    kind = "took_on"
+    when = "one of several aPads serves another aMussel"
+
+    id: AMussel
+    of_: Annotated[str | None, Meaning("the aPad that did; with --time asap")] = None
+
+
+def _whose(agent_id: int | None) -> str:
+    return "the aPad" if agent_id is None else f"aMussel {agent_id}"

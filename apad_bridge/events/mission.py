@@ -1,11 +1,194 @@
-"""Events of the mission: its ways, and what became of each aMussel that it serves."""
+"""Events of the mission: its state, plans and ways, and what became of each aMussel that it serves."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from enum import StrEnum
+from typing import Annotated, NotRequired, TypedDict
 
-from apad_bridge.events.event import AMussel, Event, Meaning, Reason
+from apad_bridge.events.event import AMussel, DockIndex, Event, Meaning, Reason
+from apad_bridge.events.run import EndReason
+from apad_bridge.planning.solution import StepKind
+
+PRE_EMPTED = "pre-empted"
+"""The reason of a primitive that makes way for another: it has not failed."""
+
+
+class Phase(StrEnum):
+    """The boxes of the paper's Fig. 7, with each routine split into its parts."""
+
+    IDLE = "idle wait"
+    GO_COLLECT = "go to aMussel"
+    AWAIT_SURFACING = "await surfacing"
+    DOCK = "dock"
+    CHARGE = "charging wait"
+    GO_DEPLOY = "go to deployment"
+    UNDOCK = "undock"
+    GO_HOME = "go home"
+    """No box of the figure, nor the next: the aPad is to be charged, or is unavailable."""
+    AT_HOME = "at home"
+    COMMANDED = "by hand or script"
+    """No box of the figure: a script or a person gives the orders."""
+    STANDS_DOWN = "stands down"
+    """No box either: one of several aPads cannot go on, and others take over its aMussels."""
+    ENDED = "ended"
+
+
+class PrimitivePhase(StrEnum):
+    STARTED = "started"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    NOTHING_CAUGHT = "nothing_caught"
+
+
+_Point = tuple[float, float]
+
+
+class LegUnderWay(TypedDict):
+    primitive_id: int
+    start: _Point
+    goal: _Point
+    counted: _Point
+
+
+class MissionSnapshot(TypedDict):
+    """The mission's whole state, as a resumed mission reads it. Earlier versions had no field of the optional ones."""
+
+    phase: Phase
+    since_ms: int
+    plan: list[tuple[StepKind, int, int]]
+    docked: list[tuple[int, int]]
+    homes: list[tuple[int, float, float]]
+    primitive_id: int
+    cost_m: float
+    services: int
+    leaves_full: bool
+    planned_m: NotRequired[float]
+    leg: NotRequired[LegUnderWay | None]
+    dock_count: NotRequired[int]
+    failed_tries: NotRequired[list[tuple[int, int]]]
+    failed_undockings: NotRequired[list[tuple[int, int]]]
+    released: NotRequired[list[tuple[int, int]]]
+    ended_by: str | None
+    end_reason: NotRequired[EndReason | None]
+
+
+class PlanStep(TypedDict):
+    agent: int
+    dock: DockIndex
+
+
+class PlanCosts(TypedDict):
+    distance_m: float
+    demand: float
+    distance_cost: float
+    energy_cost: float
+
+
+class PlannedCandidate(TypedDict):
+    id: int
+    charge: float
+    north_m: float
+    east_m: float
+    secondary: NotRequired[float]
+    unserved_s: NotRequired[float]
+
+
+class PlannedExchange(TypedDict):
+    released: int
+    collected: int
+
+
+class PlanOption(TypedDict):
+    agents: list[int]
+    cost: float
+    parts: dict[str, float]
+
+
+@dataclass(frozen=True)
+class MissionChanged(Event):
+    kind = "mission"
+    when = "the mission's state changed; a resumed run continues from the newest"
+
+    phase: Annotated[Phase, Meaning("the box of the paper's Fig. 7")]
+    snapshot: Annotated[MissionSnapshot, Meaning("the whole state", "m, mission ms")]
+
+
+@dataclass(frozen=True)
+class PlanMade(Event):
+    kind = "plan"
+    when = "a strategy made a plan"
+
+    what: Annotated[str, Meaning("`collect` or `redeploy`")]
+    strategy: Annotated[str, Meaning("its name")]
+    steps: Annotated[list[PlanStep], Meaning("in order")]
+    costs: Annotated[
+        PlanCosts, Meaning("equations (4) to (6): the way, the energy, and both scaled", "m, batteries")
+    ]
+    beliefs: Annotated[
+        list[PlannedCandidate],
+        Meaning("the beliefs of the candidates, and the time since each was released", "0 to 1, m, s"),
+    ]
+    from_: Annotated[_Point | None, Meaning("the aPad's place, north and east", "m")] = None
+    exchanged: Annotated[
+        list[PlannedExchange] | None,
+        Meaning("who exchange places: the one that is released takes that of the one that is collected"),
+    ] = None
+    options: Annotated[
+        list[PlanOption] | None,
+        Meaning(
+            "what the strategy weighed, by its own costs, whose parts have names: the plan itself, its runner-up, "
+            "others; none without reasons"
+        ),
+    ] = None
+    unexplained: Annotated[str | None, Meaning("the error of a strategy's own explanation")] = None
+
+    def text(self) -> str:
+        whom = ", ".join(str(step["agent"]) for step in self.steps) or "nobody"
+        released = ", ".join(str(it["released"]) for it in self.exchanged or ())
+        exchange = f", in exchange for {released}" if released else ""
+        return f"plan to {self.what} by {self.strategy}: {whom}{exchange}"
+
+
+@dataclass(frozen=True)
+class PrimitiveChanged(Event):
+    kind = "primitive"
+    when = "a primitive started, succeeded or failed, or a docking caught nothing within the catch radius"
+
+    name: Annotated[str, Meaning("`go to point`, `hold position`, `dock` or `undock`")]
+    phase: Annotated[PrimitivePhase, Meaning("the result")]
+    agent: Annotated[int | None, Meaning("the aMussel")] = None
+    dock: Annotated[DockIndex | None, Meaning("the dock, counted from 0")] = None
+    north_m: Annotated[float | None, Meaning("the goal, north", "m")] = None
+    east_m: Annotated[float | None, Meaning("the goal, east", "m")] = None
+    reason: Annotated[str | None, Meaning("why it failed")] = None
+
+    @property
+    def is_failure(self) -> bool:
+        return self.phase is PrimitivePhase.FAILED and self.reason != PRE_EMPTED
+
+    def text(self) -> str | None:
+        if self.phase is not PrimitivePhase.FAILED:
+            return None
+        of = ""
+        if self.agent is not None and self.dock is not None:
+            of = f" (aMussel {self.agent}, dock {self.dock + 1})"
+        elif self.north_m is not None and self.east_m is not None:
+            of = f" ({self.north_m:.1f} m north, {self.east_m:.1f} m east)"
+        return f"{self.name}{of} failed: {self.reason}"
+
+
+@dataclass(frozen=True)
+class DockSwitched(Event):
+    kind = "dock"
+    when = "a dock closed around an aMussel, or opened"
+
+    dock: Annotated[DockIndex, Meaning("the dock, counted from 0")]
+    agent: AMussel
+    closed: Annotated[bool, Meaning("true when it closed")]
+
+    def text(self) -> str:
+        return f"dock {self.dock + 1} {'closed around' if self.closed else 'let go'} aMussel {self.agent}"
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 from apad_bridge.events.event import Event, Meaning
 
@@ -18,3 +19,54 @@ class Overridden(Event):
 
     def text(self) -> str:
         return "a person took the aPad over" if self.taken else "the aPad was given back"
+
+
+@dataclass(frozen=True)
+class PersonOrdered(Event):
+    kind = "operator"
+    when = "a person gave the supervisor an order by a command"
+
+    order: Annotated[
+        str,
+        Meaning(
+            "`stop`, `hands`, `continue`, `back in`, `abort`, `go to`, `hold`, `ping` or `permit to surface`"
+        ),
+    ]
+    by: Annotated[str, Meaning("the person's name on that machine")]
+    agent: Annotated[int | None, Meaning("the aMussel")] = None
+    north_m: Annotated[float | None, Meaning("the goal, north", "m")] = None
+    east_m: Annotated[float | None, Meaning("the goal, east", "m")] = None
+
+    def text(self) -> str:
+        whom = "" if self.agent is None else f", aMussel {self.agent}"
+        return f"{self.by} ordered: {self.order}{whom}"
+
+
+@dataclass(frozen=True)
+class Remarked(Event):
+    kind = "remark"
+    when = "a person made a remark"
+
+    text_: Annotated[str, Meaning("the remark")]
+    by: Annotated[str, Meaning("who made it")]
+
+    def text(self) -> str:
+        return f"{self.by}: {self.text_}"
+
+
+@dataclass(frozen=True)
+class ScriptTold(Event):
+    kind = "script"
+    when = "a script printed a line, or noted its own event with its own fields"
+
+    said: Annotated[str | None, Meaning("a line for people")] = None
+    what: Annotated[str | None, Meaning("the name that the script gave its event")] = None
+    own: Mapping[str, Any] = field(default_factory=dict)
+    """The fields that the script's author named. A line that is read keeps them to itself."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        return super().data | dict(self.own)
+
+    def text(self) -> str | None:
+        return None if self.said is None else f"script: {self.said}"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from apad_bridge.events import fleet, graph, guards, mission, persons, sound, vehicle
+from apad_bridge.events import fleet, graph, guards, mission, persons, run, sound, vehicle
 from apad_bridge.events.event import Event
 
-_FAMILIES = (mission, persons, guards, vehicle, fleet, sound, graph)
+_FAMILIES = (run, mission, persons, guards, vehicle, fleet, sound, graph)
 
 EVENTS: dict[str, type[Event]] = {
     it.kind: it
@@ -19,10 +19,9 @@ EVENTS: dict[str, type[Event]] = {
 """The class of each kind, in the order of docs/records.md."""
 
 
-def event_of(kind: str, data: Mapping[str, Any]) -> Event | None:
-    """The event of a journal's line; None for a kind unknown here."""
-    found = EVENTS.get(kind)
-    return None if found is None else found.of(data)
+def event_of(kind: str, data: Mapping[str, Any]) -> Event:
+    """The event of a journal's line; KeyError for a kind unknown here."""
+    return EVENTS[kind].of(data)
 
 
 def text_of(kind: str, data: Mapping[str, Any]) -> str | None:

@@ -5,7 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from apad_bridge.events.event import AMussel, Event, Meaning
+from apad_bridge.events.event import AMussel, East, Event, Meaning, North
+
+
+@dataclass(frozen=True)
+class APadMoved(Event):
+    kind = "apad"
+    when = "the aPad moved, turned, used energy or changed its docks, or a minute passed"
+
+    north_m: North
+    east_m: East
+    heading_rad: Annotated[float, Meaning("heading, from north to east", "rad")]
+    voltage_v: Annotated[float | None, Meaning("its battery's voltage", "V")]
+    battery: Annotated[float | None, Meaning("charge of its battery", "0 to 1")]
+    primitive: Annotated[str, Meaning("the primitive under way, or `none`")]
+    docks: Annotated[list[int], Meaning("the aMussel in each dock, -1 for none")]
 
 
 @dataclass(frozen=True)

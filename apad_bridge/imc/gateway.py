@@ -15,6 +15,10 @@ from pathlib import Path
 
 from agents.hosting.interrupts import received_by
 from apad_bridge.analysis.replay.history import Event
+from apad_bridge.events.fleet import ProcessDied
+from apad_bridge.events.graph import GraphDeaf, MasterGone, MessagesDropped
+from apad_bridge.events.mission import LeftAlone, StandsDown, StepGivenUp, Stuck
+from apad_bridge.events.vehicle import VehicleSilent
 from apad_bridge.imc import messages
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.lsf_log import LsfLog
@@ -23,7 +27,6 @@ from apad_bridge.imc.picture import Picture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import System, amussel_system, apad_system
 from apad_bridge.imc.wire import Address, Console, Received, Wire
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
@@ -44,15 +47,15 @@ _SUMMARY_S = 10.0
 """Wall seconds between the mission's end and its summary, after which the gateway ends without one."""
 _WARNINGS = frozenset(
     {
-        EventKind.GIVEN_UP,
-        EventKind.LEFT_ALONE,
-        EventKind.STUCK,
-        EventKind.DIED,
-        EventKind.STANDS_DOWN,
-        EventKind.VEHICLE_SILENT,
-        EventKind.MASTER_GONE,
-        EventKind.GRAPH_DEAF,
-        EventKind.UNREADABLE,
+        StepGivenUp.kind,
+        LeftAlone.kind,
+        Stuck.kind,
+        ProcessDied.kind,
+        StandsDown.kind,
+        VehicleSilent.kind,
+        MasterGone.kind,
+        GraphDeaf.kind,
+        MessagesDropped.kind,
     }
 )
 

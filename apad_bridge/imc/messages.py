@@ -10,11 +10,11 @@ import hashlib
 import math
 from collections.abc import Iterable, Iterator
 
+from apad_bridge.events.mission import Phase
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.picture import AMusselView, APadView, Picture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import NOBODY, System, amussel_system
-from apad_bridge.mission.state import Phase
 from apad_bridge.records.journal import Line
 from apad_bridge.scenario.local_frame import LocalFrame
 from firmware_model.power.charge import EMPTY_MV, FULL_MV

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from apad_bridge.analysis.replay.history import Event, History
-from apad_bridge.mission.state import Phase
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.mission import Phase, PrimitiveChanged
+from apad_bridge.events.persons import Overridden, PersonOrdered
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import JournalTail, Line
 from apad_bridge.records.line_file import LineTail
 from apad_bridge.records.run_directory import RunDirectory
@@ -184,19 +185,19 @@ class Picture:
     def _take(self, lines: list[Line]) -> None:
         for line in lines:
             match line["kind"], line:
-                case EventKind.APAD, _:
+                case APadMoved.kind, _:
                     self._track = (*self._track[-1:], line)
-                case EventKind.OPERATOR, {
+                case PersonOrdered.kind, {
                     "order": "go to" | "hold" as order,
                     "north_m": north,
                     "east_m": east,
                 }:
                     self._begin(order == "go to", (north, east))
-                case EventKind.OPERATOR, {"order": "stop" | "abort"}:
+                case PersonOrdered.kind, {"order": "stop" | "abort"}:
                     self.manoeuvre = None
-                case EventKind.OVERRIDE, {"taken": False}:
+                case Overridden.kind, {"taken": False}:
                     self.manoeuvre = None
-                case EventKind.PRIMITIVE, {"name": "go to point", "phase": "succeeded" | "failed" as phase}:
+                case PrimitiveChanged.kind, {"name": "go to point", "phase": "succeeded" | "failed" as phase}:
                     self._end(line, has_failed=phase == "failed")
 
     def _begin(self, is_go_to: bool, goal_m: tuple[float, float]) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from apad_bridge.mission.ending import EndReason
-from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.events.mission import PRE_EMPTED
+from apad_bridge.events.run import EndReason
 from apad_bridge.vehicle.primitives import Outcome, PrimitiveFailed
 
 

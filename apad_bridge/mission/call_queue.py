@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from apad_bridge.events.event import Event
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import AllowMotion, Order
 from apad_bridge.mission.values import Refused, Status
@@ -69,9 +70,7 @@ class FlightMission(Protocol):
 
     def finish(self, end: MissionEnd) -> None: ...
 
-    def note(self, kind: str, **data: object) -> None:
-        """An event for the journal."""
-        ...
+    def tell(self, event: Event) -> None: ...
 
     def order(self, order: Order) -> None: ...
 

@@ -11,7 +11,8 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import BeyondReach, InReach, LeftAlone, StandsDown, StepGivenUp, Stuck
+from apad_bridge.events.mission import BeyondReach, InReach, LeftAlone, Phase, StandsDown, StepGivenUp, Stuck
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first
@@ -24,16 +25,16 @@ from apad_bridge.mission.docking_routine import (
     Progress,
 )
 from apad_bridge.mission.end_by import EndBy
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.horizon import KnownEnd
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
-from apad_bridge.mission.plans import plan_note, plan_or_reason
+from apad_bridge.mission.plans import plan_event, plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.state import MissionState, Phase, with_exchanged_homes, with_new_homes
+from apad_bridge.mission.state import MissionState, with_exchanged_homes, with_new_homes
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange import exchanges, tour
@@ -336,8 +337,7 @@ class EnergyExchange(OrderBook):
         if solution.steps:
             flown = tour(solution, situation)
             solution = Solution(tuple(it for it in flown.steps if it.kind is StepKind.COLLECT))
-            note = plan_note("collect", name, solution, situation, self._config.costs, self._collection)
-            self._orders.append(note)
+            self.tell(plan_event("collect", name, solution, situation, self._config.costs, self._collection))
             self.set(plan=flown, homes=with_exchanged_homes(self.state.homes, exchanges(solution, situation)))
         return bool(solution.steps)
 
@@ -449,8 +449,7 @@ class EnergyExchange(OrderBook):
         if isinstance(solution, str):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return
-        note = plan_note("redeploy", name, solution, situation, self._config.costs, self._redeployment)
-        self._orders.append(note)
+        self.tell(plan_event("redeploy", name, solution, situation, self._config.costs, self._redeployment))
         self.set(plan=solution)
         self._next_step(now_ms)
 

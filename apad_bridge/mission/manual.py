@@ -13,7 +13,7 @@ from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.events.mission import StepGivenUp
+from apad_bridge.events.mission import PRE_EMPTED, Phase, StepGivenUp
 from apad_bridge.events.persons import Overridden
 from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
@@ -23,11 +23,10 @@ from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import AllowMotion, Order, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
-from apad_bridge.mission.state import MissionState, Phase, with_new_homes
+from apad_bridge.mission.state import MissionState, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
-from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.primitives import (
     DockChanged,

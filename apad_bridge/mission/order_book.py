@@ -1,4 +1,4 @@
-"""The base of every mission: its state, the orders and notes of this tick, and the count of its way."""
+"""The base of every mission: its state, the orders and events of this tick, and the count of its way."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import LegBegan
-from apad_bridge.mission.orders import Note, Order
+from apad_bridge.events.mission import DockSwitched, LegBegan, MissionChanged
+from apad_bridge.mission.orders import Order
 from apad_bridge.mission.state import Leg, MissionState
 from apad_bridge.vehicle.primitives import (
     DockChanged,
@@ -67,7 +67,7 @@ class OrderBook:
             case DockChanged(_, dock_index, agent_id, closed, docked):
                 self.set(docked=docked)
                 self.named.pop(agent_id, None)
-                self.note("dock", dock=dock_index, agent=agent_id, closed=closed)
+                self.tell(DockSwitched(dock_index, agent_id, closed))
             case PrimitiveSucceeded(_, primitive_id) if leg is not None and primitive_id == leg.primitive_id:
                 self._end_leg(as_planned=True)
             case PrimitiveFailed(_, primitive_id, _) if leg is not None and primitive_id == leg.primitive_id:
@@ -79,16 +79,12 @@ class OrderBook:
         held = dict(self.state.docked)
         return tuple(held.get(dock_index) for dock_index in range(self.state.dock_count))
 
-    def note(self, kind: str, **data: object) -> None:
-        """An event for the journal, of a kind that has no class yet."""
-        self._orders.append(Note(kind, data))
-
     def tell(self, event: Event) -> None:
         """An event for the journal."""
         self._orders.append(event)
 
     def snapshot(self) -> None:
-        self.note("mission", phase=self.state.phase.value, snapshot=self.state.to_json())
+        self.tell(MissionChanged(self.state.phase, self.state.to_json()))
 
     def order(self, order: Order) -> None:
         """Gives an order; a primitive ends the leg under way, and a go-to begins one (the aPad's place is known then)."""

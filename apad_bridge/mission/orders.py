@@ -1,9 +1,8 @@
-"""The mission's orders besides primitives, and its notes for the journal."""
+"""The mission's orders besides primitives, and its events for the journal."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from apad_bridge.events.event import Event
 from apad_bridge.vehicle.guards.stops import StopsEnded
@@ -60,14 +59,6 @@ class GoBackIn:
     lookout: str
 
 
-@dataclass(frozen=True, slots=True)
-class Note:
-    """An event of a kind that has no class yet, for the journal and the bag."""
-
-    kind: str
-    data: dict[str, Any]
-
-
 VehicleOrder = StopVehicle | AllowMotion | GoBackIn
 """A person's words to the vehicle itself, past the docking port."""
-Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder | Note | Event
+Order = Primitive | PermitSurfacing | PingAgent | TellClear | VehicleOrder | Event

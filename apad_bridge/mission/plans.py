@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
-from apad_bridge.mission.ending import EndReason
-from apad_bridge.mission.orders import Note
+from apad_bridge.events.mission import PlanMade, PlannedExchange
+from apad_bridge.events.run import EndReason
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
 from apad_bridge.planning.exchange import exchanges
@@ -27,39 +26,41 @@ def plan_or_reason(
     return solution
 
 
-def plan_note(
+def plan_event(
     what: str, name: str, solution: Solution, situation: Situation, scales: Scales, strategy: object = None
-) -> Note:
-    """The plan's line for the journal, with the reasons that `strategy` gives, if it gives any."""
-    return Note(
-        "plan",
+) -> PlanMade:
+    """The plan for the journal, with the reasons that `strategy` gives, if it gives any."""
+    costs, north_east = cost_of(solution, situation, scales), situation.apad_m
+    return PlanMade(
+        what,
+        name,
+        [{"agent": step.agent_id, "dock": step.dock_index} for step in solution.steps],
         {
-            "what": what,
-            "strategy": name,
-            "steps": [{"agent": step.agent_id, "dock": step.dock_index} for step in solution.steps],
-            "costs": asdict(cost_of(solution, situation, scales)),
-            "beliefs": [
-                {
-                    **{
-                        "id": c.agent_id,
-                        "charge": round(c.charge, 5),
-                        "north_m": c.north_m,
-                        "east_m": c.east_m,
-                    },
-                    **{"secondary": round(c.secondary, 5), "unserved_s": c.unserved_s},
-                }
-                for c in situation.candidates
-            ],
-            "from": list(situation.apad_m),
-            **_exchanged(solution, situation),
-            **_reasons(strategy, situation, solution),
+            "distance_m": costs.distance_m,
+            "demand": costs.demand,
+            "distance_cost": costs.distance_cost,
+            "energy_cost": costs.energy_cost,
         },
+        [
+            {
+                "id": c.agent_id,
+                "charge": round(c.charge, 5),
+                "north_m": c.north_m,
+                "east_m": c.east_m,
+                "secondary": round(c.secondary, 5),
+                "unserved_s": c.unserved_s,
+            }
+            for c in situation.candidates
+        ],
+        from_=north_east,
+        exchanged=_exchanged(solution, situation),
+        **_reasons(strategy, situation, solution),
     )
 
 
-def _exchanged(solution: Solution, situation: Situation) -> dict[str, Any]:
+def _exchanged(solution: Solution, situation: Situation) -> list[PlannedExchange] | None:
     pairs = exchanges(solution, situation)
-    return {"exchanged": [{"released": out, "collected": other} for out, other in pairs]} if pairs else {}
+    return [{"released": out, "collected": other} for out, other in pairs] if pairs else None
 
 
 def _reasons(strategy: object, situation: Situation, solution: Solution) -> dict[str, Any]:

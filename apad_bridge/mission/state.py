@@ -5,43 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields, replace
-from enum import StrEnum
-from typing import Any
+from typing import Any, cast
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.mission import MissionSnapshot, Phase
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.planning.solution import Solution
 from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.docks import Occupancy
 from firmware_model.state_groups import DOCKED
-
-EARLIER_COMMANDED = ("as it is told", "commanded")
-"""The names of `Phase.COMMANDED` in journals of earlier versions."""
-
-
-class Phase(StrEnum):
-    """The boxes of the paper's Fig. 7, with each routine split into its parts."""
-
-    IDLE = "idle wait"
-    GO_COLLECT = "go to aMussel"
-    AWAIT_SURFACING = "await surfacing"
-    DOCK = "dock"
-    CHARGE = "charging wait"
-    GO_DEPLOY = "go to deployment"
-    UNDOCK = "undock"
-    GO_HOME = "go home"
-    """No box of the figure, nor the next: the aPad is to be charged, or is unavailable."""
-    AT_HOME = "at home"
-    COMMANDED = "by hand or script"
-    """No box of the figure: a script or a person gives the orders."""
-    STANDS_DOWN = "stands down"
-    """No box either: one of several aPads cannot go on, and others take over its aMussels."""
-    ENDED = "ended"
-
-    @classmethod
-    def _missing_(cls, value: object) -> Phase | None:
-        """The phase of a journal of an earlier version, by its name there."""
-        return cls.COMMANDED if value in EARLIER_COMMANDED else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +78,9 @@ class MissionState:
         waits = not place_is_known and self.phase is not Phase.ENDED
         return "waits for the aPad's position" if waits else self.phase.value
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> MissionSnapshot:
         ended_by, leg = self.ended_by, self.leg
-        return {
+        snapshot: Any = {
             # Not `asdict`, which would copy each tuple of a value that is journaled at every change.
             **{it.name: getattr(self, it.name) for it in fields(self)},
             "leg": None if leg is None else asdict(leg),
@@ -116,6 +88,7 @@ class MissionState:
             "ended_by": None if ended_by is None else str(ended_by),
             "end_reason": None if ended_by is None else ended_by.reason.value,
         }
+        return cast(MissionSnapshot, snapshot)
 
     def stood_down(self) -> MissionState:
         """The same state without a plan and with nothing under way."""

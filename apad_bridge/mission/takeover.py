@@ -11,13 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from apad_bridge.events.event import Event
+from apad_bridge.events.mission import Phase
 from apad_bridge.events.persons import Overridden
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.orders import AllowMotion, Note, Order
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.orders import AllowMotion, Order
+from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
 from apad_bridge.vehicle.guards.stops import StopsEnded
@@ -95,10 +96,6 @@ class Takeover:
     def finish(self, end: MissionEnd) -> None:
         """Like `end`, from within a call."""
         self._orders += self.end(end, self.now_ms)
-
-    def note(self, kind: str, **data: object) -> None:
-        """An event for the journal, of a kind that has no class yet."""
-        self.order(Note(kind, data))
 
     def tell(self, event: Event) -> None:
         """An event for the journal."""

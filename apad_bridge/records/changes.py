@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, hypot, isnan, radians
 
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.records.journal import Line
+from apad_bridge.events.fleet import BeliefChanged
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.samples import APadSample
 
 MUSSEL_MOVED_UM = 250_000
@@ -46,19 +48,19 @@ class APadChanges:
     def __init__(self) -> None:
         self._last: tuple[int, APadSample] | None = None
 
-    def line(self, now_ms: int, apad: APadSample) -> Line | None:
+    def event(self, now_ms: int, apad: APadSample) -> APadMoved | None:
         if self._last is not None and not self._differs(now_ms, apad, *self._last):
             return None
         self._last = (now_ms, apad)
-        return {
-            "north_m": round(apad.north_m, 3),
-            "east_m": round(apad.east_m, 3),
-            "heading_rad": round(apad.heading_rad, 4),
-            "voltage_v": _or_none(apad.voltage_v),
-            "battery": _or_none(apad.battery_fraction),
-            "primitive": apad.primitive,
-            "docks": list(apad.docks),
-        }
+        return APadMoved(
+            round(apad.north_m, 3),
+            round(apad.east_m, 3),
+            round(apad.heading_rad, 4),
+            _or_none(apad.voltage_v),
+            _or_none(apad.battery_fraction),
+            apad.primitive,
+            list(apad.docks),
+        )
 
     def _differs(self, now_ms: int, apad: APadSample, before_ms: int, before: APadSample) -> bool:
         return (
@@ -77,8 +79,8 @@ class BeliefChanges:
     def __init__(self) -> None:
         self._last: dict[int, Belief] = {}
 
-    def lines(self, beliefs: list[Belief]) -> list[Line]:
-        return [self._line(belief) for belief in beliefs if self._is_new(belief)]
+    def events(self, beliefs: list[Belief]) -> list[BeliefChanged]:
+        return [_event_of(belief) for belief in beliefs if self._is_new(belief)]
 
     def _is_new(self, belief: Belief) -> bool:
         before = self._last.get(belief.agent_id)
@@ -87,25 +89,27 @@ class BeliefChanges:
         self._last[belief.agent_id] = belief
         return True
 
-    def _line(self, belief: Belief) -> Line:
-        line: Line = {
-            "id": belief.agent_id,
-            "heard": belief.heard_ms,
-            "state": belief.state.name,
-            "charge": round(belief.primary, 5),
-            "secondary": round(belief.secondary, 5),
-            "north_m": round(belief.north_m, 3),
-            "east_m": round(belief.east_m, 3),
-        }
-        if belief.is_predicted:
-            low, high = belief.charge_interval()
-            line |= {
-                "sd": round(belief.charge_cov[0] ** 0.5, 5),
-                "low": round(low, 5),
-                "high": round(high, 5),
-                "mode": belief.mode.name,
-            }
-        return line
+
+def _event_of(belief: Belief) -> BeliefChanged:
+    event = BeliefChanged(
+        belief.agent_id,
+        belief.heard_ms,
+        belief.state,
+        round(belief.primary, 5),
+        round(belief.secondary, 5),
+        round(belief.north_m, 3),
+        round(belief.east_m, 3),
+    )
+    if not belief.is_predicted:
+        return event
+    low, high = belief.charge_interval()
+    return replace(
+        event,
+        sd=round(belief.charge_cov[0] ** 0.5, 5),
+        low=round(low, 5),
+        high=round(high, 5),
+        mode=belief.mode,
+    )
 
 
 def _differs(before: Belief, belief: Belief) -> bool:

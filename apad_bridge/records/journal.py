@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from agents.time_scale import MissionMs
-from apad_bridge.records.event_kinds import EventKind, fault_of, refuse_wrong
+from apad_bridge.events.event import Event
+from apad_bridge.events.run import RunBegan
 from apad_bridge.records.line_file import Line, LineFile, LineTail, numbered_lines, read_lines
+from apad_bridge.records.line_types import fault_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
 __all__ = [
@@ -31,13 +33,6 @@ __all__ = [
 ]
 
 FORMAT_VERSION = 2
-_RENAMED_IN_2 = {
-    "apad": {"slots": "docks"},
-    "dock": {"slot": "dock"},
-    "packet": {"slot": "timeslot"},
-    "primitive": {"slot": "dock"},
-}
-"""The new names of keys of format 1, by kind of line."""
 _BEGINS_S = 30.0
 """Wall seconds: agents, a master and an aPad start before the first line is written."""
 _LOOK_S = 0.1
@@ -59,7 +54,7 @@ class JournalContents:
         """The newest mission time that a line names; 0 for an empty journal."""
         return MissionMs(max((line["t"] for line in self.lines), default=0))
 
-    def first(self, kind: EventKind) -> Line | None:
+    def first(self, kind: str) -> Line | None:
         return next((line for line in self.lines if line["kind"] == kind), None)
 
 
@@ -82,18 +77,20 @@ class Journal:
         """The length of the torn last line that was cut off."""
         return self._file.torn_bytes
 
-    def append(self, at_ms: int, kind: str, data: Line) -> None:
-        """Appends a line of mission time `at_ms`.
+    def append(self, at_ms: int, event: Event) -> None:
+        """Appends the line of an event at mission time `at_ms`.
 
-        ValueError for a line that is not of the table of kinds, for a time before a line that is in the file, and for a
-        value that JSON lacks (NaN); TypeError for data that is not plain.
+        ValueError for a value that the event's class does not allow, for one that JSON lacks (NaN), and for a time before a
+        line that is in the file; TypeError for data that is not plain.
         """
-        refuse_wrong(kind, data)
+        data = event.data
+        if (fault := fault_of(event.kind, data)) is not None:
+            raise ValueError(f"{fault}: {data!r}")
         if at_ms < self.flushed_ms:
             raise ValueError(
-                f"time went back: a line {kind!r} of {at_ms} ms after one of {self.flushed_ms} ms"
+                f"time went back: a line {event.kind!r} of {at_ms} ms after one of {self.flushed_ms} ms"
             )
-        self._file.append({"t": at_ms, "kind": kind, **data}, at_ms)
+        self._file.append({"t": at_ms, "kind": event.kind, **data}, at_ms)
         self.last_ms = max(self.last_ms, at_ms)
 
     def refuse_gone(self) -> None:
@@ -110,7 +107,7 @@ class Journal:
 
 
 def read_journal(path: Path) -> JournalContents:
-    """Reads all lines, with the current format's keys; of quiet ticks in a row only the last.
+    """Reads all lines; of quiet ticks in a row only the last.
 
     OSError for no file; JournalDamaged for a line of a known kind without its fields. Further fields, and kinds of another
     version, are left as they are.
@@ -164,21 +161,17 @@ def await_beginning(
 
 
 class _LineReader:
-    """Takes the lines of a journal in order, checks them and gives them the current format's keys."""
+    """Takes the lines of a journal in order, and checks them."""
 
     def __init__(self, path: Path) -> None:
         self.lines: list[Line] = []
         self.dropped = 0
         self._path = path
-        self._is_old = False
 
     def take(self, number: int, line: Line | None) -> None:
         if line is None or type(line.get("t")) is not int or type(line.get("kind")) is not str:
             self.dropped += 1
             return
-        self._is_old = self._is_old or (line["kind"] == EventKind.RUN and line.get("format") == 1)
-        if self._is_old:
-            line = _of_format_2(line)
         if (fault := fault_of(line["kind"], line)) is not None:
             raise JournalDamaged(
                 f"{self._path}, line {number}: {fault}: damaged, or of another version: mend or remove the line, or use "
@@ -190,15 +183,4 @@ class _LineReader:
 def format_of(path: Path) -> int | None:
     """The format that a journal's first line states, or None. OSError for no such file."""
     first = next(iter(read_lines(path)), None)
-    return None if first is None or first.get("kind") != EventKind.RUN else first.get("format")
-
-
-def _of_format_2(line: Line) -> Line:
-    """A line of format 1 with the keys that format 2 has for it; its `run` line keeps the old number."""
-    if line["kind"] == EventKind.PLAN and isinstance(line.get("steps"), list):
-        return line | {"steps": [_renamed(step, {"slot": "dock"}) for step in line["steps"]]}
-    return _renamed(line, _RENAMED_IN_2.get(line["kind"], {}))
-
-
-def _renamed(line: Line, names: Mapping[str, str]) -> Line:
-    return {names.get(key, key): value for key, value in line.items()}
+    return None if first is None or first.get("kind") != RunBegan.kind else first.get("format")

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from enum import IntEnum
 
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.records.event_kinds import KINDS, Field
+from apad_bridge.events.union import EVENTS
+from apad_bridge.records.line_types import Field, line_fields
 from apad_bridge.records.summary import AMUSSEL, SUMMARY
 from firmware_model.states import State
 
@@ -14,9 +15,9 @@ from firmware_model.states import State
 def markdown() -> str:
     """Returns the sections of the journal, the summary and the numbers of states."""
     lines = ["## The journal's lines", ""]
-    for kind in KINDS:
+    for kind in EVENTS.values():
         lines += [f"### {kind.kind}", "", f"{kind.when[0].upper()}{kind.when[1:]}.", ""]
-        lines += [*_table(kind.fields), ""] if kind.fields else []
+        lines += [*_table(fields), ""] if (fields := line_fields(kind)) else []
     lines += ["## The summary", "", *_table(SUMMARY), ""]
     lines += ["In `amussels`, each has:", "", *_table(AMUSSEL), ""]
     lines += [

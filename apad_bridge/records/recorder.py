@@ -5,20 +5,29 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import wraps
 from typing import Any, TypeVar, cast
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import (
+    Presence,
+    PresenceChanged,
+    ProcessDied,
+    Stimulated,
+    TruthChanged,
+)
+from apad_bridge.events.mission import AMusselReleased
+from apad_bridge.events.run import EndReason, RunResumed, TickPassed
+from apad_bridge.events.sound import PacketPassed
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.checkpoint import Checkpoint
 from apad_bridge.records.digest import RunDigest
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import Journal, JournalContents, JournalDamaged, Line, read_journal
 from apad_bridge.records.line_file import FileGone
 from apad_bridge.records.packet_lines import sound_rows
@@ -33,18 +42,17 @@ from apad_bridge.records.summary import (
     apad_energy,
     uptime_figures,
 )
-from apad_bridge.records.truth_lines import truth_data, truth_of
+from apad_bridge.records.truth_lines import truth_event, truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.supervisor.core import LearnedState
-from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.errors import PeerFailed
 
 DAY_MS = 86_400_000
-_JOURNAL_ONLY = frozenset({EventKind.STIMULUS})
+_JOURNAL_ONLY = frozenset({Stimulated.kind})
 """Kinds of events with too many lines for the bag, where nobody looks for them."""
 
 
@@ -164,31 +172,41 @@ class Recorder:
         lost_ms = 0 if repair is None else max(0, contents.last_ms - repair.last_ms)
         recorder.event(
             contents.last_ms,
-            EventKind.RESUMED,
-            journal_dropped=contents.dropped,
-            journal_torn_bytes=torn_bytes,
-            bag_repaired=None if repair is None else {"name": bags[-1].name, **asdict(repair)},
-            bag_lost_ms=lost_ms,
+            RunResumed(
+                contents.dropped,
+                torn_bytes,
+                None
+                if repair is None
+                else {
+                    "name": bags[-1].name,
+                    "messages": repair.messages,
+                    "last_ms": repair.last_ms,
+                    "torn_bytes": repair.torn_bytes,
+                },
+                lost_ms,
+            ),
         )
         recorder._journal.flush()
         return recorder, Resumed(contents, torn_bytes, None if repair is None else bags[-1].name, lost_ms)
 
     @_on_disk
-    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None:
-        """Records an event at mission time `at_ms`; plain data only."""
-        self._journal.append(at_ms, kind, data)
+    def event(self, at_ms: MissionMs, event: Event) -> None:
+        """Records an event at mission time `at_ms`."""
+        kind, data = event.kind, event.data
+        self._journal.append(at_ms, event)
         self._failures.take(at_ms, kind, data)
         self._digest.take(at_ms, kind, data)
         self._interruptions.take(at_ms, kind, data)
-        if kind == EventKind.DIED and data.get("gave_up") is not None:
-            self._count_given_up(data)
-        if kind == EventKind.PRESENCE:
-            self._note_presence(at_ms, data)
-        if kind == EventKind.RELEASED:
-            self._count_service(data)
-        if kind == EventKind.PACKET:
-            for row in sound_rows(data):
-                self._bag.sound(at_ms, row)
+        match event:
+            case ProcessDied(gave_up=str()):
+                self._count_given_up(data)
+            case PresenceChanged():
+                self._note_presence(at_ms, data)
+            case AMusselReleased():
+                self._count_service(data)
+            case PacketPassed():
+                for row in sound_rows(data):
+                    self._bag.sound(at_ms, row)
         if kind not in _JOURNAL_ONLY:
             self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
 
@@ -215,9 +233,9 @@ class Recorder:
                 continue
             self._journaled[agent_id] = truth
             at_ms = max(self._scale.mission_ms(AgentMs(truth.at_ms)), self._journal.flushed_ms)
-            data = truth_data(truth)
-            self._journal.append(at_ms, EventKind.TRUTH, data)
-            self._digest.take(at_ms, EventKind.TRUTH, data)
+            event = truth_event(truth)
+            self._journal.append(at_ms, event)
+            self._digest.take(at_ms, event.kind, event.data)
 
     @_on_disk
     def begin_checkpoint(self, learned: LearnedState, now_ms: MissionMs) -> None:
@@ -250,16 +268,16 @@ class Recorder:
         self._journal.refuse_gone()
         apad = None if pose is None else apad_sample(pose, battery, primitive, docks)
         self._beliefs = beliefs
-        if apad is not None and (line := self._apad_changes.line(now_ms, apad)) is not None:
-            self._journal.append(now_ms, EventKind.APAD, line)
-        for line in self._belief_changes.lines(list(beliefs)):
-            self._journal.append(now_ms, EventKind.BELIEF, line)
+        if apad is not None and (moved := self._apad_changes.event(now_ms, apad)) is not None:
+            self._journal.append(now_ms, moved)
+        for changed in self._belief_changes.events(list(beliefs)):
+            self._journal.append(now_ms, changed)
         if self._is_sampled(now_ms):
             belief_samples = [belief_sample(belief, now_ms) for belief in beliefs]
             self._bag.sample(now_ms, self.truths_at(now_ms), belief_samples, apad)
         if self._journal.last_ms < now_ms:
             # A quiet tick leaves its time, because a resumed run must know up to which time the fleet was granted.
-            self._journal.append(now_ms, EventKind.TICK, {})
+            self._journal.append(now_ms, TickPassed())
         # The checkpoint is written first: learning an update twice does no harm, and the mission may have acted on it.
         if self._checkpoint is not None:
             self._checkpoint.flush(now_ms)
@@ -390,15 +408,15 @@ class Recorder:
             self._failures.take(line["t"], line["kind"], line)
             self._digest.take(line["t"], line["kind"], line)
             self._interruptions.take(line["t"], line["kind"], line)
-            if line["kind"] == EventKind.TRUTH:
+            if line["kind"] == TruthChanged.kind:
                 truth = truth_of(line)
                 self.meter.take(truth)
                 self._newest[truth.agent_id] = self._journaled[truth.agent_id] = truth
-            elif line["kind"] == EventKind.DIED and line["gave_up"] is not None:
+            elif line["kind"] == ProcessDied.kind and line["gave_up"] is not None:
                 self._count_given_up(line)
-            elif line["kind"] == EventKind.PRESENCE:
+            elif line["kind"] == PresenceChanged.kind:
                 self._note_presence(line["t"], line)
-            elif line["kind"] == EventKind.RELEASED:
+            elif line["kind"] == AMusselReleased.kind:
                 self._count_service(line)
         self._sampled_ms = contents.last_ms
 

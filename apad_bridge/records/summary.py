@@ -11,11 +11,23 @@ from statistics import fmean
 from typing import Any
 
 from agents.time_scale import TimeScale
-from apad_bridge.mission.ending import EndReason, MissionEnd
-from apad_bridge.records.event_kinds import BOOLEAN, INTEGER, NUMBER, TEXT, EventKind, Field, Type
+from apad_bridge.events.fleet import Presence
+from apad_bridge.events.guards import DangerOver, GuardReacted, OrderRefused
+from apad_bridge.events.mission import (
+    PRE_EMPTED,
+    BeyondReach,
+    DockSwitched,
+    InReach,
+    LeftAlone,
+    PrimitiveChanged,
+    StepGivenUp,
+)
+from apad_bridge.events.persons import Overridden, PersonOrdered
+from apad_bridge.events.run import EndReason
+from apad_bridge.events.vehicle import DocksDisagree
+from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.records.line_types import BOOLEAN, INTEGER, NUMBER, TEXT, Field, Type
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
-from apad_bridge.supervisor.roster import Presence
-from apad_bridge.vehicle.docking import PRE_EMPTED
 from firmware_model.power.charge import fraction
 
 _KEYS = (
@@ -79,30 +91,30 @@ class FailureCounts:
         return {self._texts[cause]: count for cause, count in self._causes.most_common()}
 
     def take(self, at_ms: int, kind: str, data: Mapping[str, Any]) -> None:
-        if kind == EventKind.PRIMITIVE and data.get("phase") == "failed" and data["reason"] != PRE_EMPTED:
+        if kind == PrimitiveChanged.kind and data.get("phase") == "failed" and data["reason"] != PRE_EMPTED:
             self._count(data["reason"])
             self._newest = (at_ms, data["reason"])
             if data["name"] == "dock" and (dock_index := data.get("dock")) is not None:
                 self._failed_dockings[dock_index] += 1
-        elif kind == EventKind.DOCK and data["closed"]:
+        elif kind == DockSwitched.kind and data["closed"]:
             self._closed.add(data["dock"])
-        elif kind == EventKind.GIVEN_UP:
+        elif kind == StepGivenUp.kind:
             self.steps_given_up += 1
             if self._newest != (at_ms, data["reason"]):
                 self._count(data["reason"])
-        elif kind == EventKind.GUARD and self._newest != (at_ms, data["reason"]):
+        elif kind == GuardReacted.kind and self._newest != (at_ms, data["reason"]):
             self._count(data["reason"])  # unless it ended a primitive, whose line has counted it
-        elif kind == EventKind.DOCKS_DISAGREE:
+        elif kind == DocksDisagree.kind:
             self._count(data["reason"])
-        elif kind == EventKind.REFUSED and data["order"] == "permit to surface":
+        elif kind == OrderRefused.kind and data["order"] == "permit to surface":
             self._count(data["reason"])  # a refused command fails its primitive, whose line is counted
-        elif kind == EventKind.LEFT_ALONE:
+        elif kind == LeftAlone.kind:
             self.left_alone.add(data["agent"])
-        elif kind == EventKind.BEYOND_REACH:
+        elif kind == BeyondReach.kind:
             self.beyond_reach.add(data["agent"])
-        elif kind == EventKind.IN_REACH:
+        elif kind == InReach.kind:
             self.beyond_reach.discard(data["agent"])
-        elif kind == EventKind.OVERRIDE and not data["taken"]:
+        elif kind == Overridden.kind and not data["taken"]:
             self.left_alone.clear()  # a person gives them another chance
 
     def figures(self) -> dict[str, Any]:
@@ -140,19 +152,19 @@ class Interruptions:
 
     def take(self, at_ms: int, kind: str, data: Mapping[str, Any]) -> None:
         match kind, data:
-            case EventKind.OPERATOR, {"order": "stop" | "motors off"}:
+            case PersonOrdered.kind, {"order": "stop" | "motors off"}:
                 self._begin(at_ms, _STOP)
-            case EventKind.OPERATOR, {"order": "continue"}:
+            case PersonOrdered.kind, {"order": "continue"}:
                 self._end(at_ms, *(it for it in self._causes if it != _TAKEN))
-            case EventKind.OVERRIDE, {"taken": True}:
+            case Overridden.kind, {"taken": True}:
                 self._begin(at_ms, _TAKEN)
-            case EventKind.OVERRIDE, {"taken": False}:
+            case Overridden.kind, {"taken": False}:
                 self._end(at_ms, *self._causes)
-            case EventKind.GUARD, {"cause": cause}:
+            case GuardReacted.kind, {"cause": cause}:
                 self._begin(at_ms, cause)
-            case EventKind.GUARD_OVER, {"cause": cause}:
+            case DangerOver.kind, {"cause": cause}:
                 self._end(at_ms, cause)
-            case EventKind.REFUSED, {"guard": "person"}:
+            case OrderRefused.kind, {"guard": "person"}:
                 self._begin(at_ms, _UNCONFIRMED)
 
     def spans_ms(self, until_ms: int) -> list[tuple[int, int]]:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.supervisor.roster import Presence
+from apad_bridge.events.fleet import Presence
 from firmware_model.power.charge import Battery, ChargeModel
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP
 

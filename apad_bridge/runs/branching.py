@@ -27,11 +27,13 @@ from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.division import members
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.events.fleet import PresenceChanged, ProcessDied, Stimulated
+from apad_bridge.events.mission import Phase
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.summary import uptime_figures
@@ -229,7 +231,7 @@ def _stimuli(lines: Sequence[Line], at_ms: MissionMs) -> list[tuple[int, int, in
     return sorted(
         (line["t"], line["id"], line["agent_ms"], json.dumps(line.get("wire", "died")))
         for line in lines
-        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED) and line["t"] < at_ms
+        if line["kind"] in (Stimulated.kind, ProcessDied.kind) and line["t"] < at_ms
     )
 
 
@@ -242,7 +244,7 @@ def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, J
     ((name, journal),) = journals.items()
     at_ms = MissionMs(at_ms // TICK_MS * TICK_MS)
     lines = [line for line in journal.lines if line["t"] <= at_ms]
-    if any(line["kind"] == EventKind.PRESENCE for line in lines):
+    if any(line["kind"] == PresenceChanged.kind for line in lines):
         raise NoBranch("real aMussels, or retired ones, cannot go on in virtual time")
     point = find_resume_point(JournalContents(lines, 0), epoch=2, gap_ms=0)
     if point.state.phase in (Phase.COMMANDED, Phase.ENDED, Phase.STANDS_DOWN):
@@ -289,7 +291,7 @@ def _relive(
     listener = parts.supervisor(config, learned=learned)
     felt: dict[int, list[Line]] = defaultdict(list)
     for line in lines:
-        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED):
+        if line["kind"] in (Stimulated.kind, ProcessDied.kind):
             felt[-(-line["t"] // TICK_MS) * TICK_MS].append(line)
     newest: dict[int, Truth] = {}
     for now_ms in map(MissionMs, range(0, at_ms + 1, TICK_MS)):
@@ -306,7 +308,7 @@ def _relive(
         for line in felt.get(now_ms, ()):
             if line.get("gave_up") is not None:
                 raise NoBranch(f"aMussel {line['id']} died for good before {at_ms / 1000:g} s")
-            died = line["kind"] == EventKind.DIED
+            died = line["kind"] == ProcessDied.kind
             stimulus = WasReset(ResetCause[line["cause"]]) if died else from_json(line["wire"])
             fleet.coordinator.receive_at(line["id"], stimulus, line["agent_ms"])
     docked = tuple(agent_id for agent_id, truth in newest.items() if truth.physical.docked)
@@ -317,7 +319,7 @@ def _apad_at(
     scenario: Scenario, lines: Sequence[Line], state: MissionState, at_ms: MissionMs
 ) -> SimulatedAPad:
     """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
-    seen = next((line for line in reversed(lines) if line["kind"] == EventKind.APAD), None)
+    seen = next((line for line in reversed(lines) if line["kind"] == APadMoved.kind), None)
     if seen is None:
         raise NoBranch(f"the aPad was not seen before {at_ms / 1000:g} s")
     data, home_m = resolve(scenario), parts.home_stays(scenario).place_m

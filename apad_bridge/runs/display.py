@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 from agents.hosting.started import outlive_starter
-from apad_bridge.records.event_texts import event_text, is_failure
+from apad_bridge.events.event import Event
 from apad_bridge.runs.parent_protocol import say, write
 from apad_bridge.runs.status import Status
 
@@ -76,9 +76,9 @@ class _JointPart:
         self.joint.show_status(self.name, now_ms, status)
 
 
-def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
-    """A line for a person about an event of the journal that is a failure; None for any other event."""
-    return f"{clock_text(at_ms)}  {event_text(kind, data)}" if is_failure(kind, data) else None
+def failure_line(at_ms: int, event: Event) -> str | None:
+    """A line for a person about an event that is a failure; None for any other event."""
+    return f"{clock_text(at_ms)}  {event.text()}" if event.is_failure else None
 
 
 def clock_text(now_ms: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.mission import PlanMade
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
@@ -37,6 +37,6 @@ def first_plan(scenario: Scenario) -> dict[str, Any] | None:
     while plan is None and not flight.supervisor.has_ended:
         flight.step()
         events = recorder.events
-        plan = next(({"t": at_ms, **data} for at_ms, kind, data in events if kind == EventKind.PLAN), None)
+        plan = next(({"t": at_ms, **data} for at_ms, kind, data in events if kind == PlanMade.kind), None)
         recorder.events.clear()
     return plan

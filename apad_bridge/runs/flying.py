@@ -23,11 +23,12 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.events.event import Event
+from apad_bridge.events.run import EndReason, RunBegan, RunEnded
 from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
@@ -126,24 +127,25 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     """Writes the journal's first line, which a reader needs before anything else."""
     recorder.event(
         MissionMs(0),
-        EventKind.RUN,
-        format=FORMAT_VERSION,
-        scenario=scenario.name,
-        theta=scenario.theta,
-        seed=scenario.seed,
-        duration_s=scenario.duration_s,
-        pool_threshold=scenario.mission.pool_threshold,
-        full_threshold=scenario.mission.full_threshold,
-        agents=[
-            {
-                "id": start.agent_id,
-                "north_m": start.north_m,
-                "east_m": start.east_m,
-                "primary": start.primary,
-                "secondary": start.secondary,
-            }
-            for start in starts
-        ],
+        RunBegan(
+            format=FORMAT_VERSION,
+            scenario=scenario.name,
+            theta=scenario.theta,
+            seed=scenario.seed,
+            duration_s=scenario.duration_s,
+            pool_threshold=scenario.mission.pool_threshold,
+            full_threshold=scenario.mission.full_threshold,
+            agents=[
+                {
+                    "id": start.agent_id,
+                    "north_m": start.north_m,
+                    "east_m": start.east_m,
+                    "primary": start.primary,
+                    "secondary": start.secondary,
+                }
+                for start in starts
+            ],
+        ),
     )
 
 
@@ -257,8 +259,8 @@ def prepare(
         if spec.until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
-    def print_failure(at_ms: MissionMs, kind: str, **data: Any) -> None:
-        if (line := failure_line(at_ms, kind, data)) is not None:
+    def print_failure(at_ms: MissionMs, event: Event) -> None:
+        if (line := failure_line(at_ms, event)) is not None:
             progress.print_message(line)
 
     flight_recorder = _AnnouncingRecorder(recorder, [print_failure, context.announce])
@@ -267,7 +269,7 @@ def prepare(
 
     def finish() -> dict[str, Any]:
         end = flight.ended_by
-        recorder.event(flight.now_ms, EventKind.END, reason=str(end), end_reason=end.reason.value)
+        recorder.event(flight.now_ms, RunEnded(str(end), end.reason))
         return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
 
     return PreparedFlight(flight, recorder, finish)
@@ -337,7 +339,7 @@ class _AnnouncingRecorder:
         self._recorder = recorder
         self._listeners = listeners
 
-    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None:
-        self._recorder.event(at_ms, kind, **data)
+    def event(self, at_ms: MissionMs, event: Event) -> None:
+        self._recorder.event(at_ms, event)
         for listener in self._listeners:
-            listener(at_ms, kind, **data)
+            listener(at_ms, event)

@@ -14,11 +14,12 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import PresenceChanged
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
-from apad_bridge.records.event_kinds import EventKind, refuse_wrong
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.flying import in_process_context
@@ -27,7 +28,6 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.roster import Presence
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets.sample_record import SampleRecord
@@ -47,11 +47,10 @@ class MemoryRecorder:
         self.uploaded: dict[int, list[SampleRecord]] = {}
         """The uploaded samples by aMussel, in the order of their arrival."""
 
-    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None:
-        refuse_wrong(kind, data)
-        self.events.append((at_ms, kind, data))
-        if kind == EventKind.PRESENCE:
-            self.meter.set_presence(data["id"], Presence(data["is"]), self._scale.agent_ms(at_ms))
+    def event(self, at_ms: MissionMs, event: Event) -> None:
+        self.events.append((at_ms, event.kind, event.data))
+        if isinstance(event, PresenceChanged):
+            self.meter.set_presence(event.id, event.is_, self._scale.agent_ms(at_ms))
 
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:

@@ -14,9 +14,20 @@ from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig
+from apad_bridge.events.fleet import (
+    FaultBegan,
+    FaultEnded,
+    HandedOn,
+    Presence,
+    PresenceChanged,
+    Stimulated,
+    TookOn,
+)
+from apad_bridge.events.mission import PRE_EMPTED, DockSwitched, MissionChanged, PrimitiveChanged
+from apad_bridge.events.run import KnowledgeRestored, RunEnded
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
@@ -26,8 +37,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TimedFault, injection
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
 from apad_bridge.supervisor.fault_injection import Ongoing
-from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences
-from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.supervisor.roster import PresenceChange, Presences
 from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
@@ -51,14 +61,14 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
     """The newest mission snapshot, and the time with the gap granted; PeerFailed when the run has ended."""
     state, fraction = MissionState(), None
     for line in journal.lines:
-        if line["kind"] == EventKind.MISSION:
+        if line["kind"] == MissionChanged.kind:
             state = MissionState.from_json(line["snapshot"])
-        elif line["kind"] == EventKind.DOCK:
+        elif line["kind"] == DockSwitched.kind:
             docked = after_report(state.docked, line["dock"], line["agent"], closed=line["closed"])
             state = replace(state, docked=docked)
-        elif line["kind"] == EventKind.APAD and fraction is None:
+        elif line["kind"] == APadMoved.kind and fraction is None:
             fraction = line["battery"]
-        elif line["kind"] == EventKind.END:
+        elif line["kind"] == RunEnded.kind:
             raise PeerFailed("this run has ended: nothing to resume")
     # Ticks are at whole seconds; the journal's last line may lie between two ticks.
     now_ms = MissionMs((journal.last_ms + gap_ms) // 1000 * 1000)
@@ -69,7 +79,7 @@ def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
     """The failure that a docking port had latched, from the journal, which does not keep the primitive's id: it is 0."""
     latched: PrimitiveFailed | None = None
     for line in journal.lines:
-        if line["kind"] != EventKind.PRIMITIVE:
+        if line["kind"] != PrimitiveChanged.kind:
             continue
         if line["phase"] == "succeeded" and line["name"] != PRIMITIVE_NAMES[HoldPosition]:
             latched = None
@@ -81,7 +91,7 @@ def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
 def presence_changes(journal: JournalContents) -> Iterator[PresenceChange]:
     """The changes of aMussels to real, retired or simulated, in the order in which they happened."""
     for line in journal.lines:
-        if line["kind"] == EventKind.PRESENCE:
+        if line["kind"] == PresenceChanged.kind:
             yield PresenceChange(line["t"], line["id"], Presence(line["is"]), line["by"])
 
 
@@ -89,11 +99,11 @@ def ongoing_faults(journal: JournalContents) -> list[Ongoing]:
     """The faults that had begun and not ended, in the order in which they began."""
     begun: dict[tuple[str, int | None], Ongoing] = {}
     for line in journal.lines:
-        if line["kind"] == EventKind.FAULT and line.get("until_ms", 0) > line["t"] and "refused" not in line:
+        if line["kind"] == FaultBegan.kind and line.get("until_ms", 0) > line["t"] and "refused" not in line:
             fault, agent_id = TimedFault(line["fault"]), line.get("id")
             asked = injection(fault, agent_id, line.get("value"), (line["until_ms"] - line["t"]) / 1000)
             begun[fault, agent_id] = Ongoing(asked, line["until_ms"])
-        elif line["kind"] == EventKind.FAULT_OVER:
+        elif line["kind"] == FaultEnded.kind:
             begun.pop((line["fault"], line.get("id")), None)
     return list(begun.values())
 
@@ -107,7 +117,7 @@ def undelivered(journal: JournalContents, granted_ms: Mapping[int, int]) -> list
     return [
         Undelivered(line["id"], line["agent_ms"], from_json(line["wire"]))
         for line in journal.lines
-        if line["kind"] == EventKind.STIMULUS
+        if line["kind"] == Stimulated.kind
         and line["agent_ms"] >= granted_ms.get(line["id"], line["agent_ms"] + 1)
     ]
 
@@ -210,16 +220,16 @@ def resume_run(
     lines = [*loss_lines(resumed, dropped), *presence_lines(presences), beliefs_line]
     for line in lines:
         report(line)
-    recorder.event(resumed.journal.last_ms, EventKind.RESTORED, told=lines)
+    recorder.event(resumed.journal.last_ms, KnowledgeRestored(lines))
     return StartState(recorder, presences, learned, start, resumed.journal)
 
 
 def restore_allocation(learned: LearnedState, journal: JournalContents) -> None:
     """Restores the aMussels that the former supervisor of the run served, from its journal."""
     for line in journal.lines:
-        if line["kind"] == EventKind.TOOK_ON:
+        if line["kind"] == TookOn.kind:
             learned.allocation.take(line["id"])
-        elif line["kind"] == EventKind.HANDED_ON:
+        elif line["kind"] == HandedOn.kind:
             learned.allocation.give(line["id"])
     for agent_id in learned.allocation.served_for_others:
         learned.beliefs.admit(agent_id, None)

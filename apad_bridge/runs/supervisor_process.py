@@ -21,9 +21,9 @@ from agents.water.sea_client import RemoteSea, SeaRefused
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
+from apad_bridge.events.mission import StandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
@@ -126,7 +126,7 @@ def _open_run(run_dir: Path, *, resume: bool, keeps: bool) -> _Run:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         start_state = replace(start_state, resume_point=resume_point)
         at_ms = MissionMs(max(start_state.start_ms, start_state.journal.last_ms))
-        start_state.recorder.event(at_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
+        start_state.recorder.event(at_ms, StandsDown("its supervisor died"))
     return _Run(run_dir, config, options, start_state, sea)
 
 

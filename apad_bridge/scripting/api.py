@@ -14,7 +14,9 @@ from __future__ import annotations
 import json
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.events.persons import ScriptTold
+from apad_bridge.events.run import EndReason
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
@@ -211,14 +213,14 @@ class Api(Queries):
             json.dumps(data, allow_nan=False)
         except (TypeError, ValueError) as error:
             raise Refused(f"note: only plain data can be written into the journal: {error}") from None
-        self._do(lambda mission: mission.note("script", what=kind, **data))
+        self._do(lambda mission: mission.tell(ScriptTold(what=kind, own=data)))
 
     def say(self, text: str) -> None:
         """Shows a text to the person who watches the flight, and writes it into the journal. `print` does the same."""
 
         def show_lines(mission: ManualMission) -> None:
             for line in text.splitlines():
-                mission.note("script", said=line)
+                mission.tell(ScriptTold(line))
                 self._tell(line)
 
         self._do(show_lines)

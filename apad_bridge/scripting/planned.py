@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.plans import plan_note, plan_or_reason
+from apad_bridge.mission.plans import plan_event, plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.values import Refused, dock_of
 from apad_bridge.planning import registry
@@ -71,8 +71,7 @@ def _planned(
     if isinstance(solution, str):
         raise Refused(solution)
     if solution.steps:
-        note = plan_note(purpose, name, solution, situation, mission.config.costs)
-        mission.note(note.kind, **note.data)
+        mission.tell(plan_event(purpose, name, solution, situation, mission.config.costs))
     return Plan(
         tuple((step.agent_id, dock_of(step.dock_index)) for step in solution.steps), solution, situation
     )

@@ -18,7 +18,8 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.events.run import EndReason
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario

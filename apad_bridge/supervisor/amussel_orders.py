@@ -12,6 +12,7 @@ from typing import Annotated
 
 from pydantic import Field, FiniteFloat
 
+from apad_bridge.events.persons import PersonOrdered
 from apad_bridge.mission.call_queue import CallQueue, FlightMission
 from apad_bridge.mission.orders import Order, PermitSurfacing, PingAgent
 from apad_bridge.mission.values import Refused
@@ -81,10 +82,8 @@ class AMusselOrders:
                 return self._ask(FaultRequest(agent, request.fault, request.value, request.for_s))
 
     def _order(self, request: AMusselRequest, order: Order, calls: CallQueue) -> None:
-        note = {"order": request.act.value, "by": request.by, "agent": request.agent}
-
         def give(mission: FlightMission) -> None:
-            mission.note("operator", **note)
+            mission.tell(PersonOrdered(request.act.value, request.by, request.agent))
             mission.order(order)
 
         calls.call_mission(give)

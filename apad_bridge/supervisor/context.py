@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
-from apad_bridge.mission.orders import Note
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, NoFaults
@@ -28,10 +27,10 @@ Watcher = Callable[[MissionMs], None]
 
 
 class Announce(Protocol):
-    def __call__(self, at_ms: MissionMs, kind: str, **data: Any) -> None: ...
+    def __call__(self, at_ms: MissionMs, event: Event) -> None: ...
 
 
-def _announce_to_nobody(at_ms: MissionMs, kind: str, **data: Any) -> None:
+def _announce_to_nobody(at_ms: MissionMs, event: Event) -> None:
     pass
 
 
@@ -58,7 +57,7 @@ class FlightContext:
     """The counts of messages that the context dropped, by reason."""
     show_forecast: Callable[[int, Callable[[], Forecast]], None] = lambda now_ms, forecast: None
     """Receives the forecast of each tick."""
-    take_events: Callable[[int], Sequence[Note | Event]] = lambda now_ms: []
+    take_events: Callable[[int], Sequence[Event]] = lambda now_ms: []
     """Returns the context's new events: a master that is gone, a vehicle that is silent."""
     serial_lines: SerialLines = field(default_factory=SerialLines)
     """Serial lines, which are polled between ticks too."""

@@ -22,8 +22,10 @@ from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.events.guards import StopState
+from apad_bridge.events.persons import PersonOrdered, Remarked
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.mission.takeover import FLIES_ALREADY
 from apad_bridge.mission.values import Refused
@@ -124,7 +126,7 @@ def carry_out(
 
     def act(mission: FlightMission) -> str:
         if request.act is Act.REMARK:
-            mission.note("remark", text=request.text, by=request.by)
+            mission.tell(Remarked(request.text, request.by))
             return ""
         if request.act is Act.GO_TO or request.act is Act.HOLD:
             _move(request, mission, gate)
@@ -134,7 +136,7 @@ def carry_out(
         if request.act is Act.BACK_IN:
             return _back_in(request, mission, gate)
         assert request.act is Act.ABORT
-        mission.note("operator", order=request.act.value, by=request.by)
+        mission.tell(PersonOrdered(request.act.value, request.by))
         mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {request.by}"))
         return ""
 
@@ -149,7 +151,7 @@ def _stop(request: Request, calls: CallQueue, gate: Gate) -> Answer:
 
     def act(mission: FlightMission) -> int:
         before = 0 if gate.stops.newest is None else gate.stops.newest.number
-        mission.note("operator", order=request.act.value, by=request.by)
+        mission.tell(PersonOrdered(request.act.value, request.by))
         mission.order(StopVehicle(request.by, off=request.off, hands=request.act is Act.HANDS))
         with suppress(Refused):  # the vehicle stops, whatever the mission says
             mission.stop()
@@ -192,7 +194,7 @@ def _continue(request: Request, mission: FlightMission, gate: Gate) -> str:
     if not (is_held or mission.waits):
         raise Refused(NOTHING_STOPPED)
     told = mission.go_on(AllowMotion(request.by, pilot_left=request.pilot_left))
-    mission.note("operator", order=request.act.value, by=request.by)
+    mission.tell(PersonOrdered(request.act.value, request.by))
     return "" if told == FLIES_ALREADY else told
 
 
@@ -202,7 +204,7 @@ def _back_in(request: Request, mission: FlightMission, gate: Gate) -> str:
     _, why_not = gate.way_back(mission.now_ms)
     if why_not:
         raise Refused(why_not)
-    mission.note("operator", order=request.act.value, by=request.by)
+    mission.tell(PersonOrdered(request.act.value, request.by))
     mission.order(GoBackIn(request.by, request.lookout))
     return ""
 
@@ -220,7 +222,7 @@ def _move(request: Request, mission: FlightMission, gate: Gate) -> None:
         gate.note_refused(command, refusal)
         raise Refused(f"refused: {refusal.reason}")
     mission.order(AllowMotion(request.by, ends=StopsEnded.PERSONS_HOLD))
-    mission.note("operator", order=request.act.value, by=request.by, north_m=north_m, east_m=east_m)
+    mission.tell(PersonOrdered(request.act.value, request.by, north_m=north_m, east_m=east_m))
     if request.act is Act.GO_TO:
         mission.go_to(north_m, east_m, request.speed_m_s)
     else:

@@ -12,13 +12,14 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import Stuck
+from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase, Stuck
+from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import SamplesGone
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import StandDownRule
 from apad_bridge.mission.dock_witnesses import ON_BOTTOM
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
     Fact,
@@ -33,7 +34,6 @@ from apad_bridge.mission.events import (
 from apad_bridge.mission.orders import (
     AllowMotion,
     GoBackIn,
-    Note,
     Order,
     PermitSurfacing,
     PingAgent,
@@ -41,7 +41,6 @@ from apad_bridge.mission.orders import (
     TellClear,
 )
 from apad_bridge.mission.role import Mission
-from apad_bridge.mission.state import Phase
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (
@@ -388,11 +387,11 @@ class Supervisor:
                 case TellClear(agent_id):
                     data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
                     actions.append(Send(Medium.WIFI, agent_id, data))
-                case Note() | Event() | StopVehicle() | AllowMotion() | GoBackIn():
+                case Event() | StopVehicle() | AllowMotion() | GoBackIn():
                     actions.append(order)
                 case _:
                     self._named[order.primitive_id] = order
-                    actions.append(_primitive_note(order, "started"))
+                    actions.append(_primitive_event(order, PrimitivePhase.STARTED))
                     actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
         return actions
 
@@ -423,20 +422,21 @@ class Supervisor:
         if isinstance(primitive, GoToPoint) and is_free:
             self._stands_down.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):
-            return [_primitive_note(primitive, "failed", outcome.reason)]
+            return [_primitive_event(primitive, PrimitivePhase.FAILED, outcome.reason)]
         if isinstance(outcome, NothingCaught):
-            return [_primitive_note(primitive, "nothing_caught")]
-        return [_primitive_note(primitive, "succeeded")]
+            return [_primitive_event(primitive, PrimitivePhase.NOTHING_CAUGHT)]
+        return [_primitive_event(primitive, PrimitivePhase.SUCCEEDED)]
 
 
-def _primitive_note(primitive: Primitive, phase: str, reason: str | None = None) -> Note:
-    fields = {
-        "agent": getattr(primitive, "agent_id", None),
-        "dock": getattr(primitive, "dock_index", None),
-        "north_m": getattr(primitive, "north_m", None),
-        "east_m": getattr(primitive, "east_m", None),
-    }
-    named = {key: value for key, value in fields.items() if value is not None}
-    if reason is not None:
-        named["reason"] = reason
-    return Note("primitive", {"name": PRIMITIVE_NAMES[type(primitive)], "phase": phase, **named})
+def _primitive_event(
+    primitive: Primitive, phase: PrimitivePhase, reason: str | None = None
+) -> PrimitiveChanged:
+    return PrimitiveChanged(
+        PRIMITIVE_NAMES[type(primitive)],
+        phase,
+        agent=getattr(primitive, "agent_id", None),
+        dock=getattr(primitive, "dock_index", None),
+        north_m=getattr(primitive, "north_m", None),
+        east_m=getattr(primitive, "east_m", None),
+        reason=reason,
+    )

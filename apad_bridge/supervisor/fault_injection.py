@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
 from agents.mussel.defects import Part
@@ -25,7 +25,8 @@ from agents.mussel.stimuli import (
     WasReset,
 )
 from agents.time_scale import TimeScale
-from apad_bridge.mission.orders import Note
+from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import FaultBegan, FaultEnded
 from apad_bridge.scenario.timed_faults import Injection, TimedFault
 from apad_bridge.vehicle.faulty_link import FaultyLink
 from apad_bridge.vehicle.link import VehicleLink
@@ -48,7 +49,7 @@ _PARTS = {
 _LEAK_MS = 10_000
 """A leaking battery loses its charge in steps of so much mission time."""
 
-Action = tuple[int, Stimulus] | Note
+Action = tuple[int, Stimulus] | Event
 _Key = tuple[TimedFault, int | None]
 
 
@@ -108,7 +109,7 @@ class FaultInjection:
         for key, fault in list(self._active.items()):
             if fault.until_ms <= now_ms:
                 del self._active[key]
-                actions += [*self._end(fault.injection), Note("fault_over", _identity(fault.injection))]
+                actions += [*self._end(fault.injection), _ended(fault.injection)]
         while self._planned and self._planned[0][0] <= now_ms:
             _, injection = self._planned.pop(0)
             agent_id = injection.agent_id
@@ -117,7 +118,7 @@ class FaultInjection:
             else:
                 outcome = self.cause(injection, beliefs, now_ms)
             if isinstance(outcome, str):
-                outcome = [Note("fault", {**_described(injection, now_ms), "refused": outcome})]
+                outcome = [_began(injection, now_ms, refused=outcome)]
             actions += outcome
         if now_ms % _LEAK_MS == 0:
             for (kind, _), fault in self._active.items():
@@ -127,14 +128,14 @@ class FaultInjection:
         return actions
 
     def cause(self, injection: Injection, beliefs: FleetBeliefs, now_ms: int) -> list[Action] | str:
-        """Begins a fault: the stimuli and the note for the journal, or the reason for a refusal, without a change."""
+        """Begins a fault: the stimuli and the event for the journal, or the reason for a refusal, without a change."""
         refusal = self._refusal(injection, beliefs)
         if refusal is not None:
             return refusal
         actions = self._begin(injection)
         if injection.span_ms:
             self._active[_key(injection)] = Ongoing(injection, now_ms + injection.span_ms)
-        return [*actions, Note("fault", _described(injection, now_ms))]
+        return [*actions, _began(injection, now_ms)]
 
     def _refusal(self, injection: Injection, beliefs: FleetBeliefs) -> str | None:
         row, agent_id = injection.row, injection.agent_id
@@ -278,11 +279,15 @@ def _to(injection: Injection, stimulus: Stimulus) -> list[Action]:
     return [(injection.agent_id, stimulus)]
 
 
-def _identity(injection: Injection) -> dict[str, Any]:
-    of = {} if injection.agent_id is None else {"id": injection.agent_id}
-    return {**of, "fault": injection.fault.value}
+def _began(injection: Injection, now_ms: int, refused: str | None = None) -> FaultBegan:
+    return FaultBegan(
+        id=injection.agent_id,
+        fault=injection.fault,
+        value=None if injection.row.parameter is None else injection.value,
+        until_ms=now_ms + injection.span_ms,
+        refused=refused,
+    )
 
 
-def _described(injection: Injection, now_ms: int) -> dict[str, Any]:
-    value = {} if injection.row.parameter is None else {"value": injection.value}
-    return {**_identity(injection), **value, "until_ms": now_ms + injection.span_ms}
+def _ended(injection: Injection) -> FaultEnded:
+    return FaultEnded(id=injection.agent_id, fault=injection.fault)

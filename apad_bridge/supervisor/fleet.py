@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from agents.coordinator import Coordinator
 from agents.hosting.host import Host
@@ -20,10 +20,12 @@ from agents.water.sea import Station
 from agents.water.sea_client import RemoteStation
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.events.run import EndReason
+from apad_bridge.events.sound import PacketPassed
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import Send
 from apad_bridge.scenario.links import read_links
-from apad_bridge.supervisor.packet_notes import packet_data
+from apad_bridge.supervisor.packet_notes import packet_event
 from firmware_model.config import Timeslots
 from firmware_model.packets.wire import EVERYONE
 
@@ -254,9 +256,8 @@ class Fleet:
             self._water.set_topology(changed.topology)
         return changed
 
-    def packet_data(self, packet: PacketEnded) -> dict[str, Any]:
-        """A packet as the journal has it."""
-        return packet_data(packet, self._timeslots, self._water.sound_speed_m_s)
+    def packet_event(self, packet: PacketEnded) -> PacketPassed:
+        return packet_event(packet, self._timeslots, self._water.sound_speed_m_s)
 
     @property
     def lost(self) -> MissionEnd | None:
@@ -292,9 +293,8 @@ class NoFleet(NoModems):
     def update_links(self) -> None:
         return None
 
-    def packet_data(self, packet: PacketEnded) -> dict[str, Any]:
-        """Is never called: no packet ends here."""
-        return {}
+    def packet_event(self, packet: PacketEnded) -> PacketPassed:
+        raise AssertionError("no packet ends here")
 
     def close(self) -> None:
         pass

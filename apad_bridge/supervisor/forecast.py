@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from statistics import median
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.mission import Phase
 from apad_bridge.mission.pool import can_be_fetched
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.schema import Mission
 from firmware_model.state_groups import DOCKED

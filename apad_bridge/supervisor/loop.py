@@ -35,9 +35,10 @@ from agents.water.sea_events import (
     StimulusDelivered,
 )
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import APadLeftWater, ProcessDied
-from apad_bridge.events.sound import RangeMeasured
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.events.fleet import APadLeftWater, ProcessDied, Stimulated
+from apad_bridge.events.run import EndReason
+from apad_bridge.events.sound import LinksRead, ModemTold, RangeMeasured
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
     KeepSamples,
@@ -47,7 +48,7 @@ from apad_bridge.mission.events import (
     SoundHeard,
     WifiHeard,
 )
-from apad_bridge.mission.orders import AllowMotion, GoBackIn, Note, StopVehicle
+from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
@@ -221,10 +222,7 @@ class Flight:
 
     def _record_noticed(self, now_ms: MissionMs) -> None:
         for event in (*self._vehicle.gate.take_events(), *self._context.take_events(now_ms)):
-            self._tell(event, now_ms)
-
-    def _tell(self, event: Note | Event, now_ms: MissionMs) -> None:
-        self._recorder.event(now_ms, event.kind, **event.data)
+            self._recorder.event(now_ms, event)
 
     def _act(self, now_ms: MissionMs) -> bool:
         """Lets the supervisor act, and passes its actions on; True if a docking mechanism was commanded.
@@ -235,10 +233,8 @@ class Flight:
         mechanism_commanded = False
         for action in self.supervisor.advance(now_ms):
             match action:
-                case Note(kind, data):
-                    self._recorder.event(now_ms, kind, **data)
                 case Event():
-                    self._tell(action, now_ms)
+                    self._recorder.event(now_ms, action)
                 case StopVehicle(by, off, hands):
                     self._vehicle.stop(by, now_ms, off=off, hands=hands)
                 case AllowMotion(by, pilot_left, ends):
@@ -288,10 +284,10 @@ class Flight:
                     ids = self._fleet.ids if agent_id == EVERYONE else [agent_id]
                     for each in ids:
                         self._stimulate(each, SoundArrived(data), now_ms)
-                case Note(kind, fields):
-                    self._recorder.event(now_ms, kind, **fields)
-                    if "dropped" in fields:
-                        self.dropped[fields["dropped"]] += 1
+                case ModemTold(dropped):
+                    self._recorder.event(now_ms, item)
+                    if dropped is not None:
+                        self.dropped[dropped] += 1
 
     def _receive_from_fleet(self, now_ms: MissionMs) -> None:
         self._update_links(now_ms)
@@ -299,7 +295,7 @@ class Flight:
         for result in [*results_before, *self._advance_fleet(now_ms)]:
             match result:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
-                    self._tell(ProcessDied(agent_id, agent_ms, cause.name, reason, gave_up), now_ms)
+                    self._recorder.event(now_ms, ProcessDied(agent_id, agent_ms, cause.name, reason, gave_up))
                     self._faults.restarted(agent_id)
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
@@ -322,16 +318,16 @@ class Flight:
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
                 case Ranged(at_ms, agent_id, range_m):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
-                    self._tell(RangeMeasured(agent_id, round(range_m, 3)), now_ms)
+                    self._recorder.event(now_ms, RangeMeasured(agent_id, round(range_m, 3)))
                 case NotRanged(at_ms, agent_id):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, None))
-                    self._tell(RangeMeasured(agent_id, None), now_ms)
+                    self._recorder.event(now_ms, RangeMeasured(agent_id, None))
                 case StimulusDelivered(_, agent_id, agent_ms, stimulus):
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
-                    self._recorder.event(now_ms, "packet", **self._fleet.packet_data(packet))
+                    self._recorder.event(now_ms, self._fleet.packet_event(packet))
                 case LeftWater(_, name, reason):
-                    self._tell(APadLeftWater(name, reason), now_ms)
+                    self._recorder.event(now_ms, APadLeftWater(name, reason))
                 case SeaLost(_, reason):
                     self.stop(MissionEnd(EndReason.SEA_LOST, f"{EndReason.SEA_LOST}: {reason}"))
         truths = self._fleet.take_truths()
@@ -342,8 +338,8 @@ class Flight:
         changed = self._fleet.update_links()
         if changed is None:
             return
-        rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
-        self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
+        rules = None if changed.topology is None else [astuple(it) for it in changed.topology.rules]
+        self._recorder.event(now_ms, LinksRead(rules, changed.problem))
 
     def _receive_from_relay(self, now_ms: MissionMs) -> None:
         for item in self._relay.advance(now_ms):
@@ -361,8 +357,8 @@ class Flight:
         beliefs, is_simulated = self.supervisor.beliefs, self._roster.is_simulated
         asked = self._roster.advance(beliefs, now_ms)
         for action in [*asked, *self._faults.advance(now_ms, beliefs, is_simulated)]:
-            if isinstance(action, Note):
-                self._recorder.event(now_ms, action.kind, **action.data)
+            if isinstance(action, Event):
+                self._recorder.event(now_ms, action)
             else:
                 self._stimulate(*action, now_ms)
 
@@ -400,4 +396,4 @@ class Flight:
             self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
 
     def _note_stimulus(self, now_ms: MissionMs, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
-        self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=to_json(stimulus))
+        self._recorder.event(now_ms, Stimulated(agent_id, agent_ms, to_json(stimulus)))

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.event import Event
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 
 
 class Recorder(Protocol):
-    def event(self, at_ms: MissionMs, kind: str, **data: Any) -> None: ...
+    def event(self, at_ms: MissionMs, event: Event) -> None: ...
 
     def truths(self, truths: list[Truth]) -> None: ...
 

@@ -20,19 +20,13 @@ from agents.coordinator import Coordinator
 from agents.mussel.stimuli import Placed
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.mission.orders import Note
+from apad_bridge.events.fleet import Presence, PresenceChanged
 from apad_bridge.scenario.timed_faults import TimedFault, injection
 from apad_bridge.supervisor.fault_injection import Action, FaultInjection, NoFaults, is_docked
 from firmware_model.power.charge import grains
 
 if TYPE_CHECKING:
     from apad_bridge.beliefs.fleet import FleetBeliefs
-
-
-class Presence(StrEnum):
-    SIMULATED = "simulated"
-    REAL = "real"
-    RETIRED = "retired"
 
 
 class Trigger(StrEnum):
@@ -201,7 +195,7 @@ class Presences:
             beliefs.forget(request.agent_id)
         self._now[request.agent_id] = after
         self.simulated = self._simulated_ids()
-        return [*stimuli, Note("presence", {"id": request.agent_id, "is": after.value, "by": request.by})]
+        return [*stimuli, PresenceChanged(request.agent_id, after, request.by)]
 
     def _simulated_ids(self) -> frozenset[int]:
         return frozenset(it for it, presence in self._now.items() if presence is Presence.SIMULATED)

@@ -23,6 +23,7 @@ from collections.abc import Callable
 from enum import Enum, auto
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.events.mission import PRE_EMPTED
 from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.commands import (
@@ -161,7 +162,6 @@ class GoToProgress:
 Action = VehicleCommand | Outcome
 _SIMULATED = of_simulated_apad()
 STALL_S = 60.0
-PRE_EMPTED = "pre-empted"
 
 
 class DockingPort:

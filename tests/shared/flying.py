@@ -4,9 +4,9 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
+from apad_bridge.events.mission import Phase
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.state import Phase
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario

@@ -18,7 +18,10 @@ from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import Presence
+from apad_bridge.events.run import EndReason
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
@@ -35,7 +38,7 @@ from apad_bridge.supervisor.fault_injection import FaultInjection
 from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import Outcome, PacketRelay, whole_flight
-from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences, Roster
+from apad_bridge.supervisor.roster import PresenceChange, Presences, Roster
 from apad_bridge.vehicle.link import InProcessVehicle
 
 SPEED = 20.0
@@ -45,9 +48,9 @@ SHOWN = ("presence", "fault", "end")
 class PrintingRecorder:
     """A recorder that prints some events, and keeps nothing."""
 
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        if kind in SHOWN:
-            print(json.dumps({"kind": kind, **data}), flush=True)
+    def event(self, at_ms: int, event: Event) -> None:
+        if event.kind in SHOWN:
+            print(json.dumps({"kind": event.kind, **event.data}), flush=True)
 
     def truths(self, truths: Any) -> None:
         pass

@@ -19,6 +19,7 @@ from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.safety import safety_of
+from apad_bridge.events.event import Event
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.links.generation_a import GenerationALink
 from apad_bridge.ros.links.generation_b import GenerationBLink
@@ -43,8 +44,8 @@ class Decisions:
     def __init__(self) -> None:
         self.kept: list[Any] = []
 
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        if kind in self.kinds:
+    def event(self, at_ms: int, event: Event) -> None:
+        if event.kind in self.kinds:
             wanted = (
                 "purpose",
                 "agent",
@@ -57,7 +58,8 @@ class Decisions:
                 "solution",
                 "full",
             )
-            self.kept.append([at_ms / 1000, kind, {key: data[key] for key in wanted if key in data}])
+            data = event.data
+            self.kept.append([at_ms / 1000, event.kind, {key: data[key] for key in wanted if key in data}])
 
     def truths(self, truths: Any) -> None:
         pass

@@ -16,8 +16,9 @@ from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.events.mission import DockSwitched
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -71,7 +72,7 @@ def bag(tmp_path: Path) -> Path:
     battery = Battery(0, grains(0.5), Flow.RESTING)
     physical = Physical(battery, battery, 1_500_000, 2_500_000, 0, 0, Buoyancy.FLOAT, True)
     recorder.truths([Truth(0, 7, State.CHARGING, physical)])
-    recorder.event(0, "dock", dock=0, agent=7, closed=True)
+    recorder.event(MissionMs(0), DockSwitched(0, 7, True))
     for now_ms in range(0, 1000 * TICKS, 1000):
         belief = Belief(7, now_ms, State.CHARGING, 0.5, 1.0, 1.5, 2.5)
         pose = PoseReported(now_ms, 1.0, 2.0, 0.25)

@@ -20,7 +20,10 @@ from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import build_replay
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.events.mission import MissionChanged, Phase, PlanMade, PrimitiveChanged, PrimitivePhase
+from apad_bridge.events.run import RunEnded
+from apad_bridge.events.sound import PacketPassed
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -101,46 +104,45 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
             candidates = [{"id": n, "charge": n / 10, "north_m": 5.0, "east_m": 15.0} for n in (2, 3, 4)]
             recorder.event(
                 now_ms,
-                "plan",
-                what="collect",
-                strategy="cautious",
-                steps=steps,
-                costs=costs,
-                beliefs=candidates,
-                options=[
-                    {"agents": [2, 3], "cost": 1.5, "parts": {"charge": 1.5}},
-                    {"agents": [2, 4], "cost": 1.75, "parts": {"charge": 1.75}},
-                    {"agents": [3, 4], "cost": 2.0, "parts": {"charge": 2.0}},
-                ],
+                PlanMade(
+                    what="collect",
+                    strategy="cautious",
+                    steps=steps,
+                    costs=costs,
+                    beliefs=candidates,
+                    options=[
+                        {"agents": [2, 3], "cost": 1.5, "parts": {"charge": 1.5}},
+                        {"agents": [2, 4], "cost": 1.75, "parts": {"charge": 1.75}},
+                        {"agents": [3, 4], "cost": 2.0, "parts": {"charge": 2.0}},
+                    ],
+                ),
             )
             collect = Solution(tuple(Step(StepKind.COLLECT, it["agent"], it["dock"]) for it in steps))
             state = MissionState(Phase.GO_COLLECT, plan=collect, cost_m=7.5)
-            recorder.event(now_ms, "mission", phase=state.phase.value, snapshot=state.to_json())
-            recorder.event(now_ms, "primitive", name="go to point", phase="started", north_m=5.0, east_m=15.0)
+            recorder.event(now_ms, MissionChanged(state.phase, state.to_json()))
+            recorder.event(
+                now_ms, PrimitiveChanged("go to point", PrimitivePhase.STARTED, north_m=5.0, east_m=15.0)
+            )
         if now_s in (20, 21):
             heard = [(0, "received"), (4, "collided"), (1, "out_of_range")] if now_s == 20 else []
-            packet = {
-                "address": 255,
-                "what": "unicast",
-                "bytes": 45,
-                "lasted_ms": 868,
-                "timeslot": 0,
-                "data": "",
-            }
-            recorder.event(
-                now_ms,
-                "packet",
-                **{"from": 3 if now_s == 20 else 1},
+            packet = PacketPassed(
+                from_=3 if now_s == 20 else 1,
+                address=255,
+                what="unicast",
+                bytes=45,
                 began_ms=30 * (now_ms - 500),
+                lasted_ms=868,
+                timeslot=0,
                 unsent=None if now_s == 20 else "the modem is busy",
-                heard=[[listener, outcome, 20.0, 30 * now_ms, 5.0, 7.5] for listener, outcome in heard],
-                **packet,
+                heard=[(listener, outcome, 20.0, 30 * now_ms, 5.0, 7.5) for listener, outcome in heard],
+                data_="",
             )
+            recorder.event(now_ms, packet)
         pose = PoseReported(now_ms, 14.0, 2.0 + min(now_s, DOCKED_S) / 10, 1.0)
         recorder.tick(
             now_ms, [estimate(now_ms)], pose, BatteryReported(now_ms, 15.0, 0.9), "go to point", slots
         )
-    recorder.event(1000 * END_S, "end", reason="mission time")
+    recorder.event(1000 * END_S, RunEnded("mission time"))
     recorder.close()
     return build_replay(directory.path)
 

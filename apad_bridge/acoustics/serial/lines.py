@@ -20,8 +20,8 @@ from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
 from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, Sent
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
+from apad_bridge.events.sound import ModemTold
 from apad_bridge.mission.events import Send, SoundHeard
-from apad_bridge.mission.orders import Note
 
 
 @dataclass
@@ -76,8 +76,8 @@ class SerialLines:
         self._store(self.attached.command(agent_id, data, now_ms))
         return True
 
-    def take(self) -> list[SoundHeard | Send | Note]:
-        """The physical modem's results since the last call: packets from and to aMussels, and notes for the journal.
+    def take(self) -> list[SoundHeard | Send | ModemTold]:
+        """The physical modem's results since the last call: packets from and to aMussels, and events for the journal.
 
         Packets that it has sent are included: it does not receive its own packets, and here all are within its reach.
         """
@@ -91,16 +91,16 @@ class SerialLines:
                 self.tell(result.what)
 
 
-def _action_of(result: Result) -> SoundHeard | Send | Note:
+def _action_of(result: Result) -> SoundHeard | Send | ModemTold:
     match result:
         case Heard(at_ms, packet) | Sent(at_ms, packet):
             if packet.direction is Direction.FROM_AMUSSEL:
                 return SoundHeard(MissionMs(at_ms), packet.data)
             return Send(Medium.SOUND, packet.agent_id, packet.data)
         case Dropped(_, reason, of):
-            return Note("modem", {"dropped": reason, "id": None if of is None else of.agent_id})
+            return ModemTold(reason, None if of is None else of.agent_id)
         case Reported(_, what):
-            return Note("modem", {"what": what})
+            return ModemTold(what=what)
 
 
 @contextmanager

@@ -14,9 +14,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.events.mission import AMusselReleased, MissionChanged
+from apad_bridge.events.run import RunEnded
 from apad_bridge.records.bag import recorded_messages
 from apad_bridge.records.bag_messages import BELIEFS, EVENT, TRUTH
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.recorded_types import RecordedTypes
 from firmware_model.state_groups import DOCKED
 
@@ -83,11 +84,11 @@ class _Events:
         except ValueError:
             return
         match message.kind, data:
-            case EventKind.MISSION, {"snapshot": {"cost_m": float() | int() as cost_m}}:
+            case MissionChanged.kind, {"snapshot": {"cost_m": float() | int() as cost_m}}:
                 self.cost_m = max(cost_m, self.cost_m or 0.0)
-            case EventKind.RELEASED, {"full": True}:
+            case AMusselReleased.kind, {"full": True}:
                 self.services += 1
-            case EventKind.END, {"reason": str() as reason}:
+            case RunEnded.kind, {"reason": str() as reason}:
                 self.ended_by = reason
 
 

@@ -19,7 +19,7 @@ from agents.mussel.stimuli import WasReset, from_json
 from agents.time_scale import TimeScale
 from apad_bridge.assembly.fleet_parts import fleet_config, initial_states
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.fleet import ProcessDied, Stimulated, TruthChanged
 from apad_bridge.records.journal import JournalContents, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.truth_lines import truth_of
@@ -117,12 +117,12 @@ def _run_again(
     """Runs each aMussel with one of these starts."""
     lines: dict[int, list[Line]] = {agent_id: [] for agent_id in starts}
     for line in journal.lines:
-        if line["kind"] in (EventKind.STIMULUS, EventKind.DIED, EventKind.TRUTH) and line["id"] in lines:
+        if line["kind"] in (Stimulated.kind, ProcessDied.kind, TruthChanged.kind) and line["id"] in lines:
             lines[line["id"]].append(line)
     maker, codec = fleet.maker(), load_codec(fleet.codec)
     for agent_id, own in lines.items():
         agent = _Metered(maker.config(agent_id), codec, starts[agent_id], MemoryFlash(fleet.flash_pages))
-        recorded = [truth_of(line) for line in own if line["kind"] == EventKind.TRUTH]
+        recorded = [truth_of(line) for line in own if line["kind"] == TruthChanged.kind]
         until_ms = _replay(agent, own, recorded, scale.agent_ms(journal.last_ms))
         truths = agent.take_truths()
         yield _SecondRun(agent, truths, until_ms, _is_same_course(truths, recorded))
@@ -132,9 +132,9 @@ def _replay(agent: Agent, lines: list[Line], recorded: list[Truth], until_ms: in
     """Returns the agent time up to which it ran."""
     for line in lines:
         at_ms = line.get("agent_ms", 0)
-        if line["kind"] == EventKind.STIMULUS:
+        if line["kind"] == Stimulated.kind:
             agent.receive(from_json(line["wire"]), at_ms)
-        elif line["kind"] == EventKind.DIED:
+        elif line["kind"] == ProcessDied.kind:
             agent.receive(WasReset(ResetCause[line["cause"]]), at_ms)
             if line["gave_up"] is not None:
                 until_ms = at_ms

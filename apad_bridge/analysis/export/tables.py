@@ -15,16 +15,19 @@ from typing import Any, NamedTuple
 
 from rosbags.typesys.store import Typestore
 
+from apad_bridge.events.fleet import BeliefChanged, TruthChanged
+from apad_bridge.events.run import TickPassed
+from apad_bridge.events.sound import PacketPassed
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.bag import is_closed, repair_bag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, TRUTH
 from apad_bridge.records.bag_samples import definitions_in, open_bag
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory
 
 _SAMPLED = {TRUTH: "truth", BELIEFS: "beliefs", APAD: "apad"}
-_IN_SAMPLES = (EventKind.TRUTH, EventKind.BELIEF, EventKind.APAD, EventKind.TICK)
+_IN_SAMPLES = (TruthChanged.kind, BeliefChanged.kind, APadMoved.kind, TickPassed.kind)
 """Kinds whose values are in the samples, at more times."""
 _HEARD = ("listener", "outcome", "snr_db", "end_agent_ms", "travel_ms", "way_m")
 
@@ -136,7 +139,7 @@ def _events(lines: list[Line]) -> Iterator[Table]:
         table = tables.setdefault(kind, _Rows(f"event_{kind}"))
         fields = {name: value for name, value in line.items() if name not in ("t", "kind", "heard")}
         table.add({"mission_ms": line["t"], **_flat(fields)})
-        for listener in line.get("heard", ()) if kind == EventKind.PACKET else ():
+        for listener in line.get("heard", ()) if kind == PacketPassed.kind else ():
             packet = {name: line[name] for name in ("from", "what", "began_ms", "lasted_ms")}
             heard.add({"mission_ms": line["t"], **packet, **dict(zip(_HEARD, listener, strict=False))})
     yield from (it.table() for it in tables.values())

@@ -33,9 +33,9 @@ from apad_bridge.analysis.field_log.facts import (
     WorkBegan,
     WorkEnded,
 )
+from apad_bridge.events.mission import PrimitiveChanged
 from apad_bridge.records.bag import RecordedMessage, recorded_messages
 from apad_bridge.records.bag_samples import BagUnreadable
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.recorded_types import RecordedTypes
 from apad_bridge.ros_names.names import AMUSSEL, in_full, of_amussel, of_apad, ours
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalCode
@@ -284,7 +284,7 @@ class FactReader:
     def _event(self, at_s: float, told: Any) -> Iterator[Fact]:
         data = json.loads(told.data)
         yield EventTold(at_s, told.mission_time_ms, told.kind, data)
-        if told.kind != EventKind.PRIMITIVE or (work := _WORK_OF_PRIMITIVE.get(data["name"])) is None:
+        if told.kind != PrimitiveChanged.kind or (work := _WORK_OF_PRIMITIVE.get(data["name"])) is None:
             return
         name, phase = data["name"], data["phase"]
         if phase == "started":

@@ -9,12 +9,17 @@ from typing import Any, NamedTuple
 from agents.mussel.outputs import Truth
 from agents.time_scale import TimeScale
 from agents.water.medium import Outcome
-from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.event_texts import event_text
+from apad_bridge.events.fleet import BeliefChanged, Presence, PresenceChanged, ProcessDied, TruthChanged
+from apad_bridge.events.guards import Drifting, StopChanged, StopEnded
+from apad_bridge.events.mission import MissionChanged, PlanMade, PrimitiveChanged
+from apad_bridge.events.persons import PersonOrdered
+from apad_bridge.events.run import RunEnded
+from apad_bridge.events.sound import PacketPassed, RangeMeasured
+from apad_bridge.events.union import text_of
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.supervisor.roster import Presence
 from firmware_model.power.charge import ChargeModel
 
 _STEP_OF = {"collect": "collect", "redeploy": "deploy"}
@@ -130,20 +135,20 @@ class History:
         self._scale = scale
         self.meter = UptimeMeter(scale, charge_of)
         self._handlers: dict[str, Callable[[Line], None]] = {
-            EventKind.TRUTH: self._take_truth,
-            EventKind.BELIEF: self._take_belief,
-            EventKind.DIED: self._take_death,
-            EventKind.PRESENCE: self._take_presence,
-            EventKind.APAD: self._take_apad,
-            EventKind.MISSION: self._take_mission,
-            EventKind.PLAN: self._take_plan,
-            EventKind.PACKET: self._take_packet,
-            EventKind.PRIMITIVE: self._take_primitive,
-            EventKind.OPERATOR: self._take_operator,
-            EventKind.STOP: self._take_stop,
-            EventKind.CONTINUED: self._take_continued,
-            EventKind.DRIFT: self._take_drift,
-            EventKind.END: self._take_end,
+            TruthChanged.kind: self._take_truth,
+            BeliefChanged.kind: self._take_belief,
+            ProcessDied.kind: self._take_death,
+            PresenceChanged.kind: self._take_presence,
+            APadMoved.kind: self._take_apad,
+            MissionChanged.kind: self._take_mission,
+            PlanMade.kind: self._take_plan,
+            PacketPassed.kind: self._take_packet,
+            PrimitiveChanged.kind: self._take_primitive,
+            PersonOrdered.kind: self._take_operator,
+            StopChanged.kind: self._take_stop,
+            StopEnded.kind: self._take_continued,
+            Drifting.kind: self._take_drift,
+            RunEnded.kind: self._take_end,
         }
 
     def add(self, journal: JournalContents) -> None:
@@ -161,15 +166,15 @@ class History:
             handler = self._handlers.get(line["kind"])
             if handler is not None:
                 handler(line)
-            text = self._ping_text(line) or event_text(line["kind"], line)
+            text = self._ping_text(line) or text_of(line["kind"], line)
             if text is not None:
                 self.events.append(Event(line["t"], line["kind"], text, line.get("agent", line.get("id"))))
 
     def _ping_text(self, line: Line) -> str | None:
         """The answer to a person's ping; the aPad's own pings are routine."""
-        if line["kind"] == EventKind.OPERATOR and line["order"] == "ping":
+        if line["kind"] == PersonOrdered.kind and line["order"] == "ping":
             self._pinged.add(line["agent"])
-        if line["kind"] != EventKind.RANGE or line["id"] not in self._pinged:
+        if line["kind"] != RangeMeasured.kind or line["id"] not in self._pinged:
             return None
         self._pinged.remove(line["id"])
         range_m = line["range_m"]

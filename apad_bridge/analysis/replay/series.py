@@ -15,7 +15,7 @@ from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.analysis.replay.history import History, PlanView
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.run import RunBegan
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.scenario.chart import chart_of
 from apad_bridge.scenario.fence import fence_of
@@ -126,7 +126,7 @@ class RunView:
 
         ValueError when the journal has no line `run`.
         """
-        start = journal.first(EventKind.RUN)
+        start = journal.first(RunBegan.kind)
         if start is None:
             raise ValueError("the journal has no line `run`: the flight never began")
         self._scenario = scenario

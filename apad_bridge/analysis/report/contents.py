@@ -12,13 +12,17 @@ from apad_bridge.analysis.belief_scores.comparisons import best_record, comparis
 from apad_bridge.analysis.belief_scores.scores import Scores, scores_of
 from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
 from apad_bridge.analysis.replay.build import read_run
-from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.event_texts import event_text
+from apad_bridge.events.fleet import FaultBegan, ProcessDied
+from apad_bridge.events.graph import GraphDeaf, MasterGone, MessagesDropped
+from apad_bridge.events.guards import GuardReacted, OrderRefused
+from apad_bridge.events.mission import PRE_EMPTED, LeftAlone, PrimitiveChanged, StandsDown, StepGivenUp, Stuck
+from apad_bridge.events.run import RunResumed
+from apad_bridge.events.union import text_of
+from apad_bridge.events.vehicle import VehicleSilent
 from apad_bridge.records.journal import Line
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Interruptions
 from apad_bridge.scenario.firmware_config import charge_models
-from apad_bridge.vehicle.docking import PRE_EMPTED
 from firmware_model.power.charge import ChargeModel
 
 _PERIOD_MS = 10_000
@@ -28,20 +32,20 @@ _MOST_FOLLOWING = 4
 _MOST_FAULTS = 200
 _TROUBLES = frozenset(
     {
-        EventKind.FAULT,
-        EventKind.DIED,
-        EventKind.GIVEN_UP,
-        EventKind.LEFT_ALONE,
-        EventKind.STUCK,
-        EventKind.PRIMITIVE,
-        EventKind.REFUSED,
-        EventKind.GUARD,
-        EventKind.STANDS_DOWN,
-        EventKind.MASTER_GONE,
-        EventKind.GRAPH_DEAF,
-        EventKind.UNREADABLE,
-        EventKind.VEHICLE_SILENT,
-        EventKind.RESUMED,
+        FaultBegan.kind,
+        ProcessDied.kind,
+        StepGivenUp.kind,
+        LeftAlone.kind,
+        Stuck.kind,
+        PrimitiveChanged.kind,
+        OrderRefused.kind,
+        GuardReacted.kind,
+        StandsDown.kind,
+        MasterGone.kind,
+        GraphDeaf.kind,
+        MessagesDropped.kind,
+        VehicleSilent.kind,
+        RunResumed.kind,
     }
 )
 
@@ -127,10 +131,10 @@ def troubles_in(lines: list[Line]) -> Iterator[Trouble]:
 
 def _is_routine(line: Line) -> bool:
     """A go-to that makes way for another has not failed."""
-    return line["kind"] == EventKind.PRIMITIVE and line.get("reason") == PRE_EMPTED
+    return line["kind"] == PrimitiveChanged.kind and line.get("reason") == PRE_EMPTED
 
 
 def _told(line: Line) -> Told | None:
-    text = event_text(line["kind"], line)
+    text = text_of(line["kind"], line)
     agent_id = line.get("agent", line.get("id"))
     return None if text is None else Told(line["t"], line["kind"], agent_id, text)

@@ -17,12 +17,12 @@ import genpy
 import rosgraph
 import rospy
 
+from apad_bridge.events.fleet import Presence
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
 from apad_bridge.supervisor.roster import (
     Claim,
-    Presence,
     PresenceRequest,
     Presences,
     Trigger,

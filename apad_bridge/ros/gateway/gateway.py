@@ -2,7 +2,7 @@
 
     gateway = open_gateway(agent_ids, theta, node_name="musselbed_1", xmlrpc_port=0, truth=None)
     FlightContext(..., watchers=lambda supervisor: (gateway.watcher(supervisor),))  # after each tick
-    gateway.event(at_ms, kind, **data)                       # as a Recorder's: /musselbed/mission
+    gateway.event(at_ms, event)                              # as a Recorder's: /musselbed/mission
     gateway.close()
 
 `open_gateway` raises SecondFleet or GatewayFailed (one line each) before anything is on the graph. ROS_MASTER_URI and
@@ -28,7 +28,8 @@ import rospy
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.event import Event
+from apad_bridge.events.sound import PacketPassed
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
@@ -163,14 +164,14 @@ class Gateway:
 
         return watch
 
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+    def event(self, at_ms: int, event: Event) -> None:
         """Publishes an event of the mission on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
-        if kind == EventKind.PACKET and self._sound.get_num_connections() > 0:
-            for row in sound_rows(data):
+        if isinstance(event, PacketPassed) and self._sound.get_num_connections() > 0:
+            for row in sound_rows(event.data):
                 self._sound.publish(_transmission(row, at_ms))
         if self._events.get_num_connections() == 0:
             return
-        message = MissionEvent(mission_time_ms=at_ms, kind=kind, data=json.dumps(data))
+        message = MissionEvent(mission_time_ms=at_ms, kind=event.kind, data=json.dumps(event.data))
         message.header.stamp = stamp(at_ms)
         self._events.publish(message)
 

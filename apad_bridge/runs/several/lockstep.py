@@ -21,9 +21,9 @@ from agents.nursery.launch import StartedNursery
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.fleet_parts import shared_sea
+from apad_bridge.events.fleet import HandedOn, TookOn
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
@@ -162,8 +162,8 @@ class LockstepRunner:
             self._exchange.server[move.agent_id] = move.taker
             assignment.record_move(move)
             self.moves.append((now_ms, move))
-            giver.recorder.event(now_ms, EventKind.HANDED_ON, id=move.agent_id, to=move.taker)
-            taker.recorder.event(now_ms, EventKind.TOOK_ON, id=move.agent_id, of=move.giver)
+            giver.recorder.event(now_ms, HandedOn(move.agent_id, move.taker))
+            taker.recorder.event(now_ms, TookOn(move.agent_id, move.giver))
 
 
 def fly_in_step(

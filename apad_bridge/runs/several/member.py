@@ -11,10 +11,9 @@ from pathlib import Path
 
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import HandedOn, TookOn
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
-from apad_bridge.mission.orders import Note
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.parent_protocol import (
     ORDERS_FILE,
     Gave,
@@ -54,7 +53,7 @@ class MemberLink:
         self._pending: dict[int, TransferredBelief] = {}
         """aMussels to take on when this mission's time reaches the time of the transferred belief."""
         self._stood_down = False
-        self._events: list[Note | Event] = []
+        self._events: list[Event] = []
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
         def watch(now_ms: MissionMs) -> None:
@@ -67,7 +66,7 @@ class MemberLink:
 
         return watch
 
-    def take_events(self, now_ms: int) -> list[Note | Event]:
+    def take_events(self, now_ms: int) -> list[Event]:
         """Returns the events since the last call, for the journal."""
         events, self._events = self._events, []
         return events
@@ -99,7 +98,7 @@ class MemberLink:
             estimate = None if belief is None else supervisor.beliefs.estimator.kept(belief)
             gave.append(HandedOver(agent_id, now_ms, estimate))
             supervisor.stop_serving(agent_id)
-            self._events.append(Note(EventKind.HANDED_ON, {"id": agent_id}))
+            self._events.append(HandedOn(agent_id))
         self._pending = {
             it: transfer for it, transfer in orders.serves.items() if it not in allocation.served
         }
@@ -122,7 +121,7 @@ class MemberLink:
                 agent_id,
                 None if transfer.estimate is None else estimator.restored(agent_id, transfer.estimate),
             )
-            self._events.append(Note(EventKind.TOOK_ON, {"id": agent_id}))
+            self._events.append(TookOn(agent_id))
 
     def _view(self, supervisor: Supervisor) -> APadView:
         view = view_of(self._name, self._start_m, supervisor)

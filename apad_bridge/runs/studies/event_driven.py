@@ -18,7 +18,6 @@ from array import array
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,12 +30,13 @@ from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.events.event import Event
+from apad_bridge.events.mission import Phase, StepGivenUp
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import PlacedSample
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.no_collection import NoCollection
-from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.firmware_config import charge_models
@@ -245,9 +245,9 @@ class EventRecorder:
         self.given_up_ms: dict[int, int] = {}
         """The time at which the mission last gave up a step of each aMussel."""
 
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        if kind == EventKind.GIVEN_UP:
-            self.given_up_ms[data["agent"]] = at_ms
+    def event(self, at_ms: int, event: Event) -> None:
+        if isinstance(event, StepGivenUp):
+            self.given_up_ms[event.agent] = at_ms
 
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.capacity import battery_worth_min
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter

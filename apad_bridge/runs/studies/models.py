@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import StrEnum
 
 from agents.mussel.outputs import Truth
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.run import EndReason
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.runs.studies.event_driven import fly_event_driven
 from apad_bridge.runs.studies.figures import FigureMeter, Figures

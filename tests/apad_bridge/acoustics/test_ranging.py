@@ -14,9 +14,8 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events.sound import Asked
+from apad_bridge.events.sound import Asked, PlaceFixed
 from apad_bridge.mission.events import Ping, RangeHeard, Send
-from apad_bridge.mission.orders import Note
 from apad_bridge.scenario.water import Localisation, Talk, Water
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.packets import StatusPacket
@@ -74,13 +73,13 @@ def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() ->
     first = learner.learned[0]
     assert isinstance(first, Ranged)
     assert (first.range_m, first.variance_m2) == pytest.approx((50.0, 0.04))
-    (note,) = taken(service, beliefs, 2)
-    assert isinstance(note, Note) and note.kind == "fix"
-    assert (note.data["id"], note.data["ranges"]) == (7, 3)
-    assert (note.data["north_m"], note.data["east_m"]) == pytest.approx((30, 40), abs=1e-3)
+    (told,) = taken(service, beliefs, 2)
+    assert isinstance(told, PlaceFixed)
+    assert (told.id, told.ranges) == (7, 3)
+    assert (told.north_m, told.east_m) == pytest.approx((30, 40), abs=1e-3)
     fixed = learner.learned[-1]
     assert isinstance(fixed, Fixed) and (fixed.north_m, fixed.east_m) == pytest.approx((30, 40), abs=1e-3)
-    covariance = note.data["covariance"]
+    covariance = told.covariance
     assert fixed.variance_m2 == pytest.approx((covariance[0] + covariance[2]) / 2, abs=1e-5)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from apad_bridge.commands import explain
 from apad_bridge.commands.help_text import mission_seconds
-from apad_bridge.mission.plans import plan_note
+from apad_bridge.mission.plans import plan_event
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
@@ -37,8 +37,8 @@ def run_with(directory: Path, *plans: tuple[int, object]) -> Path:
     journal = Journal(directory / "journal.jsonl")
     for at_ms, strategy in plans:
         solution = strategy.plan(SITUATION, 2)  # type: ignore[attr-defined]
-        note = plan_note("collect", "mine", solution, SITUATION, CostScales(), strategy)
-        journal.append(at_ms, note.kind, note.data)
+        plan = plan_event("collect", "mine", solution, SITUATION, CostScales(), strategy)
+        journal.append(at_ms, plan)
     journal.close()
     return directory
 
@@ -73,11 +73,11 @@ class Broken(Silent):
 def test_it_says_who_takes_whose_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     leaving = Candidate(9, 0.0, 0.0, 1.0, 1.0, 5.0, 5.0, SITUATION.free_docks[0])
     situation = replace(SITUATION, leaving=(leaving,))
-    note = plan_note(
+    plan = plan_event(
         "collect", "mine", registry.collection("cautious").plan(situation, 1), situation, CostScales()
     )
     journal = Journal(tmp_path / "journal.jsonl")
-    journal.append(60_000, note.kind, note.data)
+    journal.append(60_000, plan)
     journal.close()
     assert command(tmp_path) == 0
     assert "9 takes the place of 1" in capsys.readouterr().out

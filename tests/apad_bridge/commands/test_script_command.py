@@ -9,7 +9,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.run import EndReason
 from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.script_in_memory import fly_script

@@ -8,13 +8,15 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
+from apad_bridge.events.mission import Phase
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.horizon import KnownEnd
-from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
@@ -118,14 +120,14 @@ class Bench:
         self.told.say(agent_id, self.now_ms, State.CHARGING, self.told[agent_id].primary)
 
     def notes(self, kind: str) -> list[dict[str, object]]:
-        return [order.data for order in self.orders if isinstance(order, Note | Event) and order.kind == kind]
+        return [order.data for order in self.orders if isinstance(order, Event) and order.kind == kind]
 
 
 def test_it_holds_and_waits_until_four_are_in_the_pool() -> None:
     bench = Bench(agents=5)
     bench.told.say(4, 0, State.ACTIVE, 0.81)
     bench.told.say(5, 0, State.ACTIVE, 0.9)
-    assert isinstance(next(o for o in bench.tick() if not isinstance(o, Note | Event)), HoldPosition)
+    assert isinstance(next(o for o in bench.tick() if not isinstance(o, Event)), HoldPosition)
     assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
     bench.told.say(4, 0, State.ACTIVE, 0.8)
     bench.tick()

@@ -7,12 +7,14 @@ from flying import Flying
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.events.mission import Phase
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, TellClear
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
@@ -274,9 +276,3 @@ def test_a_stop_by_hand_that_stopped_no_order_is_continued_all_the_same(pool: Sc
     flying.seconds(2)
     assert asked(flying, Act.CONTINUE) == (True, "")
     assert flying.gate.stops.in_force is None
-
-
-def test_a_journal_of_an_earlier_version_has_another_name_for_a_commanded_mission() -> None:
-    assert Phase("as it is told") is Phase("commanded") is Phase.COMMANDED
-    with pytest.raises(ValueError):
-        Phase("as it was told")

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from flying import Flying
 
-from apad_bridge.mission.state import Phase
+from apad_bridge.events.mission import Phase
 from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext

@@ -2,8 +2,8 @@
 
 import pytest
 
-from apad_bridge.records.event_kinds import fault_of
-from apad_bridge.records.event_texts import event_text
+from apad_bridge.events.union import text_of
+from apad_bridge.records.line_types import fault_of
 
 TEXTS = [
     ({"kind": "dock", "dock": 0, "agent": 2, "closed": False}, "dock 1 let go aMussel 2"),
@@ -45,4 +45,4 @@ TEXTS = [
 @pytest.mark.parametrize(("line", "text"), TEXTS)
 def test_an_event_has_its_text(line, text):
     assert fault_of(line["kind"], line) is None
-    assert event_text(line["kind"], line) == text
+    assert text_of(line["kind"], line) == text

@@ -22,7 +22,11 @@ from agents.time_scale import TimeScale
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.events.fleet import ProcessDied
+from apad_bridge.events.mission import LegBegan
+from apad_bridge.events.persons import ScriptTold
+from apad_bridge.events.run import EndReason
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
@@ -81,9 +85,9 @@ class Tee:
     def __init__(self, whole, broken, resume, resume_ms):
         self.whole, self.broken, self._resume, self._resume_ms = whole, broken, resume, resume_ms
 
-    def event(self, at_ms, kind, **data):
-        self.whole.event(at_ms, kind, **data)
-        self.broken.event(at_ms, kind, **data)
+    def event(self, at_ms, event):
+        self.whole.event(at_ms, event)
+        self.broken.event(at_ms, event)
 
     def truths(self, truths):
         self.whole.truths(truths)
@@ -229,9 +233,7 @@ def test_a_truth_that_cannot_be_is_dropped_and_counted(recorder):
 
 def test_an_aMussel_given_up_is_active_no_more(recorder):
     recorder.truths([hand_made(0, 3), hand_made(0, 4)])
-    recorder.event(
-        5000, "died", id=3, agent_ms=120_000, cause="BROWN_OUT", reason="killed", gave_up="too often"
-    )
+    recorder.event(5000, ProcessDied(3, 120_000, "BROWN_OUT", "killed", "too often"))
     summary = recorder.finish(10_000, ENDING)
     assert (summary["uptime_paper"]["min"], summary["uptime_paper"]["max"]) == (30.0, 100.0)
     assert summary["gave_up"] == 1
@@ -283,7 +285,7 @@ def test_a_belief_is_journaled_when_its_charge_moved_or_its_state_changed(record
 def test_a_quiet_tick_leaves_its_time(recorder):
     for now_ms in (1000, 2000):
         recorder.tick(now_ms, [], None, None, "none", FREE)
-    recorder.event(3000, "leg", metres=1.0)
+    recorder.event(3000, LegBegan(1.0))
     recorder.tick(3000, [], None, None, "none", FREE)
     assert [line["t"] for line in lines_of(recorder, "tick")] == [
         2000
@@ -319,16 +321,16 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
 
 def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder):
     for second in range(1, 40):
-        recorder.event(1000 * second, "script", said="x" * 200)
+        recorder.event(1000 * second, ScriptTold("x" * 200))
         recorder.tick(1000 * second, [], None, None, "", (None,) * 4)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     full = recorder._directory.journal.stat().st_size + 100
     resource.setrlimit(resource.RLIMIT_FSIZE, (full, hard))
     try:
-        recorder.event(40_000, "script", said="x" * 200)
+        recorder.event(40_000, ScriptTold("x" * 200))
         with pytest.raises(RecordsFailed, match=f"the disk of {recorder._directory.path} takes no more"):
             recorder.tick(40_000, [], None, None, "", (None,) * 4)
-        recorder.event(41_000, "script", said="x")
+        recorder.event(41_000, ScriptTold("x"))
         recorder.tick(41_000, [], None, None, "", (None,) * 4)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -7,8 +7,12 @@ from typing import Any
 
 import pytest
 
+from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import members
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.events.mission import StepGivenUp
+from apad_bridge.events.run import EndReason
+from apad_bridge.events.union import event_of
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -77,14 +81,14 @@ def test_aMussels_that_cannot_be_charged_are_left_alone_one_by_one(pool: Scenari
         data["name"] for kind, data in events[last:] if kind == "primitive" and data["phase"] == "started"
     ]
     assert names == ["hold position", "hold position"]  # in idle wait, and at the end
-    line = failure_line(1000, *events[last])
+    line = failure_line(1000, event_of(*events[last]))
     assert line is not None and "is left alone from now on: 2 tries in a row failed" in line
 
 
 def test_the_counts_go_on_in_a_resumed_run(stuck: Scenario, tmp_path: Path) -> None:
     directory, summary, _ = flown(replace(stuck, duration_s=300.0), tmp_path)
     recorder, _ = Recorder.resume(directory, stuck, stuck.fleet.ids)
-    recorder.event(301_000, "given_up", agent=3, what="collect", reason="it does not come up")
+    recorder.event(MissionMs(301_000), StepGivenUp(3, "collect", "it does not come up"))
     again = recorder.finish(302_000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0.0, 0, None, {}))
     assert again["steps_given_up"] == summary["steps_given_up"] + 1
     assert again["causes"] == summary["causes"] | {"it does not come up": 1}
@@ -92,8 +96,8 @@ def test_the_counts_go_on_in_a_resumed_run(stuck: Scenario, tmp_path: Path) -> N
 
 def test_a_pre_emption_is_no_failure() -> None:
     failed = {"name": "go to point", "phase": "failed", "north_m": 1.0, "east_m": 2.0, "reason": "pre-empted"}
-    assert failure_line(0, "primitive", failed) is None
-    line = failure_line(61_000, "primitive", failed | {"reason": "no GPS"})
+    assert failure_line(0, event_of("primitive", failed)) is None
+    line = failure_line(61_000, event_of("primitive", failed | {"reason": "no GPS"}))
     assert line == "01:01  go to point (1.0 m north, 2.0 m east) failed: no GPS"
 
 
@@ -135,11 +139,11 @@ def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) 
 
 def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
     data = {"cause": "position", "reaction": "stop", "reason": "it is old", "calls_pilot": True}
-    assert failure_line(61_000, "guard", data) == (
+    assert failure_line(61_000, event_of("guard", data)) == (
         "01:01  PILOT, TAKE IT: the aPad's controllers go off: it is old"
     )
     data |= {"cause": "fence ahead", "reaction": "hold", "calls_pilot": False}
-    assert failure_line(61_000, "guard", data) == "01:01  the aPad holds where it is: it is old"
+    assert failure_line(61_000, event_of("guard", data)) == "01:01  the aPad holds where it is: it is old"
 
 
 def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_late(

@@ -9,7 +9,7 @@ from scenario_files import POOL_FILE, SOUND_FILE, WHOLE_FILE
 
 from apad_bridge.assembly.fleet_parts import fleet_config
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.events.mission import DockSwitched
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -34,7 +34,9 @@ def of_ids(file: Path, ids: tuple[int, ...], folder: Path) -> Scenario:
 @pytest.mark.parametrize("file", [POOL_FILE, WHOLE_FILE, SOUND_FILE], ids=lambda file: file.stem)
 def test_all_are_served(file: Path, tmp_path: Path) -> None:
     figures, recorder = fly_in_memory(of_ids(file, IDS, tmp_path))
-    docked = {data["agent"] for _, kind, data in recorder.events if kind == EventKind.DOCK and data["closed"]}
+    docked = {
+        data["agent"] for _, kind, data in recorder.events if kind == DockSwitched.kind and data["closed"]
+    }
     assert docked == set(recorder.taken) == set(IDS)
     assert figures["amussels_lost"] == 0
 

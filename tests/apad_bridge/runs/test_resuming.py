@@ -13,8 +13,11 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.mission.ending import EndReason, MissionEnd
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.events.fleet import Presence, PresenceChanged
+from apad_bridge.events.mission import Phase
+from apad_bridge.events.run import EndReason
+from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder
@@ -125,8 +128,8 @@ def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
     )
     recorder.begin_checkpoint(learned, 0)
     learned.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
-    recorder.event(1000, "presence", id=2, by="/lab", **{"is": "real"})
-    recorder.event(2000, "presence", id=3, by="a service call", **{"is": "retired"})
+    recorder.event(1000, PresenceChanged(2, Presence.REAL, "/lab"))
+    recorder.event(2000, PresenceChanged(3, Presence.RETIRED, "a service call"))
     for now_ms in (1000, 2000, 3000):
         recorder.tick(now_ms, learned.beliefs.all(), None, None, "none", FREE)
     return recorder, learned

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.values import Refused, Status, dock_index_of, dock_of
 from apad_bridge.runs.script_in_memory import ScriptFlight, fly_script
 from apad_bridge.scenario.schema import Scenario

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.values import Refused
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario

@@ -10,8 +10,8 @@ from apad_bridge.acoustics.ranging import NoRanging
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import NeverStandsDown
-from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.events import Send
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.in_memory import open_flight

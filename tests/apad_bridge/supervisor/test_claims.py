@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from apad_bridge.events.fleet import Presence
 from apad_bridge.supervisor.roster import (
     Claim,
-    Presence,
     PresenceChange,
     Presences,
     claim_conflicts,

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.commands import main
-from apad_bridge.mission.state import Phase
+from apad_bridge.events.mission import Phase
 from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control

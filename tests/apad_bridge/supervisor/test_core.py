@@ -8,8 +8,9 @@ from scenario_files import POOL_FILE
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import DocksDisagree
-from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported

@@ -69,7 +69,8 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
         assert (node, outcome) == (0, "received") and snr_db > 50
         status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
         assert isinstance(status, AcousticStatus) and status.basic.agent_id == agent_id
-    assert json.loads(json.dumps(ended)) == ended
+    again = json.loads(json.dumps(ended))
+    assert [it | {"heard": [tuple(row) for row in it["heard"]]} for it in again] == ended
 
 
 def test_the_mission_is_flown_by_sound_alone() -> None:
@@ -181,7 +182,7 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
         by_hour.setdefault(packet["began_ms"] // 3_600_000, set()).add(packet["heard"][0][1])
     assert by_hour == {1: {"received"}, 2: {"cut"}, 3: {"cut"}, 4: {"cut"}}
     changes = [(at_ms, data) for at_ms, kind, data in recorder.events if kind == "links"]
-    assert changes[0] == (200_000, {"rules": [[None, 0, 1.0, 0, None]], "problem": None})
+    assert changes[0] == (200_000, {"rules": [(None, 0, 1.0, 0, None)], "problem": None})
     assert changes[1][0] == 300_000 and "line 1: the columns" in changes[1][1]["problem"]
     assert len(changes) == 2
 

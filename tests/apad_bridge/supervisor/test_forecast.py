@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.events.mission import Phase
+from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress

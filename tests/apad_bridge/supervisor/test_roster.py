@@ -19,6 +19,8 @@ from agents.mussel.stimuli import ContactClosed, ContactOpened, Stimulus, to_jso
 from agents.packet_medium import Medium
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import Presence, PresenceChanged
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -39,7 +41,6 @@ from apad_bridge.supervisor.packet_relay import PacketRelay, RelayedPacket, Sour
 from apad_bridge.supervisor.roster import (
     TABLE,
     FaultRequest,
-    Presence,
     PresenceChange,
     PresenceRequest,
     Presences,
@@ -301,8 +302,8 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
             order.append("answered")
 
     class Records(Witness):
-        def event(self, at_ms: int, kind: str, **data: Any) -> None:
-            if kind == "presence":
+        def event(self, at_ms: int, event: Event) -> None:
+            if isinstance(event, PresenceChanged):
                 order.append("said")
 
         def tick(self, *_: Any) -> None:

@@ -8,8 +8,8 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.event import Event
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import Note
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import find_resume_point
@@ -47,7 +47,7 @@ def test_after_any_reports_and_a_kill_all_know_the_same_docks_and_no_amussel_is_
         bench.report(at_ms, dock_index, agent_id, closed=closed)
     held = [agent_id for _, agent_id in bench.port.docked]
     assert len(held) == len(set(held))
-    notes = [it for it in bench.book.take_orders() if isinstance(it, Note)]
+    notes = [it for it in bench.book.take_orders() if isinstance(it, Event)]
     lines = [{"t": at_ms, "kind": it.kind, **it.data} for at_ms, it in enumerate(notes)]
     state = find_resume_point(JournalContents(lines, 0), epoch=2, gap_ms=0).state
     resumed = parts.supervisor(CONFIG, state)

@@ -20,7 +20,7 @@ from apad_bridge.analysis.replay.series import (
     sample_times,
 )
 from apad_bridge.records.journal import JournalContents
-from apad_bridge.records.truth_lines import truth_data, truth_of
+from apad_bridge.records.truth_lines import truth_event, truth_of
 from apad_bridge.scenario.loader import load
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains
@@ -39,7 +39,7 @@ def truth(at_ms, agent_id, charge, flow=Flow.RESTING, *, docked=False, secondary
 
 
 def truth_lines(*truths):
-    return [{"t": -(-it.at_ms // 10), "kind": "truth", **truth_data(it)} for it in truths]
+    return [{"t": -(-it.at_ms // 10), "kind": "truth", **truth_event(it).data} for it in truths]
 
 
 def apad(t, north_m, docks=(-1, -1, -1, -1), battery=0.9):
@@ -67,9 +67,9 @@ def data_of(*lines, summary=None, dropped=0):
 
 def test_a_truth_line_is_exact():
     it = truth(123_457, 3, 0.123456789, Flow.CHARGING, docked=True)
-    assert truth_of({"t": 0, "kind": "truth", **truth_data(it)}) == it
+    assert truth_of({"t": 0, "kind": "truth", **truth_event(it).data}) == it
     sampled = replace(it, physical=replace(it.physical, pin_due_ms=5, samples=7, acknowledged=3))
-    assert truth_of({"t": 0, "kind": "truth", **truth_data(sampled)}) == sampled
+    assert truth_of({"t": 0, "kind": "truth", **truth_event(sampled).data}) == sampled
 
 
 def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
@@ -128,6 +128,8 @@ def test_texts_and_cost_follow_the_mission():
         "what": "collect",
         "strategy": "cautious",
         "steps": [{"agent": 4, "dock": 0}, {"agent": 2, "dock": 1}],
+        "costs": {"distance_m": 4.5, "demand": 1.0, "distance_cost": 4.5, "energy_cost": 1.0},
+        "beliefs": [],
     }
     before = {"plan": [["collect", 4, 0], ["collect", 2, 1]], "cost_m": 2.5}
     lines = [

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from apad_bridge.events.mission import PRE_EMPTED
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.runs.several.assignment import APadView, Assignment
-from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
 
 NAMES = ("a", "b", "c", "d")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.commands.outcome import report
-from apad_bridge.mission.ending import EndReason
+from apad_bridge.events.run import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.several.summary import combined_summary

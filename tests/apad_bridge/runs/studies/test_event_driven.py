@@ -14,7 +14,7 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 from agents.mussel.body import drift_step_um
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import members
-from apad_bridge.mission.state import Phase
+from apad_bridge.events.mission import Phase
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.event_driven import drift_sums, fly_event_driven, model_gap
 from apad_bridge.runs.studies.models import Model, StrategyFailed, fly, fly_each_tick
