@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import struct
 import threading
+import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
@@ -107,7 +108,7 @@ class LegacySubscribers:
         )
         # The connections have a thread each: what came first must be put first.
         with self._one_at_a_time:
-            if self._first_arrivals[publisher].is_new(connection, sent):
+            if self._first_arrivals[publisher].is_new(connection, sent, time.monotonic()):
                 self._inbox.put(replace(pose, speed_m_s=_speed_m_s(message), publisher=publisher))
         if connection == 0:
             self._second.follow(self._position)

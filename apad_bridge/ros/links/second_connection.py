@@ -35,6 +35,10 @@ _IDLE_S = 60
 """rospy's own connections ask after this time, too."""
 _LONGEST = 65_536
 """Bytes of a position: one that is longer is none."""
+_SUFFIX = "_again"
+"""A rospy publisher ends an older connection of the same caller."""
+_SILENT_S = 1.0
+"""Ten positions: a connection that was ahead and brings nothing for so long leaves the lead to the other."""
 _LENGTH = struct.Struct("<I")
 
 
@@ -106,7 +110,7 @@ class SecondConnections:
                 "tcp_nodelay": "1",
                 "md5sum": rospy.AnyMsg._md5sum,
                 "type": rospy.AnyMsg._type,
-                "callerid": rospy.get_name(),
+                "callerid": f"{rospy.get_name()}{_SUFFIX}",
             }
             sock.sendall(encode_ros_handshake_header(header))
             begun = io.BytesIO()
@@ -152,28 +156,33 @@ class FirstArrivals:
     """Tells which messages of one publisher are new: each arrives over two connections, and counts when it comes first.
 
     Each connection keeps the publisher's order. A connection that begins while the other stands still may be ahead of
-    messages under way there. So while one is ahead, the other counts again only from a message that both have brought.
+    messages under way there. So while one leads, the other counts again only from a message that both have brought, or
+    when the leader falls silent.
     """
 
     def __init__(self) -> None:
         self._unpaired: tuple[deque[Hashable], deque[Hashable]] = (deque(), deque())
-        """By connection, what came over it and not yet over the other. One of the two is empty."""
+        """By connection, what came over it and not yet over the other. That of the one that does not lead is empty."""
         self._passed_over: list[Hashable] = [None, None]
         """By connection, the newest message that came over it and did not count."""
+        self._came_s = [-math.inf, -math.inf]
+        """By connection, when its newest message came."""
 
-    def is_new(self, connection: int, message: Hashable) -> bool:
+    def is_new(self, connection: int, message: Hashable, now_s: float) -> bool:
         """False for a message that came over the other connection before, or is older than one that did.
 
-        `connection` is 0 or 1.
+        `connection` is 0 or 1, `now_s` the time of arrival by a clock that never goes back.
         """
         ours, others = self._unpaired[connection], self._unpaired[1 - connection]
+        self._came_s[connection] = now_s
         if message in others:
             while others.popleft() != message:
                 pass
             return False
-        if others:
+        if others and now_s - self._came_s[1 - connection] < _SILENT_S:
             self._passed_over[connection] = message
             return False
+        others.clear()
         if message == self._passed_over[1 - connection]:
             ours.clear()
             return True

@@ -53,6 +53,7 @@ class Publisher:
             except OSError:
                 return
             asked = read_ros_handshake_header(sock, io.BytesIO(), 4096)
+            assert asked["callerid"] != rospy.get_name()  # or a rospy publisher would end the first
             assert (asked["topic"], asked["md5sum"], asked["tcp_nodelay"]) == (self._topic, "*", "1")
             header = {"md5sum": NavSts._md5sum, "type": NavSts._type, "callerid": "/nav"}
             sock.sendall(encode_ros_handshake_header(header))
@@ -199,7 +200,7 @@ def test_each_message_counts_once_and_in_order(
     for second in [*switches, *[False] * count, *[True] * count]:
         if ways[second]:
             message = ways[second].pop(0)
-            if arrivals.is_new(int(second), message):
+            if arrivals.is_new(int(second), message, 0.0):
                 taken.append(message)
     assert taken == sorted(set(taken))
     assert taken[-1:] == list(range(min(begins), count))[-1:]
@@ -211,17 +212,29 @@ def test_each_message_counts_once_and_in_order(
 def test_messages_that_are_all_alike_go_on_counting(count: int, switches: list[bool]) -> None:
     """A frozen position without stamps has as many messages as came over the connection that brought most."""
     arrivals = FirstArrivals()
-    new = sum(arrivals.is_new(int(second), "frozen") for second in switches)
+    new = sum(arrivals.is_new(int(second), "frozen", 0.0) for second in switches)
     assert new == max(switches.count(False), switches.count(True))
 
 
 def test_one_that_begins_ahead_counts_again_as_soon_as_the_other_has_caught_up() -> None:
     arrivals = FirstArrivals()
-    told = [arrivals.is_new(*it) for it in [(0, 1), (1, 4), (0, 2), (0, 3), (0, 4), (1, 5), (0, 5), (1, 6)]]
+    told = [
+        arrivals.is_new(*it, 0.0) for it in [(0, 1), (1, 4), (0, 2), (0, 3), (0, 4), (1, 5), (0, 5), (1, 6)]
+    ]
     assert told == [True, False, True, True, True, True, False, True]
 
 
 def test_a_connection_that_is_alone_forgets_what_it_brought() -> None:
     arrivals = FirstArrivals()
-    assert all(arrivals.is_new(0, number) for number in range(10_000))
+    assert all(arrivals.is_new(0, number, 0.0) for number in range(10_000))
     assert sum(map(len, arrivals._unpaired)) <= 600
+
+
+def test_the_other_takes_over_from_a_connection_that_has_fallen_silent() -> None:
+    """The first brings 1 and 2 and ends; the second began at 4. What comes late over the first is older, and not new."""
+    arrivals = FirstArrivals()
+    told = [
+        arrivals.is_new(*it)
+        for it in [(0, 1, 0.0), (0, 2, 0.1), (1, 4, 0.3), (1, 5, 1.0), (1, 6, 1.2), (0, 3, 1.3), (1, 7, 1.4)]
+    ]
+    assert told == [True, True, False, False, True, False, True]
