@@ -17,7 +17,7 @@ from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.invariants import Broken
-    from apad_bridge.records.digest import Event
+    from apad_bridge.records.digest import CountedEvent
 
 MOST_SHOWN = 10
 """Broken rules that a person sees of one aPad's run; `--json` has them all."""
@@ -105,7 +105,7 @@ def _compare(one: Path, other: Path, *, as_json: bool) -> int:
 
 
 def first_difference(
-    one: Sequence[tuple[Event, str]], other: Sequence[tuple[Event, str]]
+    one: Sequence[tuple[CountedEvent, str]], other: Sequence[tuple[CountedEvent, str]]
 ) -> tuple[str, str] | None:
     """The first event of each that the other does not have, each with its aPad; None for equal runs."""
     counts = Counter(one)

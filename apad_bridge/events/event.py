@@ -31,6 +31,30 @@ AgentTime = Annotated[int, Meaning("when, by the aMussel's time", "agent ms")]
 DockIndex = Annotated[int, Ge(0), Lt(MAX_DOCKS)]
 
 
+class Category(StrEnum):
+    """The use of an event for people. The terminal, the page, the report and the consoles choose by it."""
+
+    ALARM = "alarm"
+    """Something failed, and a person is told at once."""
+    TROUBLE = "trouble"
+    """Something went wrong, and the run copes with it."""
+    RELIEF = "relief"
+    """A trouble is over."""
+    PLAN = "plan"
+    """The next work, and its results."""
+    WORD = "word"
+    """A person or a script said something."""
+    NEWS = "news"
+
+    @property
+    def is_trouble(self) -> bool:
+        return self in (Category.ALARM, Category.TROUBLE)
+
+
+class Uncounted(NamedTuple):
+    reason: str
+
+
 class Event:
     """The base of all kinds. A subclass is a frozen dataclass of plain values and enums, with the journal's names.
 
@@ -42,10 +66,13 @@ class Event:
     when: ClassVar[str]
     """The occasion, for the docs."""
 
+    counted: ClassVar[tuple[str, ...] | Uncounted]
+    """The fields by which two runs compare (`records/digest.py`), or why it tells nothing about that."""
+
     @property
-    def is_failure(self) -> bool:
-        """True for an event of which a person is told at once."""
-        return False
+    def category(self) -> Category:
+        """Its use for people; most classes set it as a constant."""
+        return Category.NEWS
 
     @property
     def data(self) -> dict[str, Any]:

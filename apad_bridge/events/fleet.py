@@ -9,7 +9,17 @@ from typing import Annotated
 from annotated_types import Ge, Lt
 
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.events.event import AgentTime, AMussel, East, Event, Meaning, North, Reason
+from apad_bridge.events.event import (
+    AgentTime,
+    AMussel,
+    Category,
+    East,
+    Event,
+    Meaning,
+    North,
+    Reason,
+    Uncounted,
+)
 from apad_bridge.scenario.timed_faults import TimedFault
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Flow
@@ -29,6 +39,7 @@ class Presence(StrEnum):
 class TruthChanged(Event):
     kind = "truth"
     when = "a simulated aMussel's true state changed, or it drifted by a quarter of a metre; it holds until the next"
+    counted = ("id", "agent_ms", "state", "docked", "north_um", "east_um", "primary", "secondary")
 
     id: AMussel
     agent_ms: AgentTime
@@ -51,6 +62,7 @@ class TruthChanged(Event):
 class BeliefChanged(Event):
     kind = "belief"
     when = "the supervisor's belief of an aMussel changed noticeably"
+    counted = Uncounted("an estimate; the plans and orders that follow from it count")
 
     id: AMussel
     heard: Annotated[int, Meaning("the time of its newest packet", "mission ms")]
@@ -69,6 +81,7 @@ class BeliefChanged(Event):
 class Stimulated(Event):
     kind = "stimulus"
     when = "something reached an aMussel: a contact, a packet, its place in a dock"
+    counted = Uncounted("the form of a message between processes; the aMussel's new state counts")
 
     id: AMussel
     agent_ms: AgentTime
@@ -82,6 +95,8 @@ class Stimulated(Event):
 class ProcessDied(Event):
     kind = "died"
     when = "an aMussel's process ended: a reset of its MU"
+    counted = ("id", "agent_ms", "cause")
+    category = Category.TROUBLE
 
     id: AMussel
     agent_ms: AgentTime
@@ -98,7 +113,8 @@ class ProcessDied(Event):
 class APadLeftWater(Event):
     kind = "left_water"
     when = "an aPad's modem and its aMussels are out of the water that several aPads share, before its mission's end"
-    is_failure = True
+    counted = ("name",)
+    category = Category.ALARM
 
     name: Annotated[str, Meaning("the aPad")]
     reason: Reason
@@ -111,6 +127,8 @@ class APadLeftWater(Event):
 class PresenceChanged(Event):
     kind = "presence"
     when = "an aMussel became real, retired, or simulated again"
+    counted = ("id", "is")
+    category = Category.PLAN
 
     id: AMussel
     is_: Annotated[Presence, Meaning("its new presence")]
@@ -124,6 +142,8 @@ class PresenceChanged(Event):
 class FaultBegan(Event):
     kind = "fault"
     when = "a fault began, of a simulated aMussel or of the simulated aPad ([faults.md](faults.md))"
+    counted = ("id", "fault", "until_ms")
+    category = Category.TROUBLE
 
     id: Annotated[int | None, Meaning("the aMussel; absent for a fault of the aPad")] = None
     fault: Annotated[TimedFault, Meaning("which")]
@@ -144,6 +164,8 @@ class FaultBegan(Event):
 class FaultEnded(Event):
     kind = "fault_over"
     when = "a fault that lasted was healed"
+    counted = ("id", "fault")
+    category = Category.RELIEF
 
     id: Annotated[int | None, Meaning("the aMussel; absent for a fault of the aPad")] = None
     fault: Annotated[TimedFault, Meaning("which")]
@@ -156,6 +178,7 @@ class FaultEnded(Event):
 class HandedOn(Event):
     kind = "handed_on"
     when = "one of several aPads no longer serves an aMussel"
+    counted = ("id", "to")
 
     id: AMussel
     to: Annotated[str | None, Meaning("the aPad that does; with --time asap")] = None
@@ -165,6 +188,7 @@ class HandedOn(Event):
 class TookOn(Event):
     kind = "took_on"
     when = "one of several aPads serves another aMussel"
+    counted = ("id", "of")
 
     id: AMussel
     of_: Annotated[str | None, Meaning("the aPad that did; with --time asap")] = None

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from apad_bridge.events.event import Event, Meaning
+from apad_bridge.events.event import Category, Event, Meaning, Uncounted
 
 
 @dataclass(frozen=True)
 class MasterGone(Event):
     kind = "master_gone"
     when = "another party's ROS master does not answer"
+    counted = Uncounted("the machine's network, by the wall clock")
+    category = Category.TROUBLE
 
     uri: Annotated[str, Meaning("its address")]
     why: Annotated[str, Meaning("the symptom")]
@@ -24,6 +26,8 @@ class MasterGone(Event):
 class MasterBack(Event):
     kind = "master_back"
     when = "that master answers again, and the run has registered everything"
+    counted = Uncounted("the machine's network, by the wall clock")
+    category = Category.RELIEF
 
     uri: Annotated[str, Meaning("its address")]
     gone_s: Annotated[float, Meaning("the length of its absence, by the wall clock", "s")]
@@ -37,7 +41,8 @@ class MasterBack(Event):
 class GraphDeaf(Event):
     kind = "graph_deaf"
     when = "no node can connect to the run's own node: its services and its new subscribers get no answer"
-    is_failure = True
+    counted = Uncounted("the machine's network, by the wall clock")
+    category = Category.ALARM
 
     why: Annotated[str, Meaning("the symptom")]
 
@@ -49,6 +54,8 @@ class GraphDeaf(Event):
 class GraphHears(Event):
     kind = "graph_hears"
     when = "nodes can connect again"
+    counted = Uncounted("the machine's network, by the wall clock")
+    category = Category.RELIEF
 
     deaf_s: Annotated[float, Meaning("the length of that, by the wall clock", "s")]
 
@@ -60,7 +67,8 @@ class GraphHears(Event):
 class MessagesDropped(Event):
     kind = "unreadable"
     when = "a node publishes messages that the run cannot use, for the first time; the summary counts them under `dropped`"
-    is_failure = True
+    counted = Uncounted("a foreign node on the machine's network")
+    category = Category.ALARM
 
     topic: Annotated[str, Meaning("the topic")]
     node: Annotated[str, Meaning("the node")]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
-from apad_bridge.events.event import Event, Meaning, Reason
+from apad_bridge.events.event import Category, Event, Meaning, Reason, Uncounted
 
 SURFACING = "permit to surface"
 """The name of the one guarded order that no primitive stands behind."""
@@ -51,6 +51,7 @@ class Cause(StrEnum):
 class OrderRefused(Event):
     kind = "refused"
     when = "a guard refused an order, which did not go out"
+    counted = ("order", "guard", "agent", "dock", "north_m", "east_m")
 
     order: Annotated[
         str,
@@ -64,9 +65,9 @@ class OrderRefused(Event):
     east_m: Annotated[float | None, Meaning("the goal, east", "m")] = None
 
     @property
-    def is_failure(self) -> bool:
+    def category(self) -> Category:
         """Any other order that is refused fails as a primitive, too."""
-        return self.order == SURFACING
+        return Category.ALARM if self.order == SURFACING else Category.TROUBLE
 
     def text(self) -> str:
         if self.order == SURFACING and self.agent is not None:
@@ -78,7 +79,8 @@ class OrderRefused(Event):
 class GuardReacted(Event):
     kind = "guard"
     when = "the monitor found the aPad in danger between two orders, and reacted"
-    is_failure = True
+    counted = ("cause", "reaction", "calls_pilot")
+    category = Category.ALARM
 
     cause: Annotated[
         Cause,
@@ -106,6 +108,8 @@ class GuardReacted(Event):
 class DangerOver(Event):
     kind = "guard_over"
     when = "that danger is over"
+    counted = ("cause",)
+    category = Category.RELIEF
 
     cause: Annotated[Cause, Meaning("as above")]
 
@@ -117,6 +121,7 @@ class DangerOver(Event):
 class StopChanged(Event):
     kind = "stop"
     when = "a stop of the aPad, by a person or a guard, came to a state; it is in force until `continued`"
+    counted = ("number", "mode", "state")
 
     number: Annotated[int, Meaning("the stop's number in this run")]
     mode: Annotated[StopKind, Meaning("`hold`: the thrusters keep the place; `off`: no thrust")]
@@ -125,8 +130,9 @@ class StopChanged(Event):
     reason: Annotated[str | None, Meaning("why")] = None
 
     @property
-    def is_failure(self) -> bool:
-        return self.state in (StopState.NOT_TAKEN, StopState.REFUSED)
+    def category(self) -> Category:
+        is_told = self.state in (StopState.NOT_TAKEN, StopState.REFUSED)
+        return Category.ALARM if is_told else Category.NEWS
 
     def text(self) -> str:
         states = {
@@ -146,6 +152,8 @@ class StopChanged(Event):
 class StopEnded(Event):
     kind = "continued"
     when = "a person let the aPad move again"
+    counted = ("number",)
+    category = Category.WORD
 
     number: Annotated[int, Meaning("the stop that ended")]
     by: Annotated[str, Meaning("the person")]
@@ -158,6 +166,8 @@ class StopEnded(Event):
 class SentBackIn(Event):
     kind = "back_in"
     when = "a person sent the aPad, which lay just outside the fence, back inside"
+    counted = ()
+    category = Category.WORD
 
     by: Annotated[str, Meaning("the person")]
     lookout: Annotated[str, Meaning("who watches the water")]
@@ -170,6 +180,7 @@ class SentBackIn(Event):
 class Drifting(Event):
     kind = "drift"
     when = "the course of an aPad whose controllers a stop switched off; at once, and every 10 s"
+    counted = Uncounted("a sample of the vehicle's motion; the stop before it counts")
 
     speed_m_s: Annotated[float, Meaning("its last speed, or the known current's", "m/s")]
     towards_rad: Annotated[float, Meaning("its direction, clockwise from north", "rad")]
@@ -190,7 +201,8 @@ class Drifting(Event):
 class PilotTold(Event):
     kind = "pilot"
     when = "a pilot takes or leaves the aPad's controls, or nobody tells any more"
-    is_failure = True
+    counted = ("steers",)
+    category = Category.ALARM
 
     steers: Annotated[bool | None, Meaning("null when the node that published the pilot's flag is gone")]
 
@@ -206,7 +218,8 @@ class PilotTold(Event):
 class OthersCommanded(Event):
     kind = "others"
     when = "another client, which is no pilot, gave the aPad an order"
-    is_failure = True
+    counted = ()
+    category = Category.ALARM
 
     client: Annotated[str, Meaning("its node; empty where the stack does not tell")]
 

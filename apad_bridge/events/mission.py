@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, NotRequired, TypedDict
 
-from apad_bridge.events.event import AMussel, DockIndex, Event, Meaning, Reason
+from apad_bridge.events.event import AMussel, Category, DockIndex, Event, Meaning, Reason
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.solution import StepKind
 
@@ -109,6 +109,7 @@ class PlanOption(TypedDict):
 class MissionChanged(Event):
     kind = "mission"
     when = "the mission's state changed; a resumed run continues from the newest"
+    counted = ("phase",)
 
     phase: Annotated[Phase, Meaning("the box of the paper's Fig. 7")]
     snapshot: Annotated[MissionSnapshot, Meaning("the whole state", "m, mission ms")]
@@ -118,6 +119,8 @@ class MissionChanged(Event):
 class PlanMade(Event):
     kind = "plan"
     when = "a strategy made a plan"
+    counted = ("what", "strategy", "steps", "exchanged")
+    category = Category.PLAN
 
     what: Annotated[str, Meaning("`collect` or `redeploy`")]
     strategy: Annotated[str, Meaning("its name")]
@@ -154,6 +157,7 @@ class PlanMade(Event):
 class PrimitiveChanged(Event):
     kind = "primitive"
     when = "a primitive started, succeeded or failed, or a docking caught nothing within the catch radius"
+    counted = ("name", "phase", "agent", "dock", "north_m", "east_m")
 
     name: Annotated[str, Meaning("`go to point`, `hold position`, `dock` or `undock`")]
     phase: Annotated[PrimitivePhase, Meaning("the result")]
@@ -164,8 +168,9 @@ class PrimitiveChanged(Event):
     reason: Annotated[str | None, Meaning("why it failed")] = None
 
     @property
-    def is_failure(self) -> bool:
-        return self.phase is PrimitivePhase.FAILED and self.reason != PRE_EMPTED
+    def category(self) -> Category:
+        has_failed = self.phase is PrimitivePhase.FAILED and self.reason != PRE_EMPTED
+        return Category.ALARM if has_failed else Category.NEWS
 
     def text(self) -> str | None:
         if self.phase is not PrimitivePhase.FAILED:
@@ -182,6 +187,8 @@ class PrimitiveChanged(Event):
 class DockSwitched(Event):
     kind = "dock"
     when = "a dock closed around an aMussel, or opened"
+    counted = ("dock", "agent", "closed")
+    category = Category.PLAN
 
     dock: Annotated[DockIndex, Meaning("the dock, counted from 0")]
     agent: AMussel
@@ -195,6 +202,7 @@ class DockSwitched(Event):
 class LegBegan(Event):
     kind = "leg"
     when = "the aPad was ordered to another place"
+    counted = ("metres",)
 
     metres: Annotated[float, Meaning("in a straight line from where it was", "m")]
 
@@ -203,6 +211,7 @@ class LegBegan(Event):
 class AMusselReleased(Event):
     kind = "released"
     when = "an aMussel left its dock and was ordered to sink"
+    counted = ("agent", "full")
 
     agent: AMussel
     full: Annotated[bool, Meaning("true if it was believed full at that order: it counts as a service")]
@@ -212,7 +221,8 @@ class AMusselReleased(Event):
 class StepGivenUp(Event):
     kind = "given_up"
     when = "a step of the mission was given up"
-    is_failure = True
+    counted = ("agent", "what")
+    category = Category.ALARM
 
     agent: AMussel
     what: Annotated[str, Meaning("`collect`, `deploy`, `charge` or `dock`")]
@@ -233,7 +243,8 @@ class StepGivenUp(Event):
 class LeftAlone(Event):
     kind = "left_alone"
     when = "the mission stopped its tries to serve an aMussel"
-    is_failure = True
+    counted = ("agent", "tries")
+    category = Category.ALARM
 
     agent: AMussel
     tries: Annotated[int, Meaning("number of failed tries in a row")]
@@ -250,7 +261,8 @@ class LeftAlone(Event):
 class BeyondReach(Event):
     kind = "beyond_reach"
     when = "the mission will not serve an aMussel for the present, because of the way to it"
-    is_failure = True
+    counted = ("agent",)
+    category = Category.ALARM
 
     agent: AMussel
     reason: Reason
@@ -263,6 +275,8 @@ class BeyondReach(Event):
 class InReach(Event):
     kind = "in_reach"
     when = "such an aMussel can be served again"
+    counted = ("agent",)
+    category = Category.RELIEF
 
     agent: AMussel
 
@@ -274,7 +288,8 @@ class InReach(Event):
 class Stuck(Event):
     kind = "stuck"
     when = "several go-tos in a row failed: the aPad is stuck"
-    is_failure = True
+    counted = ()
+    category = Category.ALARM
 
     reason: Reason
 
@@ -286,6 +301,8 @@ class Stuck(Event):
 class StandsDown(Event):
     kind = "stands_down"
     when = "one of several aPads leaves its aMussels to the others"
+    counted = ()
+    category = Category.TROUBLE
 
     reason: Reason
 

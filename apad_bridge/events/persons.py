@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from apad_bridge.events.event import Event, Meaning
+from apad_bridge.events.event import Category, Event, Meaning, Uncounted
 
 
 @dataclass(frozen=True)
 class Overridden(Event):
     kind = "override"
     when = "a person took the aPad over, or gave it back"
+    counted = ("taken",)
+    category = Category.WORD
 
     taken: Annotated[bool, Meaning("true for taking over")]
     by: Annotated[str | None, Meaning("`person`, or `vehicle` when another party steers it")] = None
@@ -25,6 +27,8 @@ class Overridden(Event):
 class PersonOrdered(Event):
     kind = "operator"
     when = "a person gave the supervisor an order by a command"
+    counted = ("order", "agent", "north_m", "east_m")
+    category = Category.WORD
 
     order: Annotated[
         str,
@@ -46,6 +50,8 @@ class PersonOrdered(Event):
 class Remarked(Event):
     kind = "remark"
     when = "a person made a remark"
+    counted = Uncounted("a person's note")
+    category = Category.WORD
 
     text_: Annotated[str, Meaning("the remark")]
     by: Annotated[str, Meaning("who made it")]
@@ -58,6 +64,8 @@ class Remarked(Event):
 class ScriptTold(Event):
     kind = "script"
     when = "a script printed a line, or noted its own event with its own fields"
+    counted = ("what",)
+    category = Category.WORD
 
     said: Annotated[str | None, Meaning("a line for people")] = None
     what: Annotated[str | None, Meaning("the name that the script gave its event")] = None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, TypedDict
 
-from apad_bridge.events.event import Event, Meaning
+from apad_bridge.events.event import Category, Event, Meaning, Uncounted
 
 
 class EndReason(StrEnum):
@@ -57,6 +57,7 @@ class RepairedBag(TypedDict):
 class RunBegan(Event):
     kind = "run"
     when = "the first line of a run"
+    counted = Uncounted("it repeats the scenario")
 
     format: Annotated[int, Meaning("of the journal")]
     scenario: Annotated[str, Meaning("its name")]
@@ -72,12 +73,14 @@ class RunBegan(Event):
 class TickPassed(Event):
     kind = "tick"
     when = "a tick without another event; its time shows the progress of the flight"
+    counted = Uncounted("nothing happened")
 
 
 @dataclass(frozen=True)
 class RunEnded(Event):
     kind = "end"
     when = "the mission has ended"
+    counted = ("end_reason",)
 
     reason: Annotated[str, Meaning("why, for people")]
     end_reason: Annotated[EndReason | None, Meaning("why: one of a fixed set")] = None
@@ -90,6 +93,8 @@ class RunEnded(Event):
 class RunResumed(Event):
     kind = "resumed"
     when = "another supervisor continues the run"
+    counted = Uncounted("the records' own repair")
+    category = Category.TROUBLE
 
     journal_dropped: Annotated[int, Meaning("lines of the journal that could not be read")]
     journal_torn_bytes: Annotated[int, Meaning("of a torn last line", "bytes")]
@@ -106,5 +111,6 @@ class RunResumed(Event):
 class KnowledgeRestored(Event):
     kind = "restored"
     when = "the knowledge that this supervisor restored"
+    counted = Uncounted("the records' own repair")
 
     told: Annotated[list[str], Meaning("the lines printed for people")]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from apad_bridge.events.event import AMussel, East, Event, Meaning, North
+from apad_bridge.events.event import AMussel, East, Event, Meaning, North, Uncounted
 
 
 @dataclass(frozen=True)
 class RangeMeasured(Event):
     kind = "range"
     when = "a ping was answered, or its time-out passed"
+    counted = ("id", "range_m")
 
     id: AMussel
     range_m: Annotated[float | None, Meaning("the range; null without an answer", "m")]
@@ -21,6 +22,7 @@ class RangeMeasured(Event):
 class Asked(Event):
     kind = "asked"
     when = "an aMussel was asked for its status by sound"
+    counted = ("id",)
 
     id: AMussel
 
@@ -29,6 +31,7 @@ class Asked(Event):
 class NoAnswer(Event):
     kind = "unanswered"
     when = "the aMussel did not answer in time"
+    counted = ("id",)
 
     id: AMussel
 
@@ -37,6 +40,7 @@ class NoAnswer(Event):
 class SamplesGone(Event):
     kind = "samples_gone"
     when = "samples that can no longer be uploaded"
+    counted = ("id", "count", "first", "last")
 
     id: AMussel
     count: Annotated[int, Meaning("how many")]
@@ -54,6 +58,7 @@ LinkRow = tuple[int | None, int | None, float, int, int | None]
 class PacketPassed(Event):
     kind = "packet"
     when = "an acoustic packet ended, in simulated water"
+    counted = ("from", "address", "what", "began_ms", "timeslot", "unsent", "heard")
 
     from_: Annotated[int, Meaning("the sender: an aMussel's id, 0 is the aPad")]
     address: Annotated[int | None, Meaning("the addressed modem; null for all")]
@@ -77,6 +82,7 @@ class PacketPassed(Event):
 class PlaceFixed(Event):
     kind = "fix"
     when = "ranges gave an aMussel's place"
+    counted = ("id", "ranges", "north_m", "east_m")
 
     id: AMussel
     north_m: North
@@ -91,6 +97,7 @@ class PlaceFixed(Event):
 class LinksRead(Event):
     kind = "links"
     when = "the file of links between modems changed"
+    counted = Uncounted("a file of the machine")
 
     rules: Annotated[
         list[LinkRow] | None,
@@ -103,6 +110,7 @@ class LinksRead(Event):
 class ModemTold(Event):
     kind = "modem"
     when = "a physical or opened modem dropped a packet, or changed"
+    counted = Uncounted("a serial line of the machine")
 
     dropped: Annotated[str | None, Meaning("why it dropped a packet")] = None
     id: Annotated[int | None, Meaning("the aMussel of that packet")] = None

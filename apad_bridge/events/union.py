@@ -24,7 +24,7 @@ def event_of(kind: str, data: Mapping[str, Any]) -> Event:
     return EVENTS[kind].of(data)
 
 
-def text_of(kind: str, data: Mapping[str, Any]) -> str | None:
-    """The text of a journal's line that a person may look for in a run; None for samples and for steps of routine."""
-    found = EVENTS.get(kind)
-    return None if found is None or found.text is Event.text else found.of(data).text()
+def told_event(line: Mapping[str, Any]) -> Event | None:
+    """The event of a journal's line, if its kind has a text for people; None for samples and for kinds unknown here."""
+    found = EVENTS.get(line["kind"])
+    return None if found is None or found.text is Event.text else found.of(line)

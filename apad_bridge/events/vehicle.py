@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from apad_bridge.events.event import AMussel, East, Event, Meaning, North
+from apad_bridge.events.event import AMussel, Category, East, Event, Meaning, North, Uncounted
 
 
 @dataclass(frozen=True)
 class APadMoved(Event):
     kind = "apad"
     when = "the aPad moved, turned, used energy or changed its docks, or a minute passed"
+    counted = Uncounted("a sample of the vehicle's motion; its orders, docks and failures count")
 
     north_m: North
     east_m: East
@@ -26,7 +27,8 @@ class APadMoved(Event):
 class DocksDisagree(Event):
     kind = "docks_disagree"
     when = "witnesses of a dock disagree: `position_static`, `check_docking_availability`, the aMussel, our own record"
-    is_failure = True
+    counted = ("id", "reason")
+    category = Category.ALARM
 
     id: AMussel
     reason: Annotated[str, Meaning("what each says, and what the mission takes for true")]
@@ -39,6 +41,8 @@ class DocksDisagree(Event):
 class VehicleSilent(Event):
     kind = "vehicle_silent"
     when = "a real aPad stopped publishing"
+    counted = Uncounted("the machine's network, by the wall clock")
+    category = Category.TROUBLE
 
     name: Annotated[str, Meaning("the aPad")]
     since_ms: Annotated[int, Meaning("since when", "mission ms")]
@@ -51,6 +55,8 @@ class VehicleSilent(Event):
 class VehicleHeard(Event):
     kind = "vehicle_heard"
     when = "it publishes again"
+    counted = Uncounted("the machine's network, by the wall clock")
+    category = Category.RELIEF
 
     name: Annotated[str, Meaning("the aPad")]
     since_ms: Annotated[int, Meaning("since when it was silent", "mission ms")]

@@ -14,11 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agents.hosting.interrupts import received_by
-from apad_bridge.analysis.replay.history import Event
-from apad_bridge.events.fleet import ProcessDied
-from apad_bridge.events.graph import GraphDeaf, MasterGone, MessagesDropped
-from apad_bridge.events.mission import LeftAlone, StandsDown, StepGivenUp, Stuck
-from apad_bridge.events.vehicle import VehicleSilent
+from apad_bridge.analysis.replay.history import Told
 from apad_bridge.imc import messages
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.lsf_log import LsfLog
@@ -45,19 +41,6 @@ _MOST_STRANGERS = 20
 _NEWEST_PACKETS = 64
 _SUMMARY_S = 10.0
 """Wall seconds between the mission's end and its summary, after which the gateway ends without one."""
-_WARNINGS = frozenset(
-    {
-        StepGivenUp.kind,
-        LeftAlone.kind,
-        Stuck.kind,
-        ProcessDied.kind,
-        StandsDown.kind,
-        VehicleSilent.kind,
-        MasterGone.kind,
-        GraphDeaf.kind,
-        MessagesDropped.kind,
-    }
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,10 +172,9 @@ class Gateway:
         yield messages.vehicle_state(picture, takes_orders=takes_orders)
         yield messages.plan_control_state(picture, self._plan_id, takes_orders=takes_orders)
 
-    def _show_events(self, events: Iterable[Event]) -> None:
+    def _show_events(self, events: Iterable[Told]) -> None:
         for event in events:
-            is_warning = event.kind in _WARNINGS
-            entry = messages.log_book_entry(event.text, time.time(), is_warning=is_warning)
+            entry = messages.log_book_entry(event.text, time.time(), is_warning=event.category.is_trouble)
             self._send(self._apad, [entry])
 
     def _show_samples(self, picture: Picture) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from apad_bridge.analysis.replay.history import Event, History
+from apad_bridge.analysis.replay.history import History, Told
 from apad_bridge.events.mission import Phase, PrimitiveChanged
 from apad_bridge.events.persons import Overridden, PersonOrdered
 from apad_bridge.events.vehicle import APadMoved
@@ -93,7 +93,7 @@ class Picture:
         self._history.advance(self._history.end_ms)
         self._told_events = len(self._history.events)  # a console that comes later gets no old news
 
-    def poll(self) -> list[Event]:
+    def poll(self) -> list[Told]:
         """Reads what is new, and returns the new events for people."""
         new = self._journal.read_new()
         self._history.add(new)

@@ -1,8 +1,8 @@
 """One number for what a flight decided and what happened in it, by which two runs compare on any two machines.
 
-Each counted event has a canonical text: its mission time, its kind, and the facts that COUNTED names. The digest is the
-sum of the texts' hashes, so the order of lines of the same time does not matter. It follows neither the wall clock, nor
-paths, nor versions, nor the form of the journal. A field or kind that is new to the journal counts once COUNTED names it.
+Each counted event has a canonical text: its mission time, its kind, and the fields that its class names as `counted`. The
+digest is the sum of the texts' hashes, so the order of lines of the same time does not matter. It follows neither the wall
+clock, nor paths, nor versions, nor the form of the journal. A new field counts once its class names it.
 
 Places count to the centimetre, and charges to a thousandth: the last bits of a float may follow the processor.
 """
@@ -14,57 +14,11 @@ from collections.abc import Callable, Iterable, Mapping
 from hashlib import blake2b
 from typing import Any, NamedTuple
 
-from apad_bridge.events.fleet import (
-    APadLeftWater,
-    BeliefChanged,
-    FaultBegan,
-    FaultEnded,
-    HandedOn,
-    PresenceChanged,
-    ProcessDied,
-    Stimulated,
-    TookOn,
-    TruthChanged,
-)
-from apad_bridge.events.graph import GraphDeaf, GraphHears, MasterBack, MasterGone, MessagesDropped
-from apad_bridge.events.guards import (
-    DangerOver,
-    Drifting,
-    GuardReacted,
-    OrderRefused,
-    OthersCommanded,
-    PilotTold,
-    SentBackIn,
-    StopChanged,
-    StopEnded,
-)
-from apad_bridge.events.mission import (
-    AMusselReleased,
-    BeyondReach,
-    DockSwitched,
-    InReach,
-    LeftAlone,
-    LegBegan,
-    MissionChanged,
-    PlanMade,
-    PrimitiveChanged,
-    StandsDown,
-    StepGivenUp,
-    Stuck,
-)
-from apad_bridge.events.persons import Overridden, PersonOrdered, Remarked, ScriptTold
-from apad_bridge.events.run import KnowledgeRestored, RunBegan, RunEnded, RunResumed, TickPassed
-from apad_bridge.events.sound import (
-    Asked,
-    LinksRead,
-    ModemTold,
-    NoAnswer,
-    PacketPassed,
-    PlaceFixed,
-    RangeMeasured,
-    SamplesGone,
-)
-from apad_bridge.events.vehicle import APadMoved, DocksDisagree, VehicleHeard, VehicleSilent
+from apad_bridge.events.event import Uncounted
+from apad_bridge.events.fleet import TruthChanged
+from apad_bridge.events.mission import LegBegan, MissionChanged, PlanMade
+from apad_bridge.events.sound import PacketPassed, RangeMeasured
+from apad_bridge.events.union import EVENTS
 from firmware_model.power.charge import fraction
 
 Facts = Mapping[str, Any]
@@ -72,7 +26,7 @@ Chosen = Callable[["RunDigest", Facts], Facts | None]
 _BYTES = 8
 
 
-class Event(NamedTuple):
+class CountedEvent(NamedTuple):
     """A counted event; sorted by its time."""
 
     at_ms: int
@@ -95,13 +49,13 @@ class RunDigest:
     def __str__(self) -> str:
         return _text(self._sum)
 
-    def take(self, at_ms: int, kind: str, data: Facts) -> Event | None:
+    def take(self, at_ms: int, kind: str, data: Facts) -> CountedEvent | None:
         """Counts an event and returns it; None for one that does not count."""
         choose = COUNTED.get(kind)
         facts = None if choose is None else choose(self, data)
         if facts is None:
             return None
-        event = Event(at_ms, str(kind), json.dumps(facts, sort_keys=True, separators=(",", ":")))
+        event = CountedEvent(at_ms, str(kind), json.dumps(facts, sort_keys=True, separators=(",", ":")))
         text = f"{event.at_ms} {event.kind} {event.facts}".encode()
         self._sum += int.from_bytes(blake2b(text, digest_size=_BYTES).digest(), "big")
         return event
@@ -134,7 +88,7 @@ def combined_digest(digests: Iterable[str]) -> str:
     return _text(sum(int(digest, 16) for digest in digests))
 
 
-def events_of(lines: Iterable[Mapping[str, Any]]) -> tuple[list[Event], str]:
+def events_of(lines: Iterable[Mapping[str, Any]]) -> tuple[list[CountedEvent], str]:
     """The counted events of a journal's lines, sorted, and their digest."""
     digest = RunDigest()
     taken = (digest.take(line["t"], line["kind"], line) for line in lines)
@@ -192,67 +146,24 @@ def _range(_: RunDigest, data: Facts) -> Facts:
     return {"id": data["id"], "answered": data["range_m"] is not None}
 
 
-COUNTED: Mapping[str, Chosen] = {
-    RunEnded.kind: _only("end_reason"),
+_OWN_FORM: Mapping[str, Chosen] = {
     TruthChanged.kind: RunDigest.truth,
     MissionChanged.kind: RunDigest.mission,
     PlanMade.kind: _plan,
     LegBegan.kind: _leg,
-    PrimitiveChanged.kind: _only("name", "phase", "agent", "dock", "north_m", "east_m"),
-    DockSwitched.kind: _only("dock", "agent", "closed"),
-    AMusselReleased.kind: _only("agent", "full"),
-    StepGivenUp.kind: _only("agent", "what"),
-    LeftAlone.kind: _only("agent", "tries"),
-    BeyondReach.kind: _only("agent"),
-    InReach.kind: _only("agent"),
-    Stuck.kind: _only(),
-    Overridden.kind: _only("taken"),
-    PersonOrdered.kind: _only("order", "agent", "north_m", "east_m"),
-    ScriptTold.kind: _only("what"),
-    OrderRefused.kind: _only("order", "guard", "agent", "dock", "north_m", "east_m"),
-    GuardReacted.kind: _only("cause", "reaction", "calls_pilot"),
-    DangerOver.kind: _only("cause"),
-    StopChanged.kind: _only("number", "mode", "state"),
-    StopEnded.kind: _only("number"),
-    SentBackIn.kind: _only(),
-    PilotTold.kind: _only("steers"),
-    OthersCommanded.kind: _only(),
-    DocksDisagree.kind: _only("id", "reason"),
-    StandsDown.kind: _only(),
-    HandedOn.kind: _only("id", "to"),
-    TookOn.kind: _only("id", "of"),
-    ProcessDied.kind: _only("id", "agent_ms", "cause"),
-    PresenceChanged.kind: _only("id", "is"),
-    FaultBegan.kind: _only("id", "fault", "until_ms"),
-    FaultEnded.kind: _only("id", "fault"),
     PacketPassed.kind: _packet,
     RangeMeasured.kind: _range,
-    PlaceFixed.kind: _only("id", "ranges", "north_m", "east_m"),
-    Asked.kind: _only("id"),
-    NoAnswer.kind: _only("id"),
-    SamplesGone.kind: _only("id", "count", "first", "last"),
-    APadLeftWater.kind: _only("name"),
 }
-"""The facts that count, by kind."""
+"""The kinds whose counted fields are rounded, or count at changes alone."""
 
-NOT_COUNTED: Mapping[str, str] = {
-    RunBegan.kind: "it repeats the scenario",
-    TickPassed.kind: "nothing happened",
-    BeliefChanged.kind: "an estimate; the plans and orders that follow from it count",
-    APadMoved.kind: "a sample of the vehicle's motion; its orders, docks and failures count",
-    Drifting.kind: "a sample of the vehicle's motion; the stop before it counts",
-    Stimulated.kind: "the form of a message between processes; the aMussel's new state counts",
-    Remarked.kind: "a person's note",
-    LinksRead.kind: "a file of the machine",
-    ModemTold.kind: "a serial line of the machine",
-    MasterGone.kind: "the machine's network, by the wall clock",
-    MasterBack.kind: "the machine's network, by the wall clock",
-    GraphDeaf.kind: "the machine's network, by the wall clock",
-    GraphHears.kind: "the machine's network, by the wall clock",
-    MessagesDropped.kind: "a foreign node on the machine's network",
-    VehicleSilent.kind: "the machine's network, by the wall clock",
-    VehicleHeard.kind: "the machine's network, by the wall clock",
-    RunResumed.kind: "the records' own repair",
-    KnowledgeRestored.kind: "the records' own repair",
-}
-"""The kinds that do not count, with the reason."""
+
+def _chosen(kind: str) -> Chosen | None:
+    """The choice of facts, by the event's class; None for a kind that does not count."""
+    found = EVENTS.get(kind)
+    if found is None or isinstance(found.counted, Uncounted):
+        return None
+    return _OWN_FORM.get(kind) or _only(*found.counted)
+
+
+COUNTED: Mapping[str, Chosen] = {kind: it for kind in EVENTS if (it := _chosen(kind)) is not None}
+"""The choice of facts, by kind."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from agents.hosting.started import outlive_starter
-from apad_bridge.events.event import Event
+from apad_bridge.events.event import Category, Event
 from apad_bridge.runs.parent_protocol import say, write
 from apad_bridge.runs.status import Status
 
@@ -77,8 +77,8 @@ class _JointPart:
 
 
 def failure_line(at_ms: int, event: Event) -> str | None:
-    """A line for a person about an event that is a failure; None for any other event."""
-    return f"{clock_text(at_ms)}  {event.text()}" if event.is_failure else None
+    """A line for a person about an event that a person is told at once; None for any other event."""
+    return f"{clock_text(at_ms)}  {event.text()}" if event.category is Category.ALARM else None
 
 
 def clock_text(now_ms: int) -> str:

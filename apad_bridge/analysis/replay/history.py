@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 from agents.mussel.outputs import Truth
 from agents.time_scale import TimeScale
 from agents.water.medium import Outcome
+from apad_bridge.events.event import Category
 from apad_bridge.events.fleet import BeliefChanged, Presence, PresenceChanged, ProcessDied, TruthChanged
 from apad_bridge.events.guards import Drifting, StopChanged, StopEnded
 from apad_bridge.events.mission import MissionChanged, PlanMade, PrimitiveChanged
 from apad_bridge.events.persons import PersonOrdered
 from apad_bridge.events.run import RunEnded
 from apad_bridge.events.sound import PacketPassed, RangeMeasured
-from apad_bridge.events.union import text_of
+from apad_bridge.events.union import told_event
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
@@ -94,11 +95,11 @@ class PacketView(NamedTuple):
     timeslot: int | None
 
 
-class Event(NamedTuple):
-    """An event for a person: its mission time, the kind of its line, a text, and the aMussel that it is about."""
+class Told(NamedTuple):
+    """An event for a person: its mission time, its category, a text, and the aMussel that it is about."""
 
     at_ms: int
-    kind: str
+    category: Category
     text: str
     agent: int | None
 
@@ -119,7 +120,7 @@ class History:
         """The newest mission time of a line."""
         self.trace: list[tuple[int, float, float]] = []
         """The aPad's track as (mission ms, north, east), one for each line of it that was taken."""
-        self.events: list[Event] = []
+        self.events: list[Told] = []
         """The events that a person may look for, among the lines that were taken."""
         self.plans: list[Line] = []
         """The lines of all plans that were taken, with the reasons that they state."""
@@ -166,9 +167,11 @@ class History:
             handler = self._handlers.get(line["kind"])
             if handler is not None:
                 handler(line)
-            text = self._ping_text(line) or text_of(line["kind"], line)
+            told = told_event(line)
+            text = told.text() if told is not None else self._ping_text(line)
             if text is not None:
-                self.events.append(Event(line["t"], line["kind"], text, line.get("agent", line.get("id"))))
+                category = Category.NEWS if told is None else told.category
+                self.events.append(Told(line["t"], category, text, line.get("agent", line.get("id"))))
 
     def _ping_text(self, line: Line) -> str | None:
         """The answer to a person's ping; the aPad's own pings are routine."""

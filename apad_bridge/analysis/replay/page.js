@@ -9,12 +9,8 @@ const MOST_EVENTS = 1000;
 const MOST_PACKETS = 40;
 const SPEEDS = [1, 5, 20, 60, 300, 1200, 7200, 43200];
 const PART_MS = 60;
-// The events that each choice lists; all of them without a choice.
-const EVENT_KINDS = {
-  notes: ["remark", "operator", "override", "script"],
-  plans: ["plan", "dock", "presence", "stands_down"],
-  failures: ["primitive", "given_up", "left_alone", "beyond_reach", "stuck", "died", "fault", "fault_over", "refused", "guard", "guard_over", "pilot", "others", "docks_disagree", "master_gone", "graph_deaf", "vehicle_silent", "unreadable"],
-};
+// The categories of events that each choice lists; all of them without a choice.
+const CATEGORIES = { notes: ["word"], plans: ["plan"], failures: ["alarm", "trouble", "relief"] };
 const CHOSEN_BY = runs[0].differs ? "run" : "aPad";
 let partMs = 0, part = 0;
 let endMs = 0, nowMs = 0, playing = null, pointed = null, selected = null;
@@ -244,9 +240,9 @@ function showHeader() {
   }));
 }
 
-function matches([, kind, text, agent]) {
+function matches([, category, text, agent]) {
   const kinds = $("kinds").value;
-  const isChosen = kinds === "selected" ? agent !== null && agent === selected : !kinds || EVENT_KINDS[kinds].includes(kind);
+  const isChosen = kinds === "selected" ? agent !== null && agent === selected : !kinds || CATEGORIES[kinds].includes(category);
   return isChosen && text.toLowerCase().includes($("search").value.trim().toLowerCase());
 }
 
@@ -257,10 +253,10 @@ function listEvents() {
 }
 
 function addEvents(events) {
-  $("events").append(...events.filter(matches).map(([ms, kind, text]) => {
+  $("events").append(...events.filter(matches).map(([ms, category, text]) => {
     const item = document.createElement("li");
     item.dataset.ms = ms;
-    item.dataset.kind = kind;
+    item.dataset.category = category;
     item.innerHTML = "<button><time></time><span></span></button>";
     item.querySelector("time").textContent = clock(ms);
     item.querySelector("span").textContent = text;

@@ -12,13 +12,9 @@ from apad_bridge.analysis.belief_scores.comparisons import best_record, comparis
 from apad_bridge.analysis.belief_scores.scores import Scores, scores_of
 from apad_bridge.analysis.energy.energy import AgentEnergy, energy_of
 from apad_bridge.analysis.replay.build import read_run
-from apad_bridge.events.fleet import FaultBegan, ProcessDied
-from apad_bridge.events.graph import GraphDeaf, MasterGone, MessagesDropped
-from apad_bridge.events.guards import GuardReacted, OrderRefused
-from apad_bridge.events.mission import PRE_EMPTED, LeftAlone, PrimitiveChanged, StandsDown, StepGivenUp, Stuck
-from apad_bridge.events.run import RunResumed
-from apad_bridge.events.union import text_of
-from apad_bridge.events.vehicle import VehicleSilent
+from apad_bridge.events.event import Category
+from apad_bridge.events.mission import PRE_EMPTED
+from apad_bridge.events.union import told_event
 from apad_bridge.records.journal import Line
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Interruptions
@@ -30,31 +26,13 @@ _PERIOD_MS = 10_000
 _FOLLOWS_MS = 600_000
 _MOST_FOLLOWING = 4
 _MOST_FAULTS = 200
-_TROUBLES = frozenset(
-    {
-        FaultBegan.kind,
-        ProcessDied.kind,
-        StepGivenUp.kind,
-        LeftAlone.kind,
-        Stuck.kind,
-        PrimitiveChanged.kind,
-        OrderRefused.kind,
-        GuardReacted.kind,
-        StandsDown.kind,
-        MasterGone.kind,
-        GraphDeaf.kind,
-        MessagesDropped.kind,
-        VehicleSilent.kind,
-        RunResumed.kind,
-    }
-)
 
 
 class Told(NamedTuple):
     """An event for a person; `agent_id` is None for one that is of no aMussel."""
 
     at_ms: int
-    kind: str
+    category: Category
     agent_id: int | None
     text: str
 
@@ -121,20 +99,17 @@ def _versions(directory: RunDirectory) -> dict[str, Any]:
 
 def troubles_in(lines: list[Line]) -> Iterator[Trouble]:
     """Yields the faults of a run in their order, each with what followed."""
-    told = [it for line in lines if not _is_routine(line) and (it := _told(line)) is not None]
+    told = [it for line in lines if (it := _told(line)) is not None]
     for n, fault in enumerate(told):
-        if fault.kind in _TROUBLES:
+        if fault.category.is_trouble:
             later = (it for it in told[n + 1 :] if it.at_ms <= fault.at_ms + _FOLLOWS_MS)
             same = (it for it in later if fault.agent_id is None or it.agent_id == fault.agent_id)
             yield Trouble(fault, tuple(it for it, _ in zip(same, range(_MOST_FOLLOWING), strict=False)))
 
 
-def _is_routine(line: Line) -> bool:
-    """A go-to that makes way for another has not failed."""
-    return line["kind"] == PrimitiveChanged.kind and line.get("reason") == PRE_EMPTED
-
-
 def _told(line: Line) -> Told | None:
-    text = text_of(line["kind"], line)
-    agent_id = line.get("agent", line.get("id"))
-    return None if text is None else Told(line["t"], line["kind"], agent_id, text)
+    """None for a step of routine: a go-to that makes way for another has not failed."""
+    event = told_event(line)
+    if event is None or line.get("reason") == PRE_EMPTED or (text := event.text()) is None:
+        return None
+    return Told(line["t"], event.category, line.get("agent", line.get("id")), text)

@@ -344,9 +344,9 @@ def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
     assert newest["t"] == 4000 and newest["docks"] == [2, None, None, None]
     assert newest["trace"] == [[3000, 5.0, 0.0]]
     assert newest["events"] == [
-        [1000, "dock", "dock 1 closed around aMussel 2", 2],
-        [3000, "remark", "Anna: a <b>boat", None],
-        [4000, "end", "the mission ended: mission time", None],
+        [1000, "plan", "dock 1 closed around aMussel 2", 2],
+        [3000, "word", "Anna: a <b>boat", None],
+        [4000, "news", "the mission ended: mission time", None],
     ]
     for name in ("trace", "events", "plans", "packets"):
         assert view.newest(view.counts)[name] == []
