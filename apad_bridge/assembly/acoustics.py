@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import ceil, dist, hypot
 
-from apad_bridge.acoustics.schedule import ScheduleConfig
+from apad_bridge.acoustics.schedule import ASK_AGAIN_MS, ScheduleConfig
 from apad_bridge.assembly.estimator import readings_apart_ms
-from apad_bridge.beliefs.pings import PingForCharge, PingForPlace
+from apad_bridge.beliefs.pings import PingForCharge, PingForPlace, PingSuspects
 from apad_bridge.beliefs.questions import candidate_below
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Scenario, Suspects
 from apad_bridge.scenario.water import Water
 from firmware_model.config import FullFirmware
 from firmware_model.power.charge import FULL
@@ -27,7 +27,7 @@ class AcousticsConfig:
     schedule: ScheduleConfig
     places: PingForPlace | None
     """Decides which aMussels to ping because their place is too uncertain; None for no such pings."""
-    charges: PingForCharge | None
+    charges: PingForCharge | PingSuspects | None
     """Decides which aMussels to ask for their status; None for no such requests."""
 
 
@@ -46,8 +46,17 @@ def acoustics_config(scenario: Scenario, water: Water, firmware: FullFirmware | 
         PingForPlace(candidate_below(scenario.mission.pool_threshold), talk.ping_worth_m)
         if talk.ping_worth_m
         else None,
-        None if firmware is None else status_request_policy(scenario, talk.ask_worth_answers, firmware),
+        None if firmware is None else _status_requests(scenario, talk.ask_worth_answers, firmware),
     )
+
+
+def _status_requests(
+    scenario: Scenario, worth_answers: float, firmware: FullFirmware
+) -> PingForCharge | PingSuspects | None:
+    policy = status_request_policy(scenario, worth_answers, firmware)
+    if scenario.mission.suspects is not Suspects.ASKED:
+        return policy
+    return PingSuspects(policy, scenario.time_scale.mission_span(ASK_AGAIN_MS))
 
 
 def status_request_policy(

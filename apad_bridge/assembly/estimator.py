@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from agents.mussel.body import BodyConfig
 from agents.mussel.reporter import ReportConfig
 from agents.time_scale import TimeScale
+from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import (
     Calls,
@@ -175,6 +176,9 @@ def _drain(board: BoardConfig) -> Drain:
     rates = {mode: draw_per_min(state) for mode, state in _STATES.items()}
     rates[Mode.ASLEEP] = draw_per_min(State.SLEEPING)
     if firmware.cycle is not None:
+        reports = firmware.cycle.report_ms / firmware.cycle.alarm_ms
+        for mode in DOCKED_MODES:
+            rates[mode] += (draw_per_min(State.REPORTING) - rates[mode]) * reports
         cycle = _cycle_of(firmware, 0)
         rates[Mode.ASLEEP] = cycle.in_all * _MS_PER_MIN / cycle.period_ms
     motor_run = firmware.power.loads.of[Rail.MOTORS] * firmware.power.motor_run_ms / FULL

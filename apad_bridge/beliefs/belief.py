@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import IntFlag
+from typing import NamedTuple
 
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.mixture import Part, below, interval
@@ -35,6 +36,14 @@ class Clock:
     offset_var: float = 0.0
     covariance: float = 0.0
     drift_var: float = 0.0
+
+
+class Suspicion(NamedTuple):
+    """Packets of this aMussel contradicted physics: what it states is no measurement of its charge, as far as known."""
+
+    reason: str
+    was_docked: bool
+    """A dock has held it since, so that a person could look at it."""
 
 
 EXACT_CLOCK = Clock()
@@ -68,6 +77,8 @@ class Belief:
     learned_from: Source = Source.PACKET
     silent_timeslots: int = 0
     """Timeslots since the newest packet in which a packet was due and none was received."""
+    suspicion: Suspicion | None = None
+    """None for an aMussel whose packets can all be true."""
     parts: tuple[Part, ...] = ()
     """The primary charge as a mixture, not yet clamped to 0 and 1; empty for one Gaussian."""
     estimator_state: object = field(default=None, compare=False, repr=False)

@@ -37,6 +37,8 @@ _BIAS_WANDERS = 0.15
 """The share of its deviation between aMussels by which a bias wanders in a day."""
 _SENSOR_WANDERS = 0.02
 """The same for the constant bias of a sensor."""
+ANY_BIAS = 1.0
+"""A bias of a sensor that may state anything: uniform, either way."""
 _IMPROBABLE = 1e-3
 _MAX_ANCHORS = 4
 _ALIKE_TOLERANCE = 0.01
@@ -93,6 +95,19 @@ def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
         cov[DRAIN, DRAIN] = cov[RATE, RATE] + load_var * (faster**2 + cov[RATE, RATE])
         cov[SENSOR, SENSOR] = cov[SECONDARY_SENSOR, SECONDARY_SENSOR] = untold.bias**2 / 3
     return mean, cov
+
+
+def doubted_state(parameters: TwinParameters, before: Anchor) -> Anchor:
+    """The state of an aMussel whose packets contradicted physics: its primary's sensor may be off by any amount.
+
+    Drain and charging rate begin anew, because they were learned from those packets. The secondary stays as it was.
+    """
+    mean, cov = prior_state(parameters)
+    cov[SENSOR, SENSOR] = ANY_BIAS**2 / 3
+    kept = [SECONDARY, SECONDARY_SENSOR]
+    mean[kept] = before.mean[kept]
+    cov[np.ix_(kept, kept)] = before.cov[np.ix_(kept, kept)]
+    return Anchor(1.0, mean, cov)
 
 
 def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
@@ -238,22 +253,22 @@ def measured(
 ) -> tuple[Array, Array, float, float]:
     """Updates the state with a packet's two charges, which read `offsets` too high.
 
-    Returns mean, covariance, the log density of the packet, and the surprise of the primary's reading in deviations.
+    Returns mean, covariance, the log density of both readings, and the surprise of the primary's in deviations.
     """
     reading, bias = _MEASUREMENT_MATRICES[mode], _BIAS_OF[mode]
     expected = reading @ mean + offsets
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
     # filterpy's own log likelihood is not used: its function gives the posterior's, which no packet ever contradicts.
-    variance = float(reading[0] @ cov @ reading[0] + noise[0, 0])
-    surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
+    variances = [float(reading[row] @ cov @ reading[row] + noise[row, row]) for row in (0, 1)]
+    surprises = [abs(float(z[row] - expected[row])) / math.sqrt(variances[row]) for row in (0, 1)]
     on_charger = bias == CHARGING
     top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and on_charger else 1.0
     clamped = [row for row in (0, 1) if on_charger and z[row] >= top]
     for row in (0, 1):
         if z[row] <= 0 or z[row] >= top:
-            if row == 0 and bool(expected[0] > z[0]) is bool(z[0] > 0):
-                surprise = 0.0  # the expected value lies beyond the end
+            if bool(expected[row] > z[row]) is bool(z[row] > 0):
+                surprises[row] = 0.0  # the expected value lies beyond the end
             if row not in clamped:
                 spread = float(reading[row] @ cov @ reading[row])
                 z[row], noise[row, row] = _censored(
@@ -266,7 +281,10 @@ def measured(
         mean, cov = _considered_update(
             mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2
         )
-    return mean, cov, -0.5 * (surprise**2 + math.log(variance)), surprise
+    density = -0.5 * math.fsum(
+        surprise**2 + math.log(variance) for surprise, variance in zip(surprises, variances, strict=True)
+    )
+    return mean, cov, density, surprises[0]
 
 
 def _considered_update(

@@ -169,6 +169,13 @@ class HypothesisWeigher:
             anchor = bounded(charge.moment_matched(likely), after_measuring=True)
         return self._anchored_at_packet(twin_state, schedule, anchor, reading)
 
+    def doubted(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
+        """Takes a reading that contradicts physics: no charge that this sensor stated so far is believed."""
+        before = charge.moment_matched(
+            charge_now(twin_state, self.parameters, spent_hypotheses(twin_state, self.parameters))
+        )
+        return self.corrected(twin_state, schedule, [charge.doubted_state(self.parameters, before)], reading)
+
     def _widened(
         self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
     ) -> TwinState:

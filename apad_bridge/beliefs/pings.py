@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
@@ -52,6 +52,26 @@ class PingForCharge:
 
     def urgency(self, belief: Belief) -> float:
         return belief.charge_cov[0]
+
+
+@dataclass(frozen=True, slots=True)
+class PingSuspects:
+    """Pings each aMussel whose packets contradict physics, and the others by another policy."""
+
+    others: PingPolicy | None
+    """None: the others are not pinged."""
+    not_before_ms: int
+    """Mission time since the newest packet."""
+
+    def is_worth(self, belief: Belief, now_ms: int) -> bool:
+        if belief.suspicion is not None:
+            return now_ms - belief.heard_ms >= self.not_before_ms
+        return self.others is not None and self.others.is_worth(belief, now_ms)
+
+    def urgency(self, belief: Belief) -> float:
+        if belief.suspicion is not None or self.others is None:
+            return inf
+        return self.others.urgency(belief)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ from typing import Any
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
-from apad_bridge.beliefs.belief import Belief, Clock, Source
+from apad_bridge.beliefs.belief import Belief, Clock, Source, Suspicion
+from apad_bridge.beliefs.charge_checker import ChargeChecker, Stated, extended
 from apad_bridge.beliefs.charge_state import Anchor
 from apad_bridge.beliefs.measurement import (
     ClockSet,
@@ -30,7 +31,7 @@ from apad_bridge.beliefs.measurement import (
     Released,
     TimeslotSilent,
 )
-from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
+from apad_bridge.beliefs.modes import DOCKED, LIKELY, SUBMERGED, Mode
 from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading, anchored, bounded
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import Load
@@ -47,6 +48,7 @@ from apad_bridge.beliefs.twin_state import (
     paths,
     released,
     shifted_to_clock,
+    spent_hypotheses,
 )
 from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
 from firmware_model.packets import StatusPacket
@@ -60,6 +62,8 @@ _STAGGER_MS = 7_919
 _NEVER_SET_DEVIATIONS = 5.0
 """The limit of a first reading in deviations; a clock farther off was never set to nominal time."""
 _DOCK_VARIANCE_M2 = 1.0
+_JUMP = 0.1
+"""A reading that no hypothesis explains, and that lies so far from the belief, makes its aMussel suspect."""
 _HEARD_WITHIN_MS = 2_000
 """The mission time within which a permission is heard: the aPad acts once a second, and waits for a free channel."""
 _WAKE_STATES = (State.ACTIVE, State.PROCESSING)
@@ -84,6 +88,12 @@ class Twin:
         self.parameters = parameters
         self._schedules = schedules
         self._weigher = HypothesisWeigher(parameters)
+        untold = parameters.untold
+        self._checker = None if untold is None else ChargeChecker(parameters, untold)
+        """None where a twin learns nothing of its board: then every packet is believed."""
+        self._checker_of_suspects = (
+            None if untold is None else ChargeChecker(parameters, untold, bias=charge.ANY_BIAS)
+        )
 
     def predict(self, belief: Belief, to_ms: MissionMs) -> Belief:
         if to_ms < belief.at_ms:
@@ -214,10 +224,13 @@ class Twin:
     def _docked(self, twin_state: TwinState) -> TwinState:
         if twin_state.situation is Mode.CHARGING_PRIMARY:
             return twin_state
+        if twin_state.suspicion is not None:
+            twin_state = replace(twin_state, suspicion=twin_state.suspicion._replace(was_docked=True))
+        twin_state = replace(twin_state, track=None)
         return anchored(twin_state, self._bounded_now(twin_state), Mode.CHARGING_PRIMARY)
 
     def _released(self, twin_state: TwinState, agent_id: int) -> TwinState:
-        twin_state = anchored(twin_state, self._bounded_now(twin_state), None)
+        twin_state = anchored(replace(twin_state, track=None), self._bounded_now(twin_state), None)
         return released(twin_state, self.parameters, self._schedule(agent_id))
 
     def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
@@ -249,7 +262,7 @@ class Twin:
         if is_independent:
             if twin_state.at_ms - twin_state.clock_ms >= _CLOCK_APART_MS:
                 twin_state = self._read_clock(twin_state, packet, at_ms)
-            twin_state = self._weigher.weigh(twin_state, self._schedule(belief.agent_id), reading)
+            twin_state = self._weighed(twin_state, schedule, reading)
         return self._belief_after_status(belief, twin_state, reading, at_ms)
 
     def _short_status_received(self, belief: Belief, heard: HeardShort) -> Belief:
@@ -263,8 +276,35 @@ class Twin:
         reading = Reading.stated(heard.state, heard.primary, heard.secondary)
         reading = _within_a_wake(reading, schedule, self._agent_ms(twin_state, at_ms))
         if self._is_independent(twin_state, belief.agent_id, reading.mode):
-            twin_state = self._weigher.weigh(twin_state, schedule, reading)
+            twin_state = self._weighed(twin_state, schedule, reading)
         return self._belief_after_status(belief, twin_state, reading, at_ms)
+
+    def _weighed(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
+        """Weighs a reading, or doubts its aMussel from now on if no board of its kind can state it."""
+        checker = self._checker if twin_state.suspicion is None else self._checker_of_suspects
+        if checker is None:
+            return self._weigher.weigh(twin_state, schedule, reading)
+        offset, _ = self.parameters.sensor.offsets.get(reading.state, (0.0, 0.0))
+        stated = Stated(twin_state.at_ms, reading.primary - offset, reading.mode in DOCKED)
+        reason = checker.judge(twin_state.track, stated, reading.state)
+        track = extended(None if reason else twin_state.track, stated)
+        twin_state = replace(twin_state, track=track)
+        if reason is None:
+            weighed = self._weigher.weigh(twin_state, schedule, reading)
+            if weighed.gated == twin_state.gated:
+                return weighed
+            away = stated.charge - self._charge_expected(twin_state)
+            if abs(away) < max(_JUMP, checker.margin):
+                return weighed
+            reason = f"its charge jumps: {stated.charge:.2f}, believed was {stated.charge - away:.2f}"
+        was_docked = stated.docked or (twin_state.suspicion is not None and twin_state.suspicion.was_docked)
+        doubted = self._weigher.doubted(twin_state, schedule, reading)
+        return replace(doubted, suspicion=Suspicion(reason, was_docked))
+
+    def _charge_expected(self, twin_state: TwinState) -> float:
+        rows = charge_now(twin_state, self.parameters, spent_hypotheses(twin_state, self.parameters))
+        expected = charge.moment_matched(rows).mean
+        return float(expected[charge.PRIMARY] + expected[charge.SENSOR])
 
     def _belief_after_status(
         self, belief: Belief, twin_state: TwinState, reading: Reading, at_ms: MissionMs
@@ -308,6 +348,10 @@ class Twin:
         )
         schedule = self._schedule(packet.agent_id)
         twin_state = self._weigher.corrected(twin_state, schedule, [Anchor(1.0, mean, cov)], reading)
+        if self._checker is not None:
+            offset, _ = parameters.sensor.offsets.get(reading.state, (0.0, 0.0))
+            stated = Stated(twin_state.at_ms, reading.primary - offset, reading.mode in DOCKED)
+            twin_state = replace(twin_state, track=extended(None, stated))
         return belief_from_state(
             twin_state, parameters, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
         )

@@ -68,6 +68,7 @@ def belief_from_state(
         twin_state.clock,
         learned_from,
         silent_timeslots,
+        twin_state.suspicion,
         parts,
         twin_state,
     )

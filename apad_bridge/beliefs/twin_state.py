@@ -13,7 +13,8 @@ from typing import Any
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, spent_charge
-from apad_bridge.beliefs.belief import Clock
+from apad_bridge.beliefs.belief import Clock, Suspicion
+from apad_bridge.beliefs.charge_checker import ReadingTrack
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, RATE, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.mixture import Part, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
@@ -84,6 +85,9 @@ class TwinState:
     measured_ms: int = -1
     measured_mode: Mode | None = None
     gated: int = 0
+    track: ReadingTrack | None = None
+    """None before the first reading that is checked, and after a dock closed or opened."""
+    suspicion: Suspicion | None = None
 
     @property
     def mean(self) -> Array:

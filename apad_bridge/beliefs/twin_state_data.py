@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from apad_bridge.beliefs.belief import Clock
+from apad_bridge.beliefs.belief import Clock, Suspicion
+from apad_bridge.beliefs.charge_checker import ReadingTrack, Stated
 from apad_bridge.beliefs.charge_state import SIZE, Anchor, Array
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place import Place
@@ -45,6 +46,8 @@ def state_to_data(twin_state: TwinState) -> Plain:
         "measured_ms": twin_state.measured_ms,
         "measured_mode": _name(twin_state.measured_mode),
         "gated": twin_state.gated,
+        "track": twin_state.track,
+        "suspicion": twin_state.suspicion,
     }
 
 
@@ -54,7 +57,7 @@ def state_from_data(data: Plain) -> TwinState:
     first, second = data["from_secondary"]
     asleep, idle, high = data["seen"]
     sequence, agent_ms = data["packet"]
-    stated_m = data["stated_m"]
+    stated_m, track, suspicion = data["stated_m"], data["track"], data["suspicion"]
     return TwinState(
         at_ms=data["at_ms"],
         anchors=tuple(
@@ -79,6 +82,8 @@ def state_from_data(data: Plain) -> TwinState:
         measured_ms=data["measured_ms"],
         measured_mode=_mode(data["measured_mode"]),
         gated=data["gated"],
+        track=None if track is None else ReadingTrack(Stated(*track[0]), Stated(*track[1])),
+        suspicion=None if suspicion is None else Suspicion(*suspicion),
     )
 
 

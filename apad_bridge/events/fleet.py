@@ -110,6 +110,20 @@ class ProcessDied(Event):
 
 
 @dataclass(frozen=True)
+class AMusselSuspected(Event):
+    kind = "suspect"
+    when = "packets of an aMussel contradict physics, for the first time: its twin believes no charge that they state"
+    counted = Uncounted("an estimate; the orders that follow from it count")
+    category = Category.ALARM
+
+    id: AMussel
+    reason: Reason
+
+    def text(self) -> str:
+        return f"aMussel {self.id} is suspect: {self.reason}"
+
+
+@dataclass(frozen=True)
 class APadLeftWater(Event):
     kind = "left_water"
     when = "an aPad's modem and its aMussels are out of the water that several aPads share, before its mission's end"

@@ -14,7 +14,7 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.schema import Mission, Suspects
 from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
 
@@ -50,7 +50,8 @@ class ChargingPool:
     def candidates(
         self, now_ms: int, left_alone: Container[int] = (), served: Container[int] = ()
     ) -> list[Belief]:
-        """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id.
+        """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id; with suspects
+        that the scenario has fetched for a look.
 
         Without those that are `left_alone`. Those that were `served` wait until one is at or below `again_threshold`, but
         for those that float: at the surface an aMussel spends most.
@@ -86,6 +87,10 @@ class ChargingPool:
         """The aMussel is likely at or below the pool's threshold."""
         return belief.probability_at_most(self.config.pool_threshold) >= LIKELY
 
+    def _wants_a_look(self, belief: Belief) -> bool:
+        suspicion = belief.suspicion
+        return self.config.suspects is Suspects.FETCHED and suspicion is not None and not suspicion.was_docked
+
     def exclude(self, agent_id: int, now_ms: int) -> None:
         self._excluded_until_ms[agent_id] = now_ms + self._silence_ms
 
@@ -96,7 +101,7 @@ class ChargingPool:
     def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
         return (
             can_be_fetched(belief)
-            and self.is_low(belief)
+            and (self.is_low(belief) or self._wants_a_look(belief))
             and (belief.primary > 0 or belief.secondary > 0)
             and self._excluded_until_ms.get(belief.agent_id, now_ms) <= now_ms
             and (belief.is_predicted or now_ms - belief.heard_ms <= self._silence_ms)

@@ -22,7 +22,7 @@ from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
-from apad_bridge.scenario.schema import DriftMode, FirmwareProgram, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.schema import DriftMode, FirmwareProgram, FullWhen, HearingMode, Scenario, Suspects
 from apad_bridge.scenario.surface import doubt_about_legs
 from apad_bridge.scenario.timed_faults import TimedFault
 from apad_bridge.scenario.water import Water
@@ -370,6 +370,20 @@ def _check_mission(scenario: Scenario) -> list[Contradiction]:
             look_up(name)
         except ValueError as error:
             found.append((key, str(error)))
+    if mission.suspects is not Suspects.TOLD and scenario.beliefs.estimator is not Estimator.TWIN:
+        found.append(
+            (
+                "mission.suspects",
+                "the last packet is believed, whatever it says: add beliefs.estimator: twin, or leave this key out",
+            )
+        )
+    if mission.suspects is Suspects.ASKED and (scenario.water is None or scenario.board.whole is None):
+        found.append(
+            (
+                "mission.suspects",
+                "aMussels are asked by sound, and the worst case does not answer: add water and board.whole, or write told",
+            )
+        )
     if mission.again_threshold is not None and mission.again_threshold >= mission.pool_threshold:
         found.append(
             (

@@ -290,6 +290,17 @@ class FullWhen(StrEnum):
     BOTH = "both"
 
 
+class Suspects(StrEnum):
+    """The treatment of an aMussel whose packets contradict physics: people are told of it in any case.
+
+    `asked`: the aPad asks it for its status by sound, from time to time. `fetched`: it is collected once, for a look.
+    """
+
+    TOLD = "told"
+    ASKED = "asked"
+    FETCHED = "fetched"
+
+
 class Dispatch(StrEnum):
     """The rule of collecting and releasing, for every strategy alike. `batch`: the paper's, a whole batch is collected,
     charged and released. `asynchronous`: each aMussel by itself, as soon as a dock is free for it, until it is charged."""
@@ -349,6 +360,8 @@ class Mission:
     """The mission stops waiting for an aMussel that has been silent for this long, and goes on without it."""
     collection_attempts: Count = 5
     """The mission leaves an aMussel alone after so many tries in a row that did not help it."""
+    suspects: Suspects = Suspects.TOLD
+    """Needs twins, which alone find suspects."""
 
 
 @frozen

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.events.event import Event
+from apad_bridge.events.fleet import AMusselSuspected
 from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase, Stuck
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import SamplesGone
@@ -244,10 +245,11 @@ class Supervisor:
                 packet = self._codec.decode(data)
                 if isinstance(packet, LogRecords):
                     return self._collect_samples(packet)
+                suspicion = self._suspicion_of(packet)
                 if (reason := self._believe_status(packet, at_ms)) is not None:
                     self.dropped[reason] += 1
                     return []
-                return self._doubt_dock(packet)
+                return [*self._doubt_dock(packet), *self._tell_suspect(packet, suspicion)]
             case RangeHeard():
                 return self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
             case EndRequested(_, end):
@@ -303,6 +305,21 @@ class Supervisor:
         dock_index = self.mission.docks.index(agent_id)
         reason = f"dock {dock_index + 1} holds it by the vehicle's report, and it reports {state.name}, on the bottom"
         return [DocksDisagree(agent_id, reason)]
+
+    def _suspicion_of(self, packet: Packet | None) -> Suspicion | None:
+        """The suspicion against the packet's sender, if it is believed anything."""
+        if not isinstance(packet, Status | ShortStatus):
+            return None
+        belief = self.beliefs.get(_sender(packet))
+        return None if belief is None else belief.suspicion
+
+    def _tell_suspect(self, packet: Packet | None, before: Suspicion | None) -> list[SupervisorAction]:
+        """Tells that the sender became suspect by this packet."""
+        after = self._suspicion_of(packet)
+        if before is not None or after is None:
+            return []
+        assert isinstance(packet, Status | ShortStatus), "the packet gave a belief"
+        return [AMusselSuspected(_sender(packet), after.reason)]
 
     def _acknowledge(self) -> list[SupervisorAction]:
         acks = self.samples.acknowledgements()
@@ -440,3 +457,7 @@ def _primitive_event(
         east_m=getattr(primitive, "east_m", None),
         reason=reason,
     )
+
+
+def _sender(packet: Status | ShortStatus) -> int:
+    return packet.agent_id if isinstance(packet, ShortStatus) else basic_of(packet).agent_id

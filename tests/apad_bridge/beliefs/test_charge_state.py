@@ -49,12 +49,13 @@ def test_a_load_moves_the_primarys_reading_alone() -> None:
 
 @pytest.mark.parametrize(("together", "variance"), [(3e-4, 1.5e-3), (-3e-4, 3e-4)])
 def test_a_charge_and_a_bias_that_go_together_surprise_less(together: float, variance: float) -> None:
-    """The variance of the sum: 4e-4 + 4e-4 + 1e-4 of noise, and twice the covariance."""
-    mean, cov = state(0.5, 0.6, primary=4e-4, asleep=4e-4)
+    """The variance of the sum: 4e-4 + 4e-4 + 1e-4 of noise, and twice the covariance; the secondary's is 3e-4 + 1e-4."""
+    mean, cov = state(0.5, 0.6, primary=4e-4, secondary=3e-4, asleep=4e-4)
     cov[PRIMARY, ASLEEP] = cov[ASLEEP, PRIMARY] = together
-    _, _, density, surprise = charge.measured(mean, cov, SENSOR, Mode.ASLEEP, (0.56, 0.6))
+    _, _, density, surprise = charge.measured(mean, cov, SENSOR, Mode.ASLEEP, (0.56, 0.64))
     assert surprise == pytest.approx(0.06 / sqrt(variance))
-    assert density == pytest.approx(-0.5 * (0.06**2 / variance + np.log(variance)))
+    expected = 0.06**2 / variance + np.log(variance) + 0.04**2 / 4e-4 + np.log(4e-4)
+    assert density == pytest.approx(-0.5 * expected)
 
 
 def test_what_was_spent_goes_out_with_all_that_is_uncertain_of_it() -> None:

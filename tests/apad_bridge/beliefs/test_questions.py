@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs.pings import PingForCharge, PingForPlace, ids_to_ping
+from apad_bridge.beliefs.pings import PingForCharge, PingForPlace, PingSuspects, ids_to_ping
 from apad_bridge.beliefs.questions import candidate_below, full_above, lost, probability_at, sure_at_ms
 from firmware_model.states import State
 
@@ -100,3 +100,14 @@ def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
     farther = placed(4, 0.2, 36.0, 64.0)
     assert policy.urgency(lost_sight_of) == pytest.approx(5.0)
     assert ids_to_ping(policy, [lost_sight_of, not_wanted, near, farther], 0) == [4, 1]
+
+
+def test_suspects_are_pinged_first_and_not_again_at_once() -> None:
+    sure = Belief(1, 0, State.SLEEPING, 0.9, 1.0, 0.0, 0.0)
+    suspect = Belief(2, 50_000, State.SLEEPING, 0.9, 1.0, 0.0, 0.0, suspicion=Suspicion("it jumps", False))
+    lying = Belief(3, 0, State.SLEEPING, 0.4, 1.0, 0.0, 0.0, place_cov=(9.0, 0.0, 16.0))
+    places = PingForPlace(candidate_below(0.5), answer_m=2.0)
+    policy = PingSuspects(places, not_before_ms=20_000)
+    assert ids_to_ping(policy, [sure, suspect, lying], 60_000) == [3]
+    assert ids_to_ping(policy, [sure, suspect, lying], 70_000) == [2, 3]
+    assert ids_to_ping(PingSuspects(None, 20_000), [sure, suspect, lying], 70_000) == [2]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import sqrt
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from apad_bridge.beliefs.twin_parameters import (
     Schedule,
     Sensor,
     TwinParameters,
+    Untold,
     Water,
 )
 from apad_bridge.beliefs.twin_state import TwinState
@@ -575,3 +577,14 @@ def test_a_twin_whose_aMussel_states_where_it_is_takes_every_place() -> None:
     truthful = replace(GPS, water=replace(GPS.water, is_ground_truth=True))
     belief = told(Twin(truthful, ALWAYS_ASLEEP), *(from_below(n * HOUR, n) for n in range(10)))
     assert belief.place_cov[0] < 0.5**2 / 5
+
+
+@pytest.mark.parametrize("stated", [0.04, 0.5, 0.96])
+def test_a_learning_twin_believes_the_first_reading_of_the_secondary_within_the_greatest_bias(
+    stated: float,
+) -> None:
+    """An empty or full secondary that reads 0.5 has a bias of a half, which no board has."""
+    twin = Twin(replace(KNOWLEDGE, untold=Untold(0.4, 0.2, 0.05)), ALWAYS_ASLEEP)
+    belief = told(twin, heard(HOUR, State.SLEEPING, 0.6, secondary=stated))
+    assert belief.secondary == pytest.approx(stated, abs=0.05)
+    assert sqrt(belief.charge_cov[2]) < 0.05

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from scenario_files import WHOLE_FILE
 
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.dispatch import dispatch_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
@@ -16,7 +16,7 @@ from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission
+from apad_bridge.scenario.schema import Dispatch, FullWhen, Mission, Suspects
 from firmware_model.states import TABLE, State, Trigger
 
 MISSION = load(WHOLE_FILE).mission
@@ -151,3 +151,21 @@ def test_who_gains_in_the_battery_that_is_waited_for_is_not_given_up() -> None:
         assert watch.give_up_stalled(docked, now_ms) == []
     assert watch.give_up_stalled(docked, 6500) == [(1, "its believed charge does not rise")]
     assert is_released(config, watch, docked) == {1}
+
+
+@pytest.mark.parametrize(
+    ("suspects", "was_docked", "in_pool"),
+    [
+        (Suspects.TOLD, False, []),
+        (Suspects.ASKED, False, []),
+        (Suspects.FETCHED, False, [1]),
+        (Suspects.FETCHED, True, []),
+    ],
+)
+def test_a_suspect_with_charge_is_fetched_for_one_look_where_the_scenario_says_so(
+    suspects: Suspects, was_docked: bool, in_pool: list[int]
+) -> None:
+    beliefs = told(State.SLEEPING, State.SLEEPING, primary=0.9)
+    beliefs[1] = replace(beliefs[1], suspicion=Suspicion("its charge jumps", was_docked))
+    pool = ChargingPool(replace(MISSION, suspects=suspects), beliefs)
+    assert [it.agent_id for it in pool.candidates(0)] == in_pool

@@ -3,16 +3,18 @@
 import random
 
 import pytest
-from scenario_files import POOL_FILE
+from scenario_files import POOL_FILE, SOUND_FILE
 
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.fleet import AMusselSuspected
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
+from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.vehicle.commands import BatteryReported, DockClosed, GoTo, Hold, PoseReported
 from firmware_model.packets import (
     AcousticStatus,
@@ -28,6 +30,7 @@ from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 SCENARIO = load(POOL_FILE)
+SOUND = load(SOUND_FILE)
 
 
 def status(agent_id: int, charge: float, agent_ms: int = 30_000) -> bytes:
@@ -168,3 +171,24 @@ def test_every_kind_of_status_is_believed(by: str) -> None:
     assert belief.secondary == pytest.approx(0.8, abs=1e-5)
     assert (belief.north_m, belief.east_m) == (1.0, 2.0)
     assert supervisor.dropped == {}
+
+
+def test_an_amussel_becomes_suspect_once_and_another_supervisor_of_the_run_tells_nothing_anew() -> None:
+    def rising(n: int) -> SoundHeard:
+        packet = StatusPacket(7, n, State.SLEEPING, 0.4 + 0.2 * n, 1.0, 7.0, 2.0, 3.0, 3_600_000 * (n + 1))
+        return SoundHeard(120_000 * (n + 1), packet.encode())
+
+    def told(supervisor: Supervisor, fact: SoundHeard) -> list[AMusselSuspected]:
+        supervisor.receive(fact)
+        return [it for it in supervisor.advance(fact.at_ms) if isinstance(it, AMusselSuspected)]
+
+    supervisor = parts.supervisor(flight_config(SOUND))
+    suspects = [told(supervisor, rising(n)) for n in range(3)]
+    assert [len(it) for it in suspects] == [0, 1, 0]
+    assert suspects[1][0].id == 7
+    assert suspects[1][0].reason == (
+        "its charge rises without a charger: 0.40, and 0.60 after 60 min of its time"
+    )
+    next_one = parts.supervisor(flight_config(SOUND))
+    next_one.beliefs.restore(supervisor.beliefs.kept())
+    assert told(next_one, rising(3)) == []

@@ -1,0 +1,184 @@
+"""aMussels whose packets contradict physics: what is told, what is not, and how wide a twin's interval becomes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from agents.time_scale import TimeScale
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.measurement import Docked, Heard, HeardShort, Measurement, Released
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_parameters import (
+    Charger,
+    ClockParameters,
+    Drain,
+    Habits,
+    Schedule,
+    Sensor,
+    TwinParameters,
+    Untold,
+    Water,
+)
+from firmware_model.config import BoardConfig
+from firmware_model.packets import StatusPacket
+from firmware_model.sinking import Sinking
+from firmware_model.states import State
+from firmware_model.table_one import WORST_CASE
+
+HOUR, MIN = 3_600_000, 60_000
+ASLEEP = 0.0002
+"""A minute: 0.012 an hour."""
+PARAMETERS = TwinParameters(
+    scale=TimeScale(1),
+    drain=Drain((ASLEEP, 0.001, 0.003, 0.001, 0.003, ASLEEP, ASLEEP, ASLEEP, 0.0), 0.027, 0.003, 0.6),
+    charger=Charger(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.01),
+    sensor=Sensor(0.005, (0.0,) * 4, (0.002,) * 4, 300_000),
+    habits=Habits(HOUR, 0.0, 1.0, (1.0, 0.0, 0.0), 0.0, 24 * HOUR, 0.0, 1.0),
+    water=Water(0.001, 0.0, 3600.0, 1.0),
+    drain_deviation=0.05,
+    ageing_per_day=0.001,
+    clock=ClockParameters(1000.0, 20.0, 1000.0),
+    board=BoardConfig(0, WORST_CASE, 50, 2000, float_timeout_ms=12 * HOUR, release_wait_ms=0),
+    sinking=Sinking(3_000_000, 60_000, 60_000),
+    untold=Untold(0.4, 0.2, 0.05),
+)
+TWIN = Twin(PARAMETERS, {1: Schedule((0,), (Mode.ASLEEP,))})
+
+
+def heard(at_ms: int, charge: float, state: State = State.SLEEPING) -> Heard:
+    return Heard(at_ms, StatusPacket(1, at_ms // MIN, state, charge, 1.0, 3.0, 4.0, 3.0, at_ms))
+
+
+def told(*measurements: Measurement, twin: Twin = TWIN) -> Belief:
+    belief: Belief | None = None
+    for measurement in measurements:
+        belief = twin.update(belief, measurement)
+    assert belief is not None
+    return belief
+
+
+def reason(belief: Belief) -> str:
+    assert belief.suspicion is not None
+    return belief.suspicion.reason.partition(":")[0]
+
+
+def asleep(begin: float, per_hour: float, hours: int) -> list[Measurement]:
+    return [heard(n * HOUR, begin - per_hour * n) for n in range(hours)]
+
+
+def docked(begin: float, per_hour: float, hours: int, bias: float = 0.0) -> list[Measurement]:
+    charges = (min(1.0, begin + per_hour * (n + 1)) + bias for n in range(hours))
+    return [
+        heard(0, begin + bias, State.FLOATING),
+        Docked(MIN),
+        *(heard((n + 1) * HOUR, charge, State.CHARGING) for n, charge in enumerate(charges)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("measurements", "expected"),
+    [
+        (asleep(0.5, -0.1, 3), "its charge rises without a charger"),
+        (asleep(0.5, 0.0, 20), "its charge does not fall"),
+        (
+            [*docked(0.5, 0.2, 1), heard(2 * HOUR, 0.7, State.CHARGING)],
+            "its charge does not rise on a charger",
+        ),
+        (
+            [*docked(0.6, 0.2, 2), heard(2 * HOUR + 10 * MIN, 0.5, State.CHARGING)],
+            "its charge falls on a charger",
+        ),
+        # Three coils' worth: 0.002911 a minute, times 1.24 coils, at 40 % of age: 0.36 an hour.
+        (docked(0.1, 0.45, 2), "its charge rises faster than a charger can"),
+        (
+            [*asleep(0.9, 0.012, 3), heard(2 * HOUR + 10 * MIN, 0.3)],
+            "its charge falls faster than its loads can",
+        ),
+        ([*asleep(0.9, 0.012, 12), heard(12 * HOUR, 0.46)], "its charge jumps"),
+    ],
+)
+def test_readings_that_no_board_of_its_kind_can_state_are_told_with_their_reason(
+    measurements: list[Measurement], expected: str
+) -> None:
+    assert reason(told(*measurements)) == expected
+
+
+@pytest.mark.parametrize("ageing", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("load", [0.8, 1.0, 1.2])
+@pytest.mark.parametrize("bias", [-0.05, 0.0, 0.05])
+def test_an_old_or_thirsty_or_badly_calibrated_board_contradicts_nothing(
+    ageing: float, load: float, bias: float
+) -> None:
+    """A day in the water and twelve hours in a dock, by equations (1) and (2) step by step."""
+    left, charge, at_ms = 1 - ageing, 0.85, 0
+    measurements: list[Measurement] = []
+
+    def stated(state: State) -> Heard:
+        return heard(at_ms, min(1.0, max(0.0, charge + bias)), state)
+
+    for minute in range(36 * 60):
+        at_ms = minute * MIN
+        if minute == 24 * 60:
+            measurements += [stated(State.FLOATING), Docked(at_ms)]
+        elif minute % 30 == 0:
+            measurements.append(stated(State.SLEEPING if minute < 24 * 60 else State.CHARGING))
+        if minute < 24 * 60:
+            charge -= ASLEEP * load / left
+        else:
+            coil = 0.001045 if charge <= 0.16197 else 0.00223 if charge <= 0.5634 else 0.002911
+            charge = min(1.0, charge + (1.2435 * coil - 0.6 * ASLEEP * load) / left)
+    assert told(*measurements).suspicion is None
+
+
+def test_a_codec_that_takes_0_3_off_is_told_when_its_aMussel_is_full_and_its_interval_then_covers() -> None:
+    before = told(*docked(0.6, 0.2, 2, bias=-0.3))
+    full = told(*docked(0.6, 0.2, 4, bias=-0.3))
+    assert before.suspicion is None  # 0.3, 0.5 and 0.7 could be true
+    assert reason(full) == "its charge does not rise on a charger"
+    low, high = full.charge_interval()
+    assert low < 1.0 <= high
+    # Further readings at rest tell how far it is off.
+    later = told(*docked(0.6, 0.2, 14, bias=-0.3))
+    assert later.primary == pytest.approx(1.0, abs=0.03)
+
+
+def test_no_charge_that_a_suspect_states_is_believed() -> None:
+    jumping = [*asleep(0.9, 0.012, 12), heard(12 * HOUR, 0.46)]
+    low, high = told(*jumping).charge_interval()
+    assert low < 0.1 and high > 0.9
+
+
+def test_the_suspicion_lasts_and_knows_whether_a_dock_held_the_aMussel_since() -> None:
+    rising = asleep(0.5, -0.1, 3)
+    suspicion = told(*rising).suspicion
+    assert suspicion is not None and not suspicion.was_docked
+    fetched = told(*rising, Docked(9 * HOUR), Released(10 * HOUR, 0.0, 0.0))
+    assert fetched.suspicion is not None and fetched.suspicion.was_docked
+    assert reason(fetched) == "its charge rises without a charger"
+
+
+def test_a_short_status_is_judged_too() -> None:
+    belief = told(*asleep(0.5, 0.012, 3), HeardShort(3 * HOUR, State.SLEEPING, 0.7, 1.0))
+    assert reason(belief) == "its charge rises without a charger"
+
+
+def test_a_dock_in_between_explains_a_rise() -> None:
+    belief = told(
+        *asleep(0.5, 0.012, 3), Docked(3 * HOUR), Released(5 * HOUR, 0.0, 0.0), heard(6 * HOUR, 0.9)
+    )
+    assert belief.suspicion is None
+
+
+def test_a_twin_that_learns_nothing_of_its_board_suspects_nobody() -> None:
+    sure = Twin(replace(PARAMETERS, untold=None), {1: Schedule((0,), (Mode.ASLEEP,))})
+    assert told(*asleep(0.5, -0.02, 8), twin=sure).suspicion is None
+
+
+def test_a_suspicion_outlives_the_supervisor() -> None:
+    belief = told(*asleep(0.5, -0.1, 3))
+    restored = TWIN.restored(1, TWIN.kept(belief))
+    assert restored.suspicion == belief.suspicion
+    assert restored.charge_interval() == belief.charge_interval()
