@@ -257,8 +257,16 @@ def _print_table_two(
 
 def _print_schedules(console: Console, schedules: Sequence[Schedule], reason: str) -> None:
     title = "schedules of sleep, the recommended one first: means over the configurations"
-    headings = ("wake every min", "sensors s", "processing s", "lost", "samples", "longest gap h", "dead h")
-    table = _table(title, [*headings, "metres", "sustained"])
+    headings = (
+        "wake every min",
+        "sensors s",
+        "processing s",
+        "lost",
+        "samples taken",
+        "longest gap h",
+        "dead h",
+    )
+    table = _table(title, [*headings, "way planned m", "sustained"])
     for it in schedules:
         table.add_row(
             *(f"{it.alarm_s / 60:g}", f"{it.sample_s:g}", f"{it.processing_s:g}", f"{it.amussels_lost:.2f}"),

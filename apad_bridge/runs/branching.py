@@ -67,13 +67,13 @@ CHANGEABLE = (
 """The keys of a scenario's `mission` that decide plans, and can change while it flies."""
 FIGURES = {
     "amussels_lost": "lost",
-    "samples_taken": "samples",
+    "samples_taken": "samples taken",
     "uptime_submerged.mean": "submerged %",
     "uptime_submerged.min": "submerged %, least",
     "uptime_paper.mean": "uptime %",
     "uptime_paper.min": "uptime %, least",
-    "planned_m": "metres",
-    "cost_m": "metres driven",
+    "planned_m": "way planned m",
+    "cost_m": "way flown m",
     "services": "services",
     "dead_time_s": "dead s",
     "final_charge_mean": "final charge",

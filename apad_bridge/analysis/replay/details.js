@@ -69,6 +69,12 @@ function fate([, , , , , unsent, heard, far]) {
   return told.join("; ") || "nobody listened";
 }
 
+// A run without sound has no packets; a live one may have its first one later.
+function showPacketCards() {
+  $("packets-card").hidden = !runs.some((it) => it.packets.length);
+  $("slots-card").hidden = !data.timeslots || !data.packets.length;
+}
+
 let shownPackets = "";
 function showPackets() {
   if ($("packets-card").hidden) return;

@@ -32,6 +32,7 @@ function takeSample(sample) {
   if (performance.now() - legendMs > LEGEND_MS) { legendMs = performance.now(); showLegend(); }
   const surplus = data.packets.length - data.live.most_packets;
   if (surplus > 0) { data.packets.splice(0, surplus); data.earlier_packets += surplus; }
+  if (sample.packets.length) showPacketCards();
   if (sample.events.length) {
     data.events.push(...sample.events);
     addEvents(sample.events);

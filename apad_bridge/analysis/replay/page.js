@@ -297,9 +297,8 @@ function setUp() {
   $("theta").textContent = data.theta === 1 ? "aMussels" : `aMussels, ${data.theta} times faster`;
   const [step, off] = [data.times_ms.length > 1 ? data.times_ms[1] - data.times_ms[0] : 0, data.thinned.track_m];
   $("thinned").textContent = `Series have a value each ${clock(step)}${off ? `; the track leaves out points up to ${off} m beside it` : ""}.`;
-  $("slots-card").hidden = !data.timeslots || !(data.live || data.packets.length);
-  $("packets-card").hidden = !data.live && !runs.some((it) => it.packets.length);
   showLegend();
+  showPacketCards();
   $("agents").replaceChildren(...data.agents.map((agent) => {
     const item = document.createElement("li");
     item.dataset.agent = agent.id;

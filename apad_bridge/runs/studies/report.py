@@ -33,7 +33,7 @@ HEADINGS = {
     "uptime_paper_min": "uptime %, least",
     "uptime_equal_charge": "uptime % at equal charge",
     "charge_gain_mean": "charge, end - begin",
-    "metres": "metres",
+    "metres": "way planned m",
     "metres_per_service": "m/service",
     "apad_wh": "aPad Wh",
     "apad_cycles": "aPad cycles",
@@ -133,8 +133,8 @@ def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Co
         f"<h1>{escape(study.name)}</h1>",
         f"<p>{plan.missions} missions on {len(plan.seeds)} configurations, flown by the model "
         f"<em>{escape(study.model)}</em>. Means with intervals of {100 * study.confidence:g} %. The order is by aMussels "
-        f"lost, then samples, then metres. Differences are to <em>{escape(plan.baseline)}</em>, paired by configuration; "
-        f"the primary figure is {escape(HEADINGS[study.primary])}, all other p-values are adjusted by Holm.</p>",
+        f"lost, then samples taken, then way planned. Differences are to <em>{escape(plan.baseline)}</em>, paired by "
+        f"configuration; the primary figure is {escape(HEADINGS[study.primary])}, all other p-values are adjusted by Holm.</p>",
     ]
     for index, each in enumerate(found):
         parts += [
@@ -149,7 +149,8 @@ def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Co
             ]
         if each.setting.theta != 1:
             parts.append(f"<p>{NO_ENERGY}.</p>")
-        parts.append(_figure([row for row in rows if row["setting"] == index], plan, each.bounds))
+        drawn = _figure([row for row in rows if row["setting"] == index], plan, each.bounds)
+        parts.append(f"<div class=wide>{drawn}</div>")
     write_atomically(path, _PAGE.format(title=escape(study.name), body="\n".join(parts)))
 
 
@@ -158,9 +159,12 @@ _PAGE = """<!doctype html>
 <title>{title}</title>
 <style>body {{font: 15px/1.4 sans-serif; margin: 0 auto; padding: 1.5em; max-width: 1200px; box-sizing: border-box}}
 @page {{size: A4 landscape; margin: 12mm}} @media print {{body {{padding: 0; font-size: 9pt}}}}
-.wide {{overflow-x: auto}} table {{border-collapse: collapse; break-inside: avoid}}
-td, th {{padding: .2em .8em .2em 0; text-align: right; border-bottom: 1px solid #ccc}}
-td:first-child, th:first-child {{text-align: left; white-space: nowrap}} svg {{max-width: 100%; height: auto}}
+h2, h3 {{break-after: avoid}} .wide {{overflow-x: auto}} table {{border-collapse: collapse; break-inside: avoid}}
+td, th {{padding: .2em .8em .2em 0; text-align: right; white-space: nowrap; border-bottom: 1px solid #8888}}
+td:first-child, th:first-child {{text-align: left}}
+svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: #fff}}
+@media (max-width: 720px) {{svg {{max-width: none}}}}
+@media screen and (prefers-color-scheme: dark) {{:root {{color-scheme: dark}} body {{background: #12171d; color: #e6ebf1}}}}
 </style></head>
 <body>
 {body}
@@ -220,11 +224,12 @@ def _figure(rows: Sequence[Row], plan: Plan, bounds: Bounds) -> str:
         axis.set_title(HEADINGS[column])
         axis.tick_params(axis="x", rotation=20)
     axes[1].axhline(bounds.uptime_percent, linestyle="--", color="grey")
-    for name, own in zip(plan.strategies, by_strategy, strict=True):
+    for number, (name, own) in enumerate(zip(plan.strategies, by_strategy, strict=True)):
         x, y = ([row[column] for row in own] for column in ("metres", "uptime_paper_mean"))
-        axes[2].scatter(x, y, s=8, label=name)
-    axes[2].set_xlabel("metres")
-    axes[2].set_title("uptime %")
+        # Rings of their own sizes: two strategies often fly the same mission.
+        axes[2].scatter(x, y, s=12 * (number + 1), label=name, facecolors="none", edgecolors=f"C{number}")
+    axes[2].set_xlabel(HEADINGS["metres"])
+    axes[2].set_title(HEADINGS["uptime_paper_mean"])
     axes[2].legend()
     text = io.StringIO()
     drawing.savefig(text, format="svg", metadata={"Date": None})

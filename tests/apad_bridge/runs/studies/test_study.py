@@ -276,7 +276,7 @@ def test_the_command_writes_a_row_for_each_mission_and_a_report(
     shown = capsys.readouterr().out
     places = [
         shown.index(f"\n {heading}")
-        for heading in ("lost", "samples", "longest gap h", "submerged %", "metres")
+        for heading in ("lost", "samples taken", "longest gap h", "submerged %", "way planned m")
     ]
     assert places == sorted(places)
     samples = {
