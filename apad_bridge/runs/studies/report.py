@@ -134,7 +134,8 @@ def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Co
         f"<p>{plan.missions} missions on {len(plan.seeds)} configurations, flown by the model "
         f"<em>{escape(study.model)}</em>. Means with intervals of {100 * study.confidence:g} %. The order is by aMussels "
         f"lost, then samples taken, then way planned. Differences are to <em>{escape(plan.baseline)}</em>, paired by "
-        f"configuration; the primary figure is {escape(HEADINGS[study.primary])}, all other p-values are adjusted by Holm.</p>",
+        f"configuration; the primary figure is {escape(HEADINGS[study.primary])}, all other p-values are adjusted by "
+        "Holm.</p>",
     ]
     for index, each in enumerate(found):
         parts += [
