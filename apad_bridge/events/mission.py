@@ -52,7 +52,7 @@ class LegUnderWay(TypedDict):
 
 
 class MissionSnapshot(TypedDict):
-    """The mission's whole state, as a resumed mission reads it. Earlier versions had no field of the optional ones."""
+    """The mission's whole state, as a resumed mission reads it."""
 
     phase: Phase
     since_ms: int
@@ -63,14 +63,14 @@ class MissionSnapshot(TypedDict):
     cost_m: float
     services: int
     leaves_full: bool
-    planned_m: NotRequired[float]
-    leg: NotRequired[LegUnderWay | None]
-    dock_count: NotRequired[int]
-    failed_tries: NotRequired[list[tuple[int, int]]]
-    failed_undockings: NotRequired[list[tuple[int, int]]]
-    released: NotRequired[list[tuple[int, int]]]
+    planned_m: float
+    leg: LegUnderWay | None
+    dock_count: int
+    failed_tries: list[tuple[int, int]]
+    failed_undockings: list[tuple[int, int]]
+    released: list[tuple[int, int]]
     ended_by: str | None
-    end_reason: NotRequired[EndReason | None]
+    end_reason: EndReason | None
 
 
 class PlanStep(TypedDict):

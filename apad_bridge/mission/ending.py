@@ -16,10 +16,3 @@ class MissionEnd:
 
     def __str__(self) -> str:
         return self.text or self.reason.value
-
-    @classmethod
-    def restored(cls, text: str, reason: str | None) -> MissionEnd:
-        """An end from a record. Records of older versions have the text alone, whose beginning names the reason."""
-        if reason is not None:
-            return cls(EndReason(reason), text)
-        return cls(next((it for it in EndReason if text.startswith(it)), EndReason.SCRIPT_ABORTED), text)

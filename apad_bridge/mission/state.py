@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, cast
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionSnapshot, Phase
+from apad_bridge.events.run import EndReason
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.planning.solution import Solution
 from apad_bridge.scenario.schema import PAPER_DOCKS
@@ -95,30 +96,19 @@ class MissionState:
         return replace(self, phase=Phase.STANDS_DOWN, plan=Solution(()))
 
     @classmethod
-    def from_json(cls, data: dict[str, Any]) -> MissionState:
-        """The inverse of `to_json`; KeyError, TypeError or ValueError for anything else.
-
-        A journal from before `planned_m` has the planned metres as `cost_m`, and `attempts`, which nobody needs.
-        """
-        known, reason, leg = dict(data), data.get("end_reason"), data.get("leg")
-        known.pop("end_reason", None)
-        known.pop("attempts", None)
-        text = data["ended_by"]
+    def from_json(cls, data: Mapping[str, Any]) -> MissionState:
+        """The inverse of `to_json`; KeyError, TypeError or ValueError for anything else."""
+        known, leg = dict(data), data["leg"]
+        text, reason = data["ended_by"], known.pop("end_reason")
+        rows = ("failed_tries", "failed_undockings", "released", "docked", "homes")
         return cls(
             **{
-                "planned_m": data["cost_m"],
                 **known,
+                **{name: tuple(tuple(row) for row in data[name]) for name in rows},
                 "leg": None if leg is None else Leg.from_json(leg),
                 "phase": Phase(data["phase"]),
                 "plan": Solution.decode(data["plan"]),
-                "failed_tries": tuple((agent_id, tries) for agent_id, tries in data.get("failed_tries", ())),
-                "failed_undockings": tuple(
-                    (agent_id, tries) for agent_id, tries in data.get("failed_undockings", ())
-                ),
-                "released": tuple((agent_id, at_ms) for agent_id, at_ms in data.get("released", ())),
-                "docked": tuple((dock_index, agent_id) for dock_index, agent_id in data["docked"]),
-                "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
-                "ended_by": None if text is None else MissionEnd.restored(text, reason),
+                "ended_by": None if reason is None else MissionEnd(EndReason(reason), text),
             }
         )
 

@@ -15,17 +15,16 @@ from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs, TimeScale
-from agents.water.medium import PacketEnded
+from agents.water.medium import PacketEnded, Reception
 from agents.water.sea import Station
 from agents.water.sea_client import RemoteStation
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
 from apad_bridge.events.run import EndReason
-from apad_bridge.events.sound import PacketPassed
+from apad_bridge.events.sound import HeardRow, PacketPassed
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import Send
 from apad_bridge.scenario.links import read_links
-from apad_bridge.supervisor.packet_notes import packet_event
 from firmware_model.config import Timeslots
 from firmware_model.packets.wire import EVERYONE
 
@@ -257,7 +256,20 @@ class Fleet:
         return changed
 
     def packet_event(self, packet: PacketEnded) -> PacketPassed:
-        return packet_event(packet, self._timeslots, self._water.sound_speed_m_s)
+        """The event of a packet that ended. This flight's aPad is 0, and another one -n, the n-th."""
+        frame, slots = packet.frame, self._timeslots
+        return PacketPassed(
+            from_=packet.sender,
+            address=frame.destination,
+            what=frame.kind.name.lower(),
+            bytes=len(frame.data),
+            began_ms=packet.began_ms,
+            lasted_ms=frame.duration_ms,
+            timeslot=None if slots is None else packet.began_ms % slots.frame_ms // slots.slot_ms,
+            unsent=packet.unsent,
+            heard=[_heard_row(it, self._water.sound_speed_m_s) for it in packet.receptions],
+            data_=frame.data.hex(),
+        )
 
     @property
     def lost(self) -> MissionEnd | None:
@@ -298,3 +310,14 @@ class NoFleet(NoModems):
 
     def close(self) -> None:
         pass
+
+
+def _heard_row(reception: Reception, sound_m_s: float) -> HeardRow:
+    return (
+        reception.receiver,
+        reception.outcome.name.lower(),
+        round(reception.snr_db, 1),
+        reception.at_ms,
+        round(reception.travelled_us / 1000, 3),
+        round(reception.travelled_us * sound_m_s / 1e6, 2),
+    )

@@ -107,14 +107,6 @@ def test_the_way_without_a_supervisor_is_counted_when_the_aPad_is_heard_again() 
     assert (after.state.cost_m, after.state.planned_m) == (pytest.approx(25.0), pytest.approx(25.0))
 
 
-def test_the_cost_of_an_older_journal_is_its_planned_way() -> None:
-    old = {
-        key: it for key, it in MissionState(cost_m=7.0).to_json().items() if key not in ("leg", "planned_m")
-    }
-    state = MissionState.from_json({**old, "attempts": 2})
-    assert (state.cost_m, state.planned_m, state.leg) == (7.0, 7.0, None)
-
-
 shares = st.floats(0.0, 1.0 - 2 * RADIUS_M / 50.0)
 
 

@@ -61,17 +61,6 @@ def test_an_end_outlives_the_journal(reason: EndReason) -> None:
     assert MissionState.from_json(MissionState().to_json()).ended_by is None
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [*((it.value, it) for it in EndReason), (FAILED.text, FAILED.reason), ("seen enough", "the script")],
-)
-def test_an_end_of_an_older_version_is_known_by_its_text(text: str, reason: str) -> None:
-    data = MissionState().to_json() | {"ended_by": text}
-    del data["end_reason"]
-    end = MissionState.from_json(data).ended_by
-    assert (end is not None and end.reason, str(end)) == (reason, text)
-
-
 class ClockThatStops:
     """A simulated aPad's node confirms the first five seconds and nothing more."""
 
