@@ -293,7 +293,9 @@ class Agent:
     def _brown_out(self, now_ms: int) -> list[Output]:
         """Resets the board whose supply failed in the middle of a write."""
         outputs = self._power_on(self._physical_now(), now_ms, ResetCause.BROWN_OUT)
-        self._note_truth(now_ms)
+        if self.board.next_due_ms != now_ms:
+            # Else a program boots at this very time, and its truth has the registers that it finds and mends.
+            self._note_truth(now_ms)
         return outputs
 
     def _next_timer(self) -> tuple[int, Callable[[int], list[Output]]] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,6 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
             branches = branch(arguments.directory, turn)
     except NoBranch as error:
         raise UserError(str(error)) from error
+    if branches.has_our_firmware:
+        print("a branch flies our firmware in place of fleet.firmware", file=sys.stderr)
     if arguments.json:
         print(json.dumps(asdict(branches)))
     else:

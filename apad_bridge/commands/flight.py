@@ -274,6 +274,8 @@ def _ends(all_members: Sequence[Member], whole: RunDirectory) -> list[Start]:
 def _print_plans(all_members: Sequence[Member], as_json: bool) -> int:
     from apad_bridge.runs.dry_run import first_plan
 
+    if all_members[0].scenario.fleet.firmware:
+        print("a dry run flies our firmware in place of fleet.firmware", file=sys.stderr)
     plans = {member.name: first_plan(member.scenario) for member in all_members}
     if len(all_members) == 1:
         return print_plan(plans[all_members[0].name], as_json)

@@ -109,6 +109,8 @@ class Branches:
     changed: dict[str, float | None]
     is_exact: bool
     """The mission up to the moment is the run's own, tick by tick; otherwise it was continued from the records."""
+    has_our_firmware: bool = False
+    """The branches flew our firmware in place of the run's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +177,8 @@ def branch(path: Path, turn: Turn) -> Branches:
     opened = again or _from_records(scenario, turn.at_ms, journals)
     _turn(opened, changed, turn)
     opened.runner.run()
-    return Branches(_compared(summary), unchanged, opened.figures(), is_exact)
+    others = bool(scenario.fleet.firmware)
+    return Branches(_compared(summary), unchanged, opened.figures(), is_exact, has_our_firmware=others)
 
 
 def _checked(scenario: Scenario, turn: Turn, names: Sequence[str]) -> Scenario:

@@ -392,6 +392,12 @@ _STATES = [
         "one that comes up by itself floats, and sinks after 12 h",
         f"{_UP} sink 3min surfaced 13h",
     ),
+    Case(
+        "touches-the-surface",
+        Source.CHOICE,
+        "one that is up before it has sunk floats on, and sinks after 12 h",
+        f"{_UP} sink 20s surfaced 13h",
+    ),
     Case("permission-in-a-boot", Source.CHOICE, "a booting board takes no command", "1s permission 3min"),
     Case("boot-time", Source.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 3min"),
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import select
 import shutil
 import signal
@@ -44,6 +45,7 @@ pytestmark = pytest.mark.system
 IDS = (3, 8, 21)
 THETA = 30
 PATIENCE_S = 180.0
+KILLS_SEED = 2
 BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
 PATIENT = RestartPolicy(restarts=1000)
 SCENARIO = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "pool-12.yaml"
@@ -201,7 +203,17 @@ FLIGHTS = {
     "C": ("pool-12", "worst_case", 600, 40),
     "Perl": ("pool-12", "worst_case.pl", 600, 40),
     "C, whole": ("whole-board-12", "whole_board", 3600, 1000),
+    "C, failing parts": ("pool-12", "worst_case", 600, 40),
+    "C, whole, failing parts": ("whole-board-12", "whole_board", 1800, 400),
 }
+FAILING_PARTS = (
+    "bus_silent",
+    "readings_scatter",
+    "uart_overrun",
+    "write_torn",
+    "flash_worn",
+    "write_brown_out",
+)
 
 
 @pytest.mark.parametrize("name", FLIGHTS)
@@ -212,6 +224,14 @@ def test_a_flight_of_other_boards_has_the_journal_of_ours(
     scenario, program, duration_s, least_truths = FLIGHTS[name]
     data = yaml.safe_load(SCENARIO.with_stem(scenario).read_text())
     data["duration_s"] = duration_s
+    if name.endswith("failing parts"):
+        data["faults"] = {
+            "at": [
+                {"fault": fault, "id": 2 * n + k + 1, "at_s": 60 + 20 * n, "for_s": 400}
+                for n, fault in enumerate(FAILING_PARTS)
+                for k in (0, 1)
+            ]
+        }
     shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
     perl = program.endswith(".pl")
     shutil.copy(NATIVE / program if perl else compiled(tmp_path_factory, program), tmp_path / "board")
@@ -231,7 +251,28 @@ def test_a_flight_of_other_boards_has_the_journal_of_ours(
         for it in ("ours", "native")
     ]
     assert samples[0] == samples[1]
-    assert bool(samples[1]) == (name == "C, whole")
+    assert bool(samples[1]) == name.startswith("C, whole")
+
+
+def test_a_flight_over_ros_has_the_journal_of_our_boards(tmp_path: Path, board: Path) -> None:
+    """All events of three minutes, but for the aPad's own battery, whose messages come when its node sends them."""
+    data = yaml.safe_load(SCENARIO.read_text())
+    data["duration_s"] = 180
+    shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
+    shutil.copy(board, tmp_path / "board")
+    flown = []
+    for run_name, firmware in (("ours", None), ("native", "board")):
+        data["fleet"]["firmware"] = firmware
+        (tmp_path / f"{run_name}.yaml").write_text(yaml.safe_dump(data))
+        out = tmp_path / run_name
+        run = [sys.executable, str(MUSSELBED), "run", str(tmp_path / f"{run_name}.yaml"), "--speed", "40"]
+        subprocess.run(
+            [*run, "--json", "--out", str(out)], check=True, timeout=PATIENCE_S, capture_output=True
+        )
+        flown.append([it for it in lines(out) if it["kind"] != "apad"])
+    ours, native = flown
+    assert native == ours
+    assert sum(it["kind"] == "truth" for it in ours) > 15
 
 
 def descendants(pid: int) -> list[int]:
@@ -244,6 +285,16 @@ def is_board(pid: int, program: str) -> bool:
     with suppress(OSError):
         return Path(f"/proc/{pid}/comm").read_text().strip() == program
     return False
+
+
+def running(program: Path) -> list[int]:
+    """The processes of this program: a nursery that another supervisor started is no descendant of the run."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        with suppress(OSError):
+            if entry.name.isdigit() and (entry / "exe").readlink() == program:
+                found.append(int(entry.name))
+    return sorted(found)
 
 
 def parent_of(pid: int) -> int:
@@ -288,6 +339,44 @@ def test_whatever_is_killed_over_ros_nothing_is_lost(
         assert len(left) == 12 and len(left & set(boards)) == 10
         kill_9(nursery)
         fly_on(process, out)
+        process.send_signal(signal.SIGINT)
+        _, mistakes = process.communicate(timeout=PATIENCE_S)
+    assert check_run(RunDirectory.open(out)) == [], mistakes
+
+
+def test_random_kills_over_ros_lose_nothing_of_whole_boards(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Five kill -9 in a random order; each kill of a firmware or of an agent leaves the other eleven as they are."""
+    rng = random.Random(KILLS_SEED)
+    data = yaml.safe_load(SCENARIO.with_stem("whole-board-12").read_text())
+    data["duration_s"] = 1800
+    shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
+    shutil.copy(compiled(tmp_path_factory, "whole_board"), tmp_path / "whole_c")
+    data["fleet"]["firmware"] = "whole_c"
+    (tmp_path / "whole.yaml").write_text(yaml.safe_dump(data))
+    out = tmp_path / "run"
+    run = [sys.executable, str(MUSSELBED), "run", str(tmp_path / "whole.yaml"), "--speed", "20", "--json"]
+    order = ["firmware", "agent", "nursery", "supervisor", rng.choice(["firmware", "agent", "nursery"])]
+    rng.shuffle(order)
+    with subprocess.Popen(
+        [*run, "--out", str(out), "--on-supervisor-death", "resume"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        fly_on(process, out)
+        for what in order:
+            boards = running(tmp_path / "whole_c")
+            assert len(boards) == 12, (order, what)
+            victim = rng.choice(boards)
+            (nursery,) = {parent_of(parent_of(it)) for it in boards}
+            victims = {"firmware": victim, "agent": parent_of(victim), "nursery": nursery}
+            kill_9(victims[what] if what in victims else pid_of_supervisor(out))
+            fly_on(process, out)
+            left = set(running(tmp_path / "whole_c"))
+            undisturbed = {"firmware": 11, "agent": 11, "nursery": 0, "supervisor": 12}[what]
+            assert len(left) == 12 and len(left & set(boards)) == undisturbed, (order, what)
         process.send_signal(signal.SIGINT)
         _, mistakes = process.communicate(timeout=PATIENCE_S)
     assert check_run(RunDirectory.open(out)) == [], mistakes

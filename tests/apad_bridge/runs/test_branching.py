@@ -111,6 +111,24 @@ def test_a_mistake_is_one_line(run: Path, turn: Turn, message: str) -> None:
     assert "\n" not in str(raised.value)
 
 
+def test_a_branch_of_a_run_with_other_firmware_says_in_a_line_that_it_flies_ours(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copytree(run, tmp_path / "run")
+    flown_with = RunDirectory(tmp_path / "run").scenario
+    data = resolve(load(flown_with))
+    data["fleet"] |= {"firmware": [{"executable": "/bin/true"}], "hosting": "processes"}
+    flown_with.write_text(json.dumps(data))
+    arguments = ["--at", "860", "--strategy", "njnp", "--json"]
+    capsys.readouterr()
+    assert main(["branch", str(tmp_path / "run"), *arguments]) == 0
+    shown = capsys.readouterr()
+    assert "a branch flies our firmware in place of fleet.firmware\n" in shown.err
+    assert json.loads(shown.out)["has_our_firmware"] is True
+    assert main(["branch", str(run), *arguments]) == 0
+    assert "our firmware" not in capsys.readouterr().err
+
+
 def test_the_command_reads_a_time_as_people_write_it(
     run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

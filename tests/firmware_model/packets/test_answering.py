@@ -188,6 +188,20 @@ def test_what_the_modem_sends_by_itself_is_drawn_without_waking_the_board() -> N
     assert bench.did(StateChanged) == []
 
 
+@pytest.mark.parametrize(("first_ms", "second_ms", "ends_ms"), [(1000, 105, 1000), (105, 1000, 1050)])
+def test_a_modem_that_is_told_to_send_while_it_sends_ends_with_the_later_one(
+    first_ms: int, second_ms: int, ends_ms: int
+) -> None:
+    """Only a user who opened the modem can tell it so: while it sends, it hears no ping. A short one ends no long one."""
+    bench = asleep()
+    bench.tell(ModemSpoke(first_ms))
+    bench.run(ms=50)
+    bench.tell(ModemSpoke(second_ms))
+    bench.run(minutes=1)
+    rails = [(it.at_ms - 1_800_000, it.on) for it in bench.did(SetRail) if it.rail is Rail.MODEM_TRANSMITTING]
+    assert rails == [(0, True), (ends_ms, False)]
+
+
 def test_of_the_modes_of_the_mu_and_the_modem_never_two_are_on() -> None:
     bench = Bench(board(FIELD, power()))
     for minutes in range(1, 90, 3):

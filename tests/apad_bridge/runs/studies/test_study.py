@@ -31,7 +31,7 @@ from apad_bridge.runs.studies.specification import (
     write_study,
 )
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import write_resolved
+from apad_bridge.scenario.loader import load, resolve, write_resolved
 from apad_bridge.scenario.starts import starts_of
 
 SHIPPED = Path(__file__).parents[4] / "launch_scripts/studies"
@@ -240,6 +240,20 @@ def test_a_strategy_that_fails_ends_the_study_with_its_reason(tmp_path: Path, wo
         StudyFailed, match=r"exact plans are for 6 aMussels, not for .* \(exact in pool, .* seed \d\)"
     ):
         fly_study(plan(strategies=["cautious", "exact"]), tmp_path, workers)
+
+
+def test_a_study_of_other_firmware_says_in_a_line_that_it_flies_ours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = resolve(load(POOL_FILE))
+    data["fleet"] |= {"firmware": [{"executable": "/bin/true"}], "hosting": "processes"}
+    (tmp_path / "pool.yaml").write_text(json.dumps(data))
+    file = tmp_path / "study.yaml"
+    short = {"scenarios": [str(tmp_path / "pool.yaml")], "strategies": ["cautious"], "seeds": 1}
+    file.write_text(json.dumps({**STUDY, **short}))
+    arguments = ["--workers", "1", "--out", str(tmp_path / "out"), "--json"]
+    assert main(["study", str(file), *arguments]) == 0
+    assert "a study flies our firmware in place of fleet.firmware\n" in capsys.readouterr().err
 
 
 def test_the_command_writes_a_row_for_each_mission_and_a_report(
