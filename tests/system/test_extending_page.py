@@ -75,8 +75,10 @@ def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: 
     scenarios = tmp_path / "launch_scripts" / "scenarios"
     scenarios.mkdir(parents=True)
     text = POOL.read_text().replace("duration_s: 2400", "duration_s: 610")
-    (scenarios / POOL.name).write_text(text)
     (scenarios / "pool-12.csv").write_text(POOL.with_suffix(".csv").read_text())
+    # A file of that name comes before the shipped scenario.
+    (tmp_path / "pool-12").write_text(text)
+    (tmp_path / "pool-12.csv").write_text(POOL.with_suffix(".csv").read_text())
     scenario = scenarios / "lines.yaml"
     scenario.write_text(text.replace("hearing: {", "hearing: {codec: lines, ").replace("610", "60"))
     in_a_shell(
