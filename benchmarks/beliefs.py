@@ -20,8 +20,8 @@ from benchmarks.rows import told
 PEERS = ("kalman", "imm")
 
 
-SHORT_AGENTS = 1
-"""The aMussels of the short tier, which has one seed."""
+SHORT_AGENTS, SHORT_PLACES, SHORT_HEARD = 1, 10, (1.0, 0.1)
+"""The short tier: one seed, one aMussel whose charge is believed, ten whose place is, and two shares of packets."""
 TICKS, SHORT_TICKS = (120, 1000), (120,)
 """Fleets whose tick is timed."""
 
@@ -35,13 +35,12 @@ def measure(
     no coverage. `mode_delay_packets` is a median: the packets after the first one received since an unscheduled switch
     until the mode was right.
     """
+    shares, placed_agents = study.HEARD, places.AGENTS
     if short:
         agents, seeds = SHORT_AGENTS, study.REPORTED[:1]
+        shares, placed_agents = SHORT_HEARD, SHORT_PLACES
     cells = [
-        (name, knows, heard)
-        for knows in (True, False)
-        for heard in study.HEARD
-        for name in (*study.OURS, *PEERS)
+        (name, knows, heard) for knows in (True, False) for heard in shares for name in (*study.OURS, *PEERS)
     ]
     jobs = [
         (name, seed, agents, knows, heard)
@@ -58,7 +57,9 @@ def measure(
         ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
     ):
         placed = [
-            pool.submit(places.coverage, theta, currents) for theta in (1, 30) for currents in (False, True)
+            pool.submit(places.coverage, theta, currents, agents=placed_agents)
+            for theta in (1, 30)
+            for currents in (False, True)
         ]
         task = progress.add_task("filtering", total=len(jobs))
         for job, one in zip(jobs, pool.map(_rows, jobs), strict=True):
@@ -66,6 +67,7 @@ def measure(
             progress.advance(task)
         place = [it.result() for it in placed]
     rows = []
+    peers = {}
 
     def keep(row: dict[str, Any]) -> None:
         rows.append(told(row))
@@ -73,8 +75,10 @@ def measure(
     for name, knows, heard in cells:
         head = {"knows": "schedule" if knows else "dockings", "heard": heard, "filter": name}
         if name in PEERS:
-            peer, checked = study.peer_rows(name, seeds, agents, heard)
-            keep({**head, **score(peer), **checked})
+            if (name, heard) not in peers:
+                peer, checked = study.peer_rows(name, seeds, agents, heard)
+                peers[name, heard] = {**score(peer), **checked}
+            keep({**head, **peers[name, heard]})
             continue
         parts = found[name, knows, heard]
         delays = [delay for _, some in parts for delay in some]

@@ -388,7 +388,7 @@ def _resumed_twice(attempt: Try) -> str | None:
     first = attempt.run(*_WALL)
     attempt.has_flown(5)
     os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
-    attempt.wait_for(lambda: "To go on" in first.output or None, "the parent's word")
+    attempt.wait_for(lambda: "musselbed resume" in first.output or None, "the parent's word")
     both = [attempt.start("resume", attempt.run_dir) for _ in range(2)]
     codes = []
     for terminal in [*both, first]:

@@ -31,7 +31,7 @@ def add_parser(commands: Any) -> None:
         epilog=ending(
             "musselbed doctor",
             "musselbed doctor launch_scripts/scenarios/real-apad.yaml",
-            note="The doctor ends with 0 when nothing FAILs, and with 3 when something does.",
+            note="The doctor ends with 0 when nothing FAILs, with 2 when the scenario alone does, and else with 3.",
         ),
     )
     parser.add_argument(
@@ -44,15 +44,18 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    failed = False
+    failed: set[str] = set()
     findings = []
     for finding in diagnose(arguments.scenario, os.environ.get("ROS_MASTER_URI", "")):
-        failed |= finding.status is Status.FAIL
+        if finding.status is Status.FAIL:
+            failed.add(finding.check)
         findings.append(asdict(finding))
         if not arguments.json:
             print(finding.line(), flush=True)
     if arguments.json:
         print(json.dumps(findings, indent=1))
+    if failed == {"scenario"}:
+        return Exit.USER_MISTAKE
     return Exit.PEER_FAILED if failed else Exit.DONE
 
 

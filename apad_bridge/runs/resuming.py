@@ -97,15 +97,20 @@ def presence_changes(journal: JournalContents) -> Iterator[PresenceChange]:
 
 def ongoing_faults(journal: JournalContents) -> list[Ongoing]:
     """The faults that had begun and not ended, in the order in which they began."""
-    begun: dict[tuple[str, int | None], Ongoing] = {}
+    begun: list[Ongoing] = []
     for line in journal.lines:
         if line["kind"] == FaultBegan.kind and line.get("until_ms", 0) > line["t"] and "refused" not in line:
             fault, agent_id = TimedFault(line["fault"]), line.get("id")
             asked = injection(fault, agent_id, line.get("value"), (line["until_ms"] - line["t"]) / 1000)
-            begun[fault, agent_id] = Ongoing(asked, line["until_ms"])
+            begun.append(Ongoing(asked, line["until_ms"]))
         elif line["kind"] == FaultEnded.kind:
-            begun.pop((line["fault"], line.get("id")), None)
-    return list(begun.values())
+            ended = (line["fault"], line.get("id"))
+            begun = [
+                it
+                for it in begun
+                if (it.injection.fault, it.injection.agent_id) != ended or it.until_ms > line["t"]
+            ]
+    return begun
 
 
 def undelivered(journal: JournalContents, granted_ms: Mapping[int, int]) -> list[Undelivered]:

@@ -50,7 +50,7 @@ _LEAK_MS = 10_000
 """A leaking battery loses its charge in steps of so much mission time."""
 
 Action = tuple[int, Stimulus] | Event
-_Key = tuple[TimedFault, int | None]
+_Key = tuple[TimedFault, int | None, float | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class FaultInjection:
 
     def restarted(self, agent_id: int) -> None:
         """The process of an aMussel is another one: what the former one was told begins in it once more."""
-        self._again += [it for (_, of), it in self._active.items() if of == agent_id]
+        self._again += [it for (_, of, _), it in self._active.items() if of == agent_id]
 
     def advance(
         self, now_ms: int, beliefs: FleetBeliefs, is_simulated: Callable[[int], bool]
@@ -121,7 +121,7 @@ class FaultInjection:
                 outcome = [_began(injection, now_ms, refused=outcome)]
             actions += outcome
         if now_ms % _LEAK_MS == 0:
-            for (kind, _), fault in self._active.items():
+            for (kind, _, _), fault in self._active.items():
                 if kind is TimedFault.BATTERY_AGEING:
                     loss = grains(fault.injection.value * _LEAK_MS / 60_000)
                     actions += _to(fault.injection, ChargeLost(loss, 0))
@@ -186,7 +186,7 @@ class FaultInjection:
             case TimedFault.APAD_LIES if link is not None:
                 link.north_error_m = value
             case TimedFault.DOCK_JAMMED if link is not None:
-                link.jammed_docks = frozenset([int(value)])
+                link.jammed_docks |= {int(value)}
             case TimedFault.KILLED if host is not None:
                 host.kill(agent_id)
             case TimedFault.STOPPED if host is not None:
@@ -222,7 +222,7 @@ class FaultInjection:
             case TimedFault.APAD_LIES if link is not None:
                 link.north_error_m = 0.0
             case TimedFault.DOCK_JAMMED if link is not None:
-                link.jammed_docks = frozenset()
+                link.jammed_docks -= {int(injection.value)}
             case TimedFault.MEMORY_LIMIT if host is not None:
                 host.limit_memory(agent_id, None)
             case TimedFault.LINK_CUT if host is not None:
@@ -241,7 +241,7 @@ class FaultInjection:
         """The pin's two defects share its state: each keeps the other as it is."""
 
         def has(fault: TimedFault) -> int:
-            return int(begins if fault is injection.fault else (fault, injection.agent_id) in self._active)
+            return int(begins if fault is injection.fault else (fault, injection.agent_id, None) in self._active)
 
         return _to(injection, PinDisturbed(has(TimedFault.EDGE_FALSE), has(TimedFault.EDGE_MISSED)))
 
@@ -271,7 +271,9 @@ def is_docked(beliefs: FleetBeliefs, agent_id: int) -> bool:
 
 
 def _key(injection: Injection) -> _Key:
-    return injection.fault, injection.agent_id
+    """One of a kind happens at a time to an aMussel or to the aPad; each dock jams by itself."""
+    dock_index = injection.value if injection.fault is TimedFault.DOCK_JAMMED else None
+    return injection.fault, injection.agent_id, dock_index
 
 
 def _to(injection: Injection, stimulus: Stimulus) -> list[Action]:

@@ -50,7 +50,7 @@ class FaultyLink:
 
     def _pass_on(self, command: VehicleCommand, now_ms: int) -> None:
         if isinstance(command, CloseDock | OpenDock) and command.dock_index in self.jammed_docks:
-            reason = f"dock {command.dock_index} is jammed"
+            reason = f"dock {command.dock_index + 1} is jammed"
             self._facts.append(CommandFailed(now_ms, command.command_id, reason))
         else:
             self._link.command(command, now_ms)

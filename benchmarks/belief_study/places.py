@@ -30,7 +30,7 @@ HEARD = 0.3
 _CHI_95 = 5.991
 
 
-def coverage(theta: int, currents: bool, seed: int = 11) -> dict[str, Any]:
+def coverage(theta: int, currents: bool, seed: int = 11, agents: int = AGENTS) -> dict[str, Any]:
     """The share of report times at which the true place was in the ellipse. Without a current it is on the bottom."""
     rng = np.random.default_rng(seed)
     water = Water(AMPLITUDE_M**2 / 3, CURRENT_M_S if currents else 0.0, LASTS_S, FIX_M)
@@ -39,7 +39,7 @@ def coverage(theta: int, currents: bool, seed: int = 11) -> dict[str, Any]:
     state = State.FLOATING if currents else State.SLEEPING
     step_s = REPORT_AGENT_MS / 1000 / theta
     inside, error = [], []
-    for agent in range(1, AGENTS + 1):
+    for agent in range(1, agents + 1):
         amplitude, current = AMPLITUDE_M * rng.uniform(0.9, 1.1), CURRENT_M_S * rng.uniform(0.9, 1.1)
         place, speed = rng.uniform(0, 50, 2), rng.normal(0, current, 2) * currents
         belief = None

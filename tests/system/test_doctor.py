@@ -50,7 +50,8 @@ def checks(environment: dict[str, str], *arguments: str) -> dict[str, dict[str, 
     done = run_doctor(environment, "--json", *arguments)
     assert done.stderr == ""
     findings = json.loads(done.stdout)
-    assert (done.returncode == 3) == any(finding["status"] == "FAIL" for finding in findings)
+    failed = {finding["check"] for finding in findings if finding["status"] == "FAIL"}
+    assert done.returncode == (0 if not failed else 2 if failed == {"scenario"} else 3)
     assert all(set(finding) == {"check", "status", "found", "mend"} for finding in findings)
     return {finding["check"]: finding for finding in findings}
 
@@ -63,6 +64,12 @@ def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
     (master_line,) = [line for line in lines if line.split()[1] == "master:"]
     assert master_line.startswith("WARN") and "starts its own" in master_line
     assert not any("call back" in line for line in lines)
+
+
+def test_a_scenario_that_cannot_be_read_is_the_user_s_mistake_as_it_is_elsewhere(tmp_path: Path) -> None:
+    done = run_doctor(loopback_environment(tmp_path), str(tmp_path / "none.yaml"))
+    assert done.returncode == 2, done.stdout
+    assert [it.split()[1] for it in done.stdout.splitlines() if it.startswith("FAIL")] == ["scenario:"]
 
 
 def test_a_master_elsewhere_that_does_not_answer_is_a_failure(tmp_path: Path) -> None:

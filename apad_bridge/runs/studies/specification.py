@@ -155,6 +155,9 @@ _STUDY = TypeAdapter(Study)
 
 def load_study(path: Path) -> Plan:
     """Reads and checks a study's file. ScenarioError with a line for each mistake, before anything is flown."""
+    if path.suffix == ".py":
+        # Some of Python's lines are YAML, too.
+        raise ScenarioError([f"{path}: is no YAML but a Python script: fly it by `musselbed script`"])
     try:
         data = parse_yaml(read_text(path))
     except OSError as error:

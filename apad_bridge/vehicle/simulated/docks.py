@@ -27,9 +27,9 @@ class Docks:
         dock_index, agent_id = command.dock_index, command.agent_id
         holder = self._agent_by_dock.get(dock_index)
         if dock_index not in self._indices:
-            return f"there is no dock {dock_index}"
+            return f"there is no dock {dock_index + 1}"
         if holder is not None:
-            return f"dock {dock_index} holds aMussel {holder}"
+            return f"dock {dock_index + 1} holds aMussel {holder}"
         if agent_id in self._agent_by_dock.values():
             return f"aMussel {agent_id} is held in another dock"
         return None
@@ -53,11 +53,11 @@ class Docks:
         dock_index, agent_id = command.dock_index, command.agent_id
         holder = self._agent_by_dock.get(dock_index)
         if dock_index not in self._indices:
-            reason = f"there is no dock {dock_index}"
+            reason = f"there is no dock {dock_index + 1}"
         elif holder is None:
-            reason = f"dock {dock_index} is empty"
+            reason = f"dock {dock_index + 1} is empty"
         elif holder != agent_id:
-            reason = f"dock {dock_index} holds aMussel {holder}"
+            reason = f"dock {dock_index + 1} holds aMussel {holder}"
         else:
             del self._agent_by_dock[dock_index]
             return DockOpened(now_ms, dock_index, agent_id)

@@ -58,7 +58,8 @@ def test_a_help_or_a_mistake_loads_neither_a_flight_nor_a_large_library(words: l
     ("words", "told"),
     [
         (["study", str(POOL_FILE)], "this is a scenario: name it under `scenarios` in a study"),
-        (["study", __file__], "is no YAML: line"),
+        (["study", __file__], "is no YAML but a Python script"),
+        (["study", str(POOL_FILE.with_suffix(".csv"))], "is no "),
         (["run", "launch_scripts/studies/pool.yaml", "--dry-run"], "this is a study: fly it by"),
         (["capacity", "/dev/null"], "/dev/null: is a device"),
         (["check", "/nowhere"], "/nowhere: no such folder"),

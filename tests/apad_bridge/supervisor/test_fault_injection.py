@@ -67,6 +67,34 @@ def test_a_fault_happens_once_at_a_time(pool: Scenario) -> None:
     ]
 
 
+def test_each_dock_jams_and_moves_again_by_itself(pool: Scenario) -> None:
+    jams = [
+        at(TimedFault.DOCK_JAMMED, at_s, for_s, dock_index)
+        for at_s, dock_index, for_s in ((1, 1, 10), (2, 3, 20), (3, 1, 30))
+    ]
+    flying = flown(pool, *jams)
+    jammed = []
+    for _ in range(3):
+        flying.seconds(8)
+        faults = flying.flight._faults
+        assert isinstance(faults, FaultInjection) and faults._link is not None
+        jammed.append(faults._link.jammed_docks)
+    assert jammed == [{1, 3}, {3}, set()]
+    refused = "the aPad has the fault dock_jammed already"
+    assert [it.get("refused") for it in flying.events("fault")] == [None, None, refused]
+
+
+def test_a_jam_that_is_over_ends_no_other_in_a_resumed_run() -> None:
+    jam = {"kind": "fault", "fault": "dock_jammed"}
+    lines = [
+        {"t": 1000, **jam, "value": 1.0, "until_ms": 9_000},
+        {"t": 2000, **jam, "value": 3.0, "until_ms": 62_000},
+        {"t": 9000, "kind": "fault_over", "fault": "dock_jammed"},
+    ]
+    jammed = injection(TimedFault.DOCK_JAMMED, None, 3.0, 60)
+    assert ongoing_faults(JournalContents(lines, 0)) == [Ongoing(jammed, 62_000)]
+
+
 def test_a_defect_of_the_body_outlives_its_process(pool: Scenario) -> None:
     """A process that was killed is told again, so that the jam lasts as long as it should."""
     flying = flown(pool, at(TimedFault.BUOYANCY_STUCK, 1, 60), at(TimedFault.KILLED, 5))

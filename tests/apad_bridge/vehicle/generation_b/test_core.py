@@ -420,7 +420,7 @@ def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then() -> None:
     assert apad.tells(40_000) == [DockClosed(40_000, 2, 20)]
     assert [it for it in apad.core.advance(41_000) if isinstance(it, Carried)] == []
     apad.core.command(CloseDock(2, 2, 7), 42_000)
-    assert apad.tells(42_000) == [CommandFailed(42_000, 2, "dock 2 holds aMussel 20")]
+    assert apad.tells(42_000) == [CommandFailed(42_000, 2, "dock 3 holds aMussel 20")]
 
 
 def test_a_docking_by_hand_takes_the_simulated_amussel_that_is_there() -> None:
