@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_ori
 
 from annotated_types import Ge, Lt
 
-from apad_bridge.scenario.schema import MAX_DOCKS
+from apad_bridge.scenario.choices import MAX_DOCKS
 
 
 class Meaning(NamedTuple):

@@ -1,8 +1,11 @@
-"""Choices that a scenario and the command line share. Commands begin without the schema, which takes long to load."""
+"""Choices and bounds that a scenario and the command line share. Commands begin without the schema, which loads slowly."""
 
 from __future__ import annotations
 
 from enum import StrEnum
+
+MAX_DOCKS = 16
+"""More would not fit around a hull of the paper's size."""
 
 
 class Hosting(StrEnum):

@@ -18,7 +18,7 @@ from agents.time_scale import TimeScale
 from agents.water.bounds import Count
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.board import Board
-from apad_bridge.scenario.choices import Generation, Hosting
+from apad_bridge.scenario.choices import MAX_DOCKS, Generation, Hosting
 from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.fence import check_corners
@@ -43,8 +43,6 @@ from apad_bridge.scenario.water import Water
 
 AgentId = Annotated[int, Ge(1), Le(MAX_AGENT_ID)]
 PAPER_DOCKS = 4
-MAX_DOCKS = 16
-"""More would not fit around a hull of the paper's size."""
 
 
 @frozen

@@ -241,7 +241,9 @@ class FaultInjection:
         """The pin's two defects share its state: each keeps the other as it is."""
 
         def has(fault: TimedFault) -> int:
-            return int(begins if fault is injection.fault else (fault, injection.agent_id, None) in self._active)
+            return int(
+                begins if fault is injection.fault else (fault, injection.agent_id, None) in self._active
+            )
 
         return _to(injection, PinDisturbed(has(TimedFault.EDGE_FALSE), has(TimedFault.EDGE_MISSED)))
 

@@ -8,6 +8,7 @@ import pytest
 from flying import Flying
 
 from agents.hosting.faulty_host import FaultyHost
+from agents.mussel.stimuli import PinDisturbed, from_json
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import ongoing_faults
 from apad_bridge.scenario.schema import Scenario
@@ -93,6 +94,15 @@ def test_a_jam_that_is_over_ends_no_other_in_a_resumed_run() -> None:
     ]
     jammed = injection(TimedFault.DOCK_JAMMED, None, 3.0, 60)
     assert ongoing_faults(JournalContents(lines, 0)) == [Ongoing(jammed, 62_000)]
+
+
+def test_the_two_defects_of_a_pin_keep_each_other(pool: Scenario) -> None:
+    flying = flown(pool, at(TimedFault.EDGE_FALSE, 1, 20), at(TimedFault.EDGE_MISSED, 5, 5))
+    flying.seconds(25)
+    disturbed = [
+        it for data in flying.events("stimulus") if isinstance(it := from_json(data["wire"]), PinDisturbed)
+    ]
+    assert disturbed == [PinDisturbed(1, 0), PinDisturbed(1, 1), PinDisturbed(1, 0), PinDisturbed(0, 0)]
 
 
 def test_a_defect_of_the_body_outlives_its_process(pool: Scenario) -> None:
