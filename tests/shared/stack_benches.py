@@ -154,6 +154,8 @@ class LinkToA:
         self.never_ends = False
         self.is_lost = False
         """Orders do not arrive."""
+        self.is_mute = False
+        """Nothing that the vehicle sends arrives: neither positions nor answers."""
         self._now_ms = 0
 
     @property
@@ -191,7 +193,7 @@ class LinkToA:
         self._others += 1
         key = f"/joystick-{self._others}-1.0"
         seen = GoalSeen(self._now_ms, key, GO_TO, north_m, east_m, "/joystick")
-        self._core.receive(seen, self._now_ms)
+        self._tell(seen, self._now_ms)
         self._active.append(key)
         self._receive(
             self._vehicle.receive(shown_a.Goal(key, GO_TO, north_m, east_m, ""), self._now_ms), self._now_ms
@@ -200,12 +202,12 @@ class LinkToA:
     def _switch_off(self, now_ms: int) -> None:
         if (off := self._core.take_off_order()) is None or self.is_lost:
             return
-        self.observer.take_stop()
+        self.observer.take_stop(now_ms)
         for key in list(self._active):
             self._receive(self._vehicle.cancel(key, now_ms), now_ms)
         self._receive(self._vehicle.enable_velocity_control(False, now_ms), now_ms)
         self._receive(self._vehicle.enable_position_control(False, now_ms), now_ms)
-        self._core.receive(OffAnswered(now_ms, off.number, None), now_ms)
+        self._tell(OffAnswered(now_ms, off.number, None), now_ms)
 
     def close(self) -> None:
         pass
@@ -223,25 +225,27 @@ class LinkToA:
         self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self._vehicle.receive(goal, now_ms), now_ms)
 
+    def _tell(self, message: Any, now_ms: int) -> None:
+        if not self.is_mute:
+            self._core.receive(message, now_ms)
+
     def _report(self, status: GoalStatusEntry, at_ms: int) -> None:
-        self._core.receive(GoalStatusReceived(at_ms, (status,), whole=False), at_ms)
+        self._tell(GoalStatusReceived(at_ms, (status,), whole=False), at_ms)
 
     def _receive(self, shown: list[shown_a.Published], now_ms: int) -> None:
         for it in shown:
             match it:
                 case PosePublished(at_ms, pose):
-                    if (moved := self.shift(pose, at_ms)) is not None:
+                    if (moved := self.shift(pose, at_ms)) is not None and not self.is_mute:
                         self.observer.hear(moved)
-                        self._core.receive(moved, now_ms)
+                        self._tell(moved, now_ms)
                 case shown_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
                     agent_id = int(name.removeprefix("amussel"))
-                    self._core.receive(
-                        HeldPositionReceived(at_ms, agent_id, north_m, east_m, released), now_ms
-                    )
+                    self._tell(HeldPositionReceived(at_ms, agent_id, north_m, east_m, released), now_ms)
                 case shown_a.BatteryAndProgressPublished(at_ms, percent):
                     statuses = tuple(GoalStatusEntry(key, GoalCode.ACTIVE) for key in self._active)
-                    self._core.receive(GoalStatusReceived(at_ms, statuses, whole=True), now_ms)
-                    self._core.receive(BatteryReceived(at_ms, percent), now_ms)
+                    self._tell(GoalStatusReceived(at_ms, statuses, whole=True), now_ms)
+                    self._tell(BatteryReceived(at_ms, percent), now_ms)
                 case shown_a.GoalEnded(at_ms, key, outcome, reason) if not self.never_ends:
                     self._active.remove(key)
                     self._report(GoalStatusEntry(key, _CODES[outcome], reason), at_ms)
@@ -268,6 +272,8 @@ class LinkToB:
         self.never_ends = False
         self.is_lost = False
         """Orders do not arrive."""
+        self.is_mute = False
+        """Nothing that the vehicle sends arrives: neither positions nor answers."""
         self._now_ms = 0
 
     @property
@@ -284,12 +290,12 @@ class LinkToB:
     def others_go(self, north_m: float, east_m: float) -> None:
         """Another client sends the vehicle there."""
         if self.shows_goals:
-            self._core.receive(shown_b.GoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
+            self._tell(shown_b.GoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
         self._receive(self._vehicle.receive(GoToOrder(north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
 
     def set_pilot(self, *, steers: bool) -> None:
         self.observer.pilot_steers = steers
-        self._core.receive(ManualReceived(self._now_ms, steers), self._now_ms)
+        self._tell(ManualReceived(self._now_ms, steers), self._now_ms)
         self._receive(self._vehicle.set_manual(steers, self._now_ms), self._now_ms)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
@@ -316,31 +322,35 @@ class LinkToB:
                 case PositionOrder(north_m, east_m):
                     self.observer.take_goal((north_m, east_m), now_ms, is_hold=True)
                 case StopOrder():
-                    self.observer.take_stop()
+                    self.observer.take_stop(now_ms)
                 case docking:
                     self.observer.take_other(now_ms, f"dock {docking.dock_index}")
             self._last = call.order
             self._receive(self._vehicle.receive(call.order, now_ms), now_ms)
-            self._core.receive(ServiceAnswered(now_ms, call.number, None), now_ms)
+            self._tell(ServiceAnswered(now_ms, call.number, None), now_ms)
+
+    def _tell(self, message: Any, now_ms: int) -> None:
+        if not self.is_mute:
+            self._core.receive(message, now_ms)
 
     def _receive(self, shown: list[shown_b.Published], now_ms: int) -> None:
         for it in shown:
             match it:
                 case PosePublished(at_ms, pose):
-                    if (moved := self.shift(pose, at_ms)) is not None:
+                    if (moved := self.shift(pose, at_ms)) is not None and not self.is_mute:
                         self.observer.hear(moved)
-                        self._core.receive(moved, now_ms)
+                        self._tell(moved, now_ms)
                 case shown_b.StatusPublished(at_ms, docking, status):
                     ended = status is not shown_b.Status.RUNNING
                     shown_status = (
                         shown_b.Status.RUNNING if self.never_ends and ended and not docking else status
                     )
-                    self._core.receive(StatusReceived(at_ms, docking, shown_status), now_ms)
+                    self._tell(StatusReceived(at_ms, docking, shown_status), now_ms)
                 case shown_b.BatteryPublished(at_ms, percent):
-                    self._core.receive(BatteryReceived(at_ms, percent), now_ms)
+                    self._tell(BatteryReceived(at_ms, percent), now_ms)
                 case shown_b.ArmPublished(at_ms, arm):
                     dock_index = arm.is_open.index(True) if True in arm.is_open else None
-                    self._core.receive(ArmReceived(at_ms, dock_index), now_ms)
+                    self._tell(ArmReceived(at_ms, dock_index), now_ms)
 
 
 class Bench:

@@ -100,7 +100,9 @@ class Observer:
         elif not is_inside((self.heard.north_m, self.heard.east_m)):
             self.outside.append(f"{now_ms / 1000:g} s: {what}")
 
-    def take_stop(self) -> None:
+    def take_stop(self, now_ms: int) -> None:
+        if self.pilot_steers:
+            self.against_pilot.append(f"{now_ms / 1000:g} s: stop")
         self.orders += 1
         self.stops += 1
         self.goal_m = None

@@ -269,7 +269,9 @@ class Tasks:
             self._facts.append(CommandFailed(at_ms, command.command_id, PILOT))
         self._clear()
         self._stop = None
-        self._facts += [PilotReported(at_ms, self.pilot_steers), CommandedByOthers(at_ms)]
+        self._facts.append(PilotReported(at_ms, self.pilot_steers))
+        if self.pilot_steers:
+            self._facts.append(CommandedByOthers(at_ms))
 
     def resend(self, now_ms: int) -> None:
         """Repeats an order that a rebooted vehicle may have forgotten. A docking has its own time-out.

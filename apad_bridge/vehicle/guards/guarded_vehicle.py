@@ -225,8 +225,8 @@ class GuardedVehicle:
         who = client or "another client, which this stack does not name,"
         self.gate.events.append(OthersCommanded(client))
         stop = self._stops.in_force
-        if stop is not None and stop.is_persons and not self.gate.pilot:
-            self._send_stop(now_ms)  # a person's stop comes before other clients
+        if stop is not None and not self.gate.pilot:
+            self._send_again(f"{who} commands the aPad", now_ms)
         elif stop is None and self.gate.others == "":
             self.gate.others = f"{who} commands the aPad: continue, take it over, or give it back"
 
@@ -332,10 +332,20 @@ class GuardedVehicle:
         else:
             self._send(Stop(command_id), now_ms)
 
+    def _send_again(self, reason: str, now_ms: int) -> None:
+        """Sends the stop in force to a vehicle that moves in spite of it: it comes before other clients."""
+        self._stops.order_again(reason)
+        self._rest = None
+        self._send_stop(now_ms)
+
     def _stop_failed(self, reason: str, now_ms: int) -> None:
         """The vehicle has not taken the stop: OFF in place of a HOLD, and an OFF again."""
         stop = self._stops.in_force
         assert stop is not None
+        if self.gate.pilot == PILOT_STEERS:
+            # A pilot ends a stop that was taken, too. Nothing goes out, and nothing when the pilot lets go.
+            self._stops.failed(self.gate.pilot)
+            return
         self._stops.failed(reason)
         if stop.kind is StopKind.HOLD:
             self._stops.become_off(f"the vehicle did not take the hold: {reason}")
@@ -421,6 +431,8 @@ class GuardedVehicle:
             return
         stop = self._stops.in_force
         if stop is not None and self._way_back is None and (stop.kind is StopKind.OFF or not wants_off):
+            if finding.cause is not Cause.POSITION:
+                self._send_again(finding.reason, now_ms)
             return
         if stop is not None and stop.kind is StopKind.HOLD and wants_off:
             self._stops.become_off(finding.reason)

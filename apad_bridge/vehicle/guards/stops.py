@@ -82,6 +82,9 @@ class Stops:
         """The command by which the stop in force went out last."""
         self._is_told = False
         """The operator was told that the vehicle has not taken it, in this mode."""
+        self._awaited_ms: int | None = None
+        """Since when the vehicle owes its acceptance, of which the operator was not told. A HOLD that becomes OFF
+        meanwhile, or a second stop, gives it no more time."""
 
     @property
     def is_persons_hold(self) -> bool:
@@ -120,14 +123,24 @@ class Stops:
 
     def become_off(self, reason: str) -> None:
         """A HOLD in force becomes OFF, for this reason, under the same number."""
-        assert self.in_force is not None
-        self._change(kind=StopKind.OFF, sent_ms=None, taken_ms=None, rest_ms=None)
+        self._change(kind=StopKind.OFF)
+        self._begin_anew(reason)
+
+    def order_again(self, reason: str) -> None:
+        """The vehicle moves in spite of the stop, for this reason: what it had taken it has to take anew."""
+        if self.in_force is not None and self.in_force.taken_ms is not None:
+            self._begin_anew(reason)
+
+    def _begin_anew(self, reason: str) -> None:
+        self._change(sent_ms=None, taken_ms=None, rest_ms=None)
         self._is_told = False
         self._note(StopState.ORDERED, reason)
 
     def sent(self, command_id: int, now_ms: int) -> None:
         assert self.in_force is not None
         self._command_id = command_id
+        if self._awaited_ms is None:
+            self._awaited_ms = now_ms
         if self.in_force.sent_ms is None:
             self._change(sent_ms=now_ms)
             self._note(StopState.SENT)
@@ -137,13 +150,14 @@ class Stops:
 
     def taken(self, now_ms: int) -> None:
         if self.in_force is not None and self.in_force.taken_ms is None:
+            self._awaited_ms = None
             self._change(taken_ms=now_ms, not_taken="")
             self._note(StopState.TAKEN)
 
     def failed(self, reason: str) -> None:
         """The vehicle has not taken it, and it is sent again; told once."""
         if self.in_force is not None and self.in_force.taken_ms is None and not self._is_told:
-            self._is_told = True
+            self._is_told, self._awaited_ms = True, None
             self._change(not_taken=reason)
             self._note(StopState.NOT_TAKEN, reason)
 
@@ -157,17 +171,17 @@ class Stops:
         stop = self.in_force
         return (
             stop is not None
-            and stop.sent_ms is not None
             and stop.taken_ms is None
             and not self._is_told
-            and now_ms - stop.sent_ms >= patience_ms
+            and self._awaited_ms is not None
+            and now_ms - self._awaited_ms >= patience_ms
         )
 
     def end(self, by: str) -> None:
         """A person continues: no stop is in force any more."""
         if self.in_force is not None:
             self._events.append(StopEnded(self.in_force.number, by))
-        self.in_force = self._command_id = None
+        self.in_force = self._command_id = self._awaited_ms = None
 
     def _next_number(self) -> int:
         return 1 if self.newest is None else self.newest.number + 1

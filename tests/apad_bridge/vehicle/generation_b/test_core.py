@@ -475,7 +475,7 @@ def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
     apad.core.command(Hold(2, 7.0, 8.0), 2_000)
     assert apad.tells(20_000) == [CommandFailed(2_000, 2, PILOT)]
     apad.core.receive(ManualReceived(21_000, False), 21_000)
-    assert apad.tells(21_000) == [PilotReported(21_000, False), CommandedByOthers(21_000)]
+    assert apad.tells(21_000) == [PilotReported(21_000, False)]
     for at_ms in range(22_000, 120_000, 1_000):
         apad.is_at(at_ms, 30.0, 30.0)  # far from anything that it was ever told
         apad.tells(at_ms)

@@ -10,8 +10,8 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stack_benches import FAULTS, ROOT, Bench, is_safe, truly
-from wire_observer import SIDE_M
+from stack_benches import FAULTS, ROOT, Bench, LinkToA, is_safe, place_of, truly
+from wire_observer import SIDE_M, TICK_MS
 
 from apad_bridge.events.guards import (
     DangerOver,
@@ -22,6 +22,8 @@ from apad_bridge.events.guards import (
     PilotTold,
     Reaction,
     StopChanged,
+    StopKind,
+    StopState,
 )
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.fence import Fence
@@ -59,6 +61,7 @@ from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWa
 from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import PrimitiveFailed
+from apad_bridge.vehicle.simulated.motion import Coast, Steer
 from apad_bridge.vehicle.stack_messages import PoseReceived
 from tests.apad_bridge.vehicle.guards.test_guards import WATERS
 
@@ -581,55 +584,174 @@ def test_no_sequence_of_orders_puts_on_the_wire_what_a_guard_refuses(
     assert (observer.outside, observer.blind, observer.against_pilot) == ([], [], [])
 
 
-@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
-@settings(max_examples=60, deadline=None)
-@given(
-    acts=st.lists(
-        st.tuples(
-            st.sampled_from(sorted({*ACTS, "others", "lost", "found"})),
-            st.floats(-20, SIDE_M + 20),
-            st.floats(-20, SIDE_M + 20),
-        ),
-        max_size=20,
-    ),
-    off=st.booleans(),
-)
-def test_a_persons_stop_is_on_the_wire_within_a_tick_or_the_person_is_told_within_three_seconds(
-    generation: Generation, acts: list[tuple[str, float, float]], off: bool
-) -> None:
-    """Whatever went before. Nothing that moves the vehicle follows, until a person continues."""
-    bench = Bench(generation)
-    for name, x, y in acts:
-        if generation is Generation.A and "pilot" in name:
-            continue  # nobody tells a bench of a pilot there
-        STOP_ACTS[name](bench, x, y)
-        bench.run(1)
-    stops = bench.observer.stops
-    bench.vehicle.stop("Anna", bench.now_ms, off=off)
-    bench.run(1)
-    ordered = bench.vehicle.gate.stops.newest
-    assert ordered is not None
-    if bench.observer.pilot_steers:
-        assert "the pilot has it" in ordered.refused and bench.observer.stops == stops
-        return
-    if bench.link.is_lost:
-        bench.run(3)
-        told = bench.vehicle.gate.stops.newest
-        assert told is not None and told.taken_ms is None and told.not_taken
-        return
-    assert bench.observer.stops > stops
-    orders, stops = bench.observer.orders, bench.observer.stops
-    bench.go(30.0, 30.0)
-    bench.hold(10.0, 10.0)
-    bench.run(20)
-    assert bench.observer.orders - orders == bench.observer.stops - stops
+TOLD_MS = 3_000
+
+
+def nan_at(it: Bench) -> Callable[..., PoseReceived]:
+    return lambda pose, at_ms: PoseReceived(at_ms, math.nan, pose.east_m, pose.heading_rad)
+
+
+def jumped(it: Bench, north_m: float, east_m: float) -> Callable[..., PoseReceived]:
+    return lambda pose, at_ms: PoseReceived(
+        at_ms, pose.north_m + north_m, pose.east_m + east_m, pose.heading_rad
+    )
 
 
 STOP_ACTS = ACTS | {
     "others": lambda it, x, y: it.link.others_go(x, y),
     "lost": lambda it, x, y: setattr(it.link, "is_lost", True),
     "found": lambda it, x, y: setattr(it.link, "is_lost", False),
+    "mute": lambda it, x, y: setattr(it.link, "is_mute", True),
+    "answers": lambda it, x, y: setattr(it.link, "is_mute", False),
+    "nan": lambda it, x, y: setattr(it.link, "shift", nan_at(it)),
+    "jump": lambda it, x, y: setattr(it.link, "shift", jumped(it, x, y)),
 }
+
+
+class Watched(Bench):
+    """A bench with a journal of each tick: what was on the wire, and how the newest stop stands for the operator."""
+
+    def __init__(self, generation: Generation) -> None:
+        self.ticks: list[tuple[int, int, int, StopState | None]] = []
+        """(time, stops on the wire, other orders on the wire, state of the newest stop)."""
+        self.wanted: list[tuple[int, int, bool]] = []
+        """(time, stops on the wire before, orders are lost) of each stop that a person wants, or that another client's
+        order makes due; of that one the time at which the bench hears of the order, at the next tick."""
+        super().__init__(generation)
+
+    def run(self, ticks: int) -> None:
+        for _ in range(ticks):
+            super().run(1)
+            newest, seen = self.vehicle.gate.stops.newest, self.observer
+            state = None if newest is None else newest.state
+            self.ticks.append((self.now_ms, seen.stops, seen.orders - seen.stops, state))
+
+    def act(self, name: str, x: float, y: float) -> None:
+        if "pilot" in name and (isinstance(self.link, LinkToA) or self.link.is_mute):
+            return  # nobody tells the bench of that pilot
+        is_stopped = self.vehicle.gate.stops.in_force is not None
+        if name == "others" and is_stopped and not (self.observer.pilot_steers or self.link.is_mute):
+            self.wanted.append((self.now_ms + TICK_MS, self.observer.stops, self.link.is_lost))
+        STOP_ACTS[name](self, x, y)
+        self.run(1)
+
+    def stop(self, *, off: bool) -> None:
+        """A person stops the vehicle, in place of a stop that is still on its way."""
+        self.wanted = [it for it in self.wanted if it[0] + TOLD_MS <= self.now_ms]
+        self.wanted.append((self.now_ms, self.observer.stops, self.link.is_lost))
+        self.vehicle.stop("Anna", self.now_ms, off=off)
+
+    def is_stopped_or_told(self, at_ms: int, stops: int, is_lost: bool) -> bool:
+        """After a stop was wanted at a time at which so many had been on the wire.
+
+        Where orders arrive it is on the wire within a tick. Where they were lost it is there after three seconds, or the
+        operator is told by then.
+        """
+        limit_ms = at_ms + (TOLD_MS if is_lost else TICK_MS)
+        if any(count > stops for now_ms, count, _, _ in self.ticks if at_ms <= now_ms <= limit_ms):
+            return True
+        told = (
+            at_ms < told_ms <= at_ms + TOLD_MS and kind == "stop" and data["state"] == "not taken"
+            for told_ms, kind, data in self.events
+        )
+        # Of a stop that fails on and on the operator was told before.
+        (state,) = (state for now_ms, _, _, state in self.ticks if now_ms == at_ms + TOLD_MS)
+        return is_lost and (any(told) or state is StopState.NOT_TAKEN)
+
+
+acts_of_a_sea = st.lists(
+    st.tuples(st.sampled_from(sorted(STOP_ACTS)), st.floats(-20, SIDE_M + 20), st.floats(-20, SIDE_M + 20)),
+    max_size=15,
+)
+
+
+@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
+@settings(max_examples=100, deadline=None)
+@given(before=acts_of_a_sea, after=acts_of_a_sea, off=st.booleans())
+def test_a_persons_stop_is_on_the_wire_within_a_tick_or_the_person_is_told_within_three_seconds(
+    generation: Generation,
+    before: list[tuple[str, float, float]],
+    after: list[tuple[str, float, float]],
+    off: bool,
+) -> None:
+    """Whatever went before, and whatever comes after: losses of orders and of answers, bad positions, silences, others.
+
+    Nothing that moves the vehicle follows until a person continues, another client's order has the stop go out again, and
+    nobody is told that the vehicle has taken what was not on the wire.
+    """
+    bench = Watched(generation)
+    for act in before:
+        bench.act(*act)
+    since_ms, stops, moving = bench.now_ms, bench.observer.stops, bench.observer.orders - bench.observer.stops
+    pilot_had_it = bench.observer.pilot_steers
+    bench.stop(off=off)
+    for act in after:
+        bench.act(*act)
+    bench.run(TOLD_MS // TICK_MS + 1)
+    assert bench.observer.against_pilot == []
+    if pilot_had_it:
+        stop = next(data for _, kind, data in bench.events if kind == "stop" and data["by"] == "Anna")
+        assert stop["state"] == "refused" and "the pilot has it" in stop["reason"]
+        return
+    for wanted in bench.wanted:
+        assert bench.is_stopped_or_told(*wanted), wanted
+    later = [it for it in bench.ticks if it[0] > since_ms]
+    assert all(others == moving for _, _, others, _ in later)
+    assert all(count > stops for _, count, _, state in later if state in (StopState.TAKEN, StopState.AT_REST))
+
+
+@pytest.mark.parametrize("goes", ["inside", "outside"])
+@pytest.mark.parametrize("kind", [StopKind.HOLD, StopKind.OFF])
+@pytest.mark.parametrize("generation", [Generation.A, Generation.B])
+def test_after_a_guards_stop_no_other_client_moves_the_vehicle(
+    generation: Generation, kind: StopKind, goes: str
+) -> None:
+    bench = Watched(generation)
+    bench.go(20.0, 45.0)
+    bench.run(5)
+    if kind is StopKind.OFF:
+        bench.act("nan", 0.0, 0.0)
+        bench.run(4)
+        bench.act("heard", 0.0, 0.0)
+    else:
+        bench.act("others", SIDE_M + 15.0, 30.0)
+    bench.run(10)
+    stop, here_m = bench.vehicle.gate.stops.in_force, place_of(bench.link.pose)
+    assert stop is not None and not stop.is_persons and stop.kind is kind
+    bench.act("others", 10.0 if goes == "inside" else SIDE_M + 15.0, 30.0)
+    bench.run(60)
+    assert all(bench.is_stopped_or_told(*it) for it in bench.wanted)
+    assert math.dist(place_of(bench.link.pose), here_m) < 2.0
+
+
+def test_a_stop_that_was_taken_and_is_sent_again_in_vain_is_told_and_so_is_its_end() -> None:
+    """The vehicle had come to rest; another client sends it away, and no order of ours arrives any more."""
+    bench = Watched(Generation.B)
+    bench.stop(off=False)
+    bench.run(8)
+    assert bench.ticks[-1][3] is StopState.AT_REST
+    bench.act("lost", 0.0, 0.0)
+    bench.act("others", 50.0, 50.0)
+    bench.run(4)
+    assert bench.is_stopped_or_told(*bench.wanted[-1]) and bench.ticks[-1][3] is StopState.NOT_TAKEN
+    bench.act("found", 0.0, 0.0)
+    bench.run(15)
+    assert bench.ticks[-1][3] is StopState.AT_REST
+
+
+def test_when_a_pilot_puts_the_vehicle_down_no_hold_turns_its_thrusters_on() -> None:
+    bench = Watched(Generation.B)
+    bench.stop(off=False)
+    bench.run(8)
+    bench.act("pilot", 0.0, 0.0)
+    bench.link.push(Steer(0.5, 1.0, 0.0))
+    bench.run(10)
+    bench.link.push(Coast())
+    orders = bench.observer.orders
+    bench.act("no pilot", 0.0, 0.0)
+    bench.run(60)
+    assert bench.observer.orders == orders
+    assert "stop 1 (hold, by Anna)" in bench.vehicle.gate.awaits_person
 
 
 @pytest.mark.parametrize("generation", [Generation.A, Generation.B])
