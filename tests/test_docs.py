@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
+import yaml
 from doc_blocks import EXCERPTS, Block, blocks
 from doc_blocks import PAGES as BLOCK_PAGES
 
@@ -21,7 +22,12 @@ from apad_bridge.runs.exits import EXITS, Exit
 from apad_bridge.scenario.schema import Scenario
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CHANGELOG.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 ROOMS = ("launch_scripts", "docs", "apad_bridge", "agents", "firmware_model", "tests", "benchmarks")
 
 
@@ -308,3 +314,15 @@ def test_no_docstring_begins_with_a_clause(room: str) -> None:
     assert [
         str(path) for path in sorted((ROOT / room).rglob("*.py")) if clause.search(path.read_text())
     ] == []
+
+
+def test_each_hook_before_a_commit_has_a_program_and_finds_tests() -> None:
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
+    for words in (shlex.split(hook["entry"]) for hook in hooks):
+        program = Path(sys.executable).with_name(Path(words[0]).name)
+        assert program.exists(), words
+        if "pytest" in words:
+            found = subprocess.run(
+                [program, *words[1:], "--collect-only"], cwd=ROOT, capture_output=True, text=True
+            )
+            assert found.returncode == 0, found.stdout[-500:]
