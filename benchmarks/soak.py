@@ -40,8 +40,8 @@ from benchmarks.rows import told
 
 AGENTS = 12
 """So few that each of them docks well before the hour is over: the growth with first dockings then ends in it."""
-LOOK_S = 10.0
-SHORT_MINUTES, SHORT_DAYS = 0.75, 0.02
+LOOK_S, SHORT_LOOK_S = 10.0, 1.0
+SHORT_MINUTES, SHORT_DAYS = 0.5, 0.1
 WARM_PART = 0.25
 PROC = Path("/proc")
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
@@ -65,11 +65,13 @@ class Used:
 
 
 def measure(minutes: float = 60.0, days: float = 10.0, short: bool = False) -> dict[str, Any]:
+    look_s = SHORT_LOOK_S if short else LOOK_S
     minutes, days = (SHORT_MINUTES, SHORT_DAYS) if short else (minutes, days)
-    return {"real_time": told(at_real_time(minutes)), "virtual_time": told(in_virtual_time(days))}
+    real_time = told(at_real_time(minutes, look_s))
+    return {"real_time": real_time, "virtual_time": told(in_virtual_time(days, look_s))}
 
 
-def at_real_time(minutes: float) -> dict[str, Any]:
+def at_real_time(minutes: float, look_s: float) -> dict[str, Any]:
     seen: dict[str, list[Used]] = defaultdict(list)
     docked: list[int] = []
     with ExitStack() as stack:
@@ -82,7 +84,7 @@ def at_real_time(minutes: float) -> dict[str, Any]:
             "console": flight.console.process.pid,
             "bare rospy node": flight.reader.process.pid,
         }
-        while not _ended(flight.command):
+        while not _ended(flight.command, look_s):
             for kind, used in _looked(kinds, time.monotonic()):
                 seen[kind].append(used)
             docked.append(_docked_so_far(flight.run))
@@ -98,7 +100,7 @@ def at_real_time(minutes: float) -> dict[str, Any]:
     }
 
 
-def in_virtual_time(days: float) -> dict[str, Any]:
+def in_virtual_time(days: float, look_s: float) -> dict[str, Any]:
     seen: dict[str, list[Used]] = defaultdict(list)
     began_s = time.monotonic()
     with ExitStack() as stack:
@@ -114,7 +116,7 @@ def in_virtual_time(days: float) -> dict[str, Any]:
             stdout=subprocess.DEVNULL,
         )
         stack.callback(end_program, command)
-        while not _ended(command):
+        while not _ended(command, look_s):
             mission_s = _mission_s(run)
             for kind, used in _looked({"command": command.pid}, mission_s * theta):
                 seen[kind].append(used)
@@ -133,10 +135,10 @@ def in_virtual_time(days: float) -> dict[str, Any]:
     }
 
 
-def _ended(command: subprocess.Popen[bytes]) -> bool:
+def _ended(command: subprocess.Popen[bytes], look_s: float) -> bool:
     """Waits until the next look is due; True if the flight has ended before."""
     try:
-        command.wait(LOOK_S)
+        command.wait(look_s)
     except subprocess.TimeoutExpired:
         return False
     return True

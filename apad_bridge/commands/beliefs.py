@@ -15,6 +15,7 @@ from apad_bridge.analysis.belief_scores.scores import LOW_COVERAGE, Score, Score
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 """The formats of `--figure`, here and in `musselbed fit battery`."""
@@ -58,8 +59,10 @@ def run(arguments: argparse.Namespace) -> int:
     if figure is not None and figure.suffix not in FIGURE_ENDINGS:
         raise UserError(f"--figure {figure}: its name must end in one of {', '.join(FIGURE_ENDINGS)}")
     try:
-        record = Record(arguments.record) if arguments.record else best_record(arguments.directory)
-        scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))
+        with WorkProgress(arguments.json) as progress:
+            progress.step(f"reading {arguments.directory}")
+            record = Record(arguments.record) if arguments.record else best_record(arguments.directory)
+            scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
     if scores is None:

@@ -13,6 +13,7 @@ from rich.table import Table
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.run import namespace_of_shell
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.calibration.calibration import Calibration, Recording
@@ -88,11 +89,17 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         scenario = load(arguments.scenario)
         name, namespace = scenario.apad.name, namespace_of_shell()
-        recordings = [read_recording(it, name, namespace) for it in arguments.bags]
-        others = [read_recording(it, name, namespace) for it in arguments.residuals]
-        begin_s = _begin_s(recordings[0])
-        adrift_s = tuple((begin_s + low, begin_s + high) for low, high in arguments.adrift)
-        found = calibrate(recordings, scenario, adrift_s, others)
+        with WorkProgress(arguments.json) as progress:
+
+            def read(bag: Path) -> Recording:
+                progress.step(f"reading {bag}")
+                return read_recording(bag, name, namespace)
+
+            recordings, others = list(map(read, arguments.bags)), list(map(read, arguments.residuals))
+            begin_s = _begin_s(recordings[0])
+            adrift_s = tuple((begin_s + low, begin_s + high) for low, high in arguments.adrift)
+            progress.step("measuring")
+            found = calibrate(recordings, scenario, adrift_s, others)
         if arguments.out is not None:
             write_resolved(arguments.out, with_block(scenario, found.block))
     except (ScenarioError, BagUnreadable) as error:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -54,8 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
             raise UserError("--digest compares one run with another: name one RUN")
         return _compare(arguments.directories[0], arguments.digest, as_json=arguments.json)
     broken: dict[Path, list[Broken]] = {}
-    for directory in arguments.directories:
-        broken |= broken_rules(directory)
+    with WorkProgress(arguments.json) as progress:
+        for directory in arguments.directories:
+            progress.step(f"checking {directory}")
+            broken |= broken_rules(directory)
     if arguments.json:
         print(json.dumps({str(path): [asdict(it) for it in each] for path, each in broken.items()}))
     else:

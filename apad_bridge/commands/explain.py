@@ -15,6 +15,7 @@ from apad_bridge.events.mission import PlanMade
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 
 def add_parser(commands: Any) -> None:
@@ -42,7 +43,9 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     try:
-        lines = read_journal(RunDirectory.open(arguments.directory).journal).lines
+        with WorkProgress(arguments.json) as progress:
+            progress.step(f"reading {arguments.directory}")
+            lines = read_journal(RunDirectory.open(arguments.directory).journal).lines
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
     plans = [line for line in lines if line["kind"] == PlanMade.kind]

@@ -20,6 +20,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.run import namespace_of_shell
 from apad_bridge.events.mission import MissionChanged, Phase
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.progress import WorkProgress
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.field_log.facts import EventTold, Fact
@@ -73,7 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
         scenario = with_overrides(load(arguments.scenario), strategy=arguments.strategy)
         shadow = Shadow(scenario)
         if arguments.bag is not None:
-            missing = _read(arguments.bag, scenario, shadow)
+            with WorkProgress(arguments.json) as progress:
+                progress.step(f"reading {arguments.bag}")
+                missing = _read(arguments.bag, scenario, shadow)
         else:
             code, missing = _listen(scenario, shadow, arguments)
         shadow.end()

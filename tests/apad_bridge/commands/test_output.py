@@ -384,7 +384,11 @@ def test_work_without_a_count_is_told_where_no_terminal_shows_it(
 
 
 @pytest.mark.parametrize(
-    "command", ["report", "export --to mat", "replay", "pack", "branch --at 100 --lose-apad apad1"]
+    "command",
+    [
+        *("report", "export --to mat", "replay", "pack", "branch --at 100 --lose-apad apad1"),
+        *("beliefs", "check", "explain"),
+    ],
 )
 def test_no_command_that_takes_long_is_silent(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -399,3 +403,18 @@ def test_no_command_that_takes_long_is_silent(
     out = ["--out", str(tmp_path / "out.tar.gz")] if name in ("report", "pack") else []
     main([name, str(run), *options, *out])
     assert said and str(run) in said[0]
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["logs merge {bag} {bag} --out {out}", "calibrate {bag} --scenario {pool}", "shadow {pool} {bag}"],
+)
+def test_no_command_that_reads_a_bag_is_silent(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(WorkProgress, "step", lambda self, text: said.append(text))
+    bag = tmp_path / "log.bag"
+    bag.write_bytes(b"no bag")
+    assert main(words.format(bag=bag, out=tmp_path / "out.bag", pool=ROOT / POOL).split()) == 2
+    assert said and str(bag) in said[0]
