@@ -7,7 +7,9 @@ the distances at which the mean score does not differ from 0 by Student's t (God
 maximum likelihood estimation"). It asks of the noise only that it is independent from leg to leg.
 
 A stop has one of two shapes: thrusters brake with a constant deceleration, and the water slows a hull without thrust by a
-share of its speed. The shape that fits counts, and where the noise hides which one that is, the interval holds both.
+share of its speed. The shape that fits counts. Where the noise hides which one that is, the interval reaches from the
+shorter distance to the longer one, and so far beyond both that either shape's truth lies in it with 95 % (Imbens and Manski
+2004, "Confidence intervals for partially identified parameters"). The figure is then the longer distance, the safer one.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import brentq
 
 from apad_bridge.analysis.calibration.intervals import CONFIDENCE, Figure, Floats
 
@@ -40,6 +43,10 @@ _SHAPE_LEVEL = 0.01
 """Level of the test by which one shape is told from the other."""
 _SURE, _DOUBTED = 0.001, 0.05
 """Levels of the test by which a motion after the rest is told from noise."""
+
+
+Interval = tuple[float, float, float]
+"""(low, middle, high) of a stopping distance: m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +90,12 @@ def stopping_distance(tracks: Sequence[StopTrack]) -> Figure | None:
     shapes: tuple[Shape, ...] = (_constant, _exponential)
     wide = {it: _errors(tracks, wide_m, speed_m_s, it, returns=returns) for it in shapes}
     found = [_found(tracks, wide_m, wide[it], speed_m_s, it, returns=returns) for it in _shapes_of(wide)]
-    if any(it is None for it in found):
-        return None
     intervals = [it for it in found if it is not None]
-    middle_m = intervals[0][1]
-    low_m, high_m = min(it[0] for it in intervals), max(it[2] for it in intervals)
+    if len(intervals) < len(found):
+        return None
+    low_m, middle_m, high_m = intervals[0]
+    if len(intervals) > 1:
+        low_m, middle_m, high_m = of_both(intervals[0], intervals[1], len(tracks))
     if middle_m <= _LEAST_SHARE * rest_m:
         return None
     # A braking that begins between two positions is not known better than this.
@@ -98,11 +106,28 @@ def stopping_distance(tracks: Sequence[StopTrack]) -> Figure | None:
 
 
 def _shapes_of(wide: Mapping[Shape, Floats]) -> list[Shape]:
-    """The shape that fits, by a paired t test of the legs' least errors; both, the longer one first, where none is sure."""
+    """The shape that fits, by a paired t test of the legs' least errors; both where none is sure."""
     least = {it: errors[:, int(np.argmin(errors.sum(axis=0)))] for it, errors in wide.items()}
     if stats.ttest_rel(least[_constant], least[_exponential]).pvalue >= _SHAPE_LEVEL:
         return [_constant, _exponential]
     return [min(least, key=lambda it: float(least[it].sum()))]
+
+
+def of_both(one: Interval, other: Interval, stops: int) -> Interval:
+    """The interval that holds the distance of either shape with the same confidence; its middle is the longer one's.
+
+    Each truth can fall out at one side only where the two are far apart, and at both where they are alike.
+    """
+    shorter, longer = sorted((one, other), key=lambda it: it[1])
+    two_sided = float(stats.t.ppf(0.5 + CONFIDENCE / 2, stops - 1))
+    errors_m = (shorter[1] - shorter[0]) / two_sided, (longer[2] - longer[1]) / two_sided
+    apart = (longer[1] - shorter[1]) / max(*errors_m, 1e-9)
+    factor = brentq(
+        lambda it: stats.t.cdf(it + apart, stops - 1) - stats.t.cdf(-it, stops - 1) - CONFIDENCE,
+        0.0,
+        two_sided,
+    )
+    return shorter[1] - factor * errors_m[0], longer[1], longer[1] + factor * errors_m[1]
 
 
 def _found(
@@ -113,8 +138,8 @@ def _found(
     shape: Shape,
     *,
     returns: bool,
-) -> tuple[float, float, float] | None:
-    """(low, middle, high) of one shape: m. None where the noise hides how long the stop is at most."""
+) -> Interval | None:
+    """The interval of one shape. None where the noise hides how long the stop is at most."""
     low_m, middle_m, high_m = _interval(wide_m, errors)
     if high_m >= wide_m[-1] or middle_m <= wide_m[0]:
         return None
@@ -122,8 +147,8 @@ def _found(
     return _interval(narrow_m, _errors(tracks, narrow_m, speed_m_s, shape, returns=returns))
 
 
-def _interval(distances_m: Floats, errors: Floats) -> tuple[float, float, float]:
-    """(low, middle, high) by the squared errors (stops x distances)."""
+def _interval(distances_m: Floats, errors: Floats) -> Interval:
+    """The interval by the squared errors (stops x distances)."""
     scores = np.gradient(errors, np.log(distances_m), axis=1)
     means = scores.mean(axis=0)
     spreads = scores.std(axis=0, ddof=1) / np.sqrt(len(errors))
