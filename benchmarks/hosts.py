@@ -40,7 +40,7 @@ from apad_bridge.records.bag_messages import BELIEFS
 from apad_bridge.records.bag_samples import definitions_in, open_bag
 from apad_bridge.records.journal import JournalTail
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
-from benchmarks.network import DESPITE, MUSSELBED, ROOT
+from benchmarks.network import MUSSELBED, ON_RED, ROOT
 from benchmarks.rows import told
 from benchmarks.soak import children_of_all
 
@@ -133,8 +133,7 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
         for name, machine in zip(FLEETS, (one, two), strict=True):
             scenario = written(home, name, ids[name].start, on_each)
             start(machine, name, *MUSSELBED, "fleet", str(scenario), "--out", f"{name}-run")
-        despite = [word for it in (*DESPITE, "watchdog") for word in ("--despite", it)]
-        start(one, "mission", *MUSSELBED, "mission", str(whole), "--out", "run", *despite)
+        start(one, "mission", *MUSSELBED, "mission", str(whole), "--out", "run", *ON_RED)
         run = programs.folder(one) / "run"
         heard = Heard(run)
 

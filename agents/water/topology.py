@@ -53,6 +53,8 @@ class Topology:
 
     def loss(self, sender: int, receiver: int, at_ms: int) -> float:
         """The probability that a packet that begins at `at_ms` is lost on this link; 1 if there is no link."""
+        if not self.rules:
+            return 0.0
         passes = 1.0
         sender, receiver = max(0, sender), max(0, receiver)
         for rule in self.rules:
