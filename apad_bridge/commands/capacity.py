@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
-from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.exits import Exit, UserError
+
+if TYPE_CHECKING:
+    from apad_bridge.runs.studies.capacity_diagram import Phase
+    from apad_bridge.scenario.schema import Scenario
+
+_SEEDS = (1, 2, 3)
 
 
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "capacity",
         description="Prints bounds that follow from the batteries, the docks and the duty cycle alone. No strategy exceeds "
-        "them, because they exclude travel, docking and waiting. docs/studies.md derives them.",
+        "them, because they exclude travel, docking and waiting. docs/studies.md derives them. A fleet that begins with "
+        "low charges may stay below them for ever: --fly tells from which start charge this fleet is held.",
         epilog=ending(
             "musselbed capacity launch_scripts/scenarios/pool-12.yaml",
+            "musselbed capacity launch_scripts/scenarios/pool-12.yaml --fly",
             "musselbed capacity launch_scripts/scenarios/bay-24.yaml --agents 12 --json",
         ),
     )
@@ -31,6 +40,11 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print the bounds as JSON on stdout, nothing else"
     )
+    parser.add_argument(
+        "--fly",
+        action="store_true",
+        help="fly ten days of the aMussels' time from seven mean start charges, by the scenario's own rules: a minute",
+    )
     parser.set_defaults(run=run)
 
 
@@ -42,8 +56,9 @@ def run(arguments: argparse.Namespace) -> int:
         load(arguments.scenario), theta=arguments.theta, agents=arguments.agents, seed=arguments.seed
     )
     bounds = bounds_of([scenario])
+    phases = _flown(scenario) if arguments.fly else []
     if arguments.json:
-        print(json.dumps(asdict(bounds)))
+        print(json.dumps({**asdict(bounds), "phases": [asdict(it) for it in phases]}))
         return Exit.DONE
     print(f"{scenario.name}: {bounds.text}")
     if bounds.cycles_per_apad_charge is not None:
@@ -55,4 +70,41 @@ def run(arguments: argparse.Namespace) -> int:
                 else f"; at theta {scenario.theta} that is {scenario.theta} times too often"
             )
         )
+    if phases:
+        _print_phases(phases)
+    elif bounds.sustained_from_empty < bounds.amussels <= bounds.sustained:
+        print(
+            f"{bounds.sustained:.1f} is a bound and no promise: more than {bounds.sustained_from_empty:.1f} aMussels that "
+            "begin low stay low. From which start charge this fleet is held: --fly"
+        )
     return Exit.DONE
+
+
+def _flown(scenario: Scenario) -> list[Phase]:
+    from apad_bridge.runs.studies.capacity_diagram import diagram_of
+    from apad_bridge.runs.studies.event_driven import model_gap
+    from apad_bridge.runs.studies.models import StrategyFailed
+
+    if not scenario.fleet.ids:
+        raise UserError("--fly: the scenario has no aMussels")
+    if (gap := model_gap(scenario)) is not None:
+        raise UserError(f"--fly: the event-driven model leaves out {gap}")
+    try:
+        return diagram_of(scenario, _SEEDS)
+    except StrategyFailed as failed:
+        raise UserError(f"--fly: the strategy failed: {failed}") from failed
+
+
+def _print_phases(phases: Sequence[Phase]) -> None:
+    from apad_bridge.runs.studies.capacity_diagram import held_from
+
+    for it in phases:
+        print(
+            f"from a mean charge of {it.start_charge:g}: {it.held} of {it.flown} flights held, "
+            f"{it.uptime_percent:.1f} % uptime"
+        )
+    least = held_from(phases)
+    if least is None:
+        print(f"no start holds this fleet for ever, up to a mean charge of {phases[-1].start_charge:g}")
+    else:
+        print(f"the fleet is held for ever from a mean charge of {least:g} at the start")

@@ -23,6 +23,8 @@ from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
+    from apad_bridge.assembly.capacity import Bounds
+    from apad_bridge.runs.studies.capacity_diagram import Phase
     from apad_bridge.runs.studies.report import Comparison
     from apad_bridge.runs.studies.runner import Fly
     from apad_bridge.runs.studies.sleep_schedules import Schedule
@@ -30,10 +32,14 @@ if TYPE_CHECKING:
 
 TABLE_TWO = "table2"
 SLEEP = "sleep"
+CAPACITY = "capacity"
+DIAGRAM = "diagram.svg"
 _OUT = Path("studies")
 _BETWEEN_COLUMNS = 3
 _SLEEP_SEEDS = 5
 """Whole boards are flown tick by tick: twelve schedules on one configuration take some minutes of a processor."""
+_CAPACITY_SEEDS = 5
+"""The diagram has 112 cells, and a flight of ten days takes about a second of a processor."""
 
 
 def add_parser(commands: Any) -> None:
@@ -42,17 +48,21 @@ def add_parser(commands: Any) -> None:
         description="Flies strategies x scenarios x seeds x parameters, each strategy on the same configurations, and "
         "prints means, paired differences and upper bounds. After an interruption the same command continues the study. "
         f"`musselbed study {TABLE_TWO}` repeats the paper's Table II, and `musselbed study {SLEEP}` compares schedules of "
-        "sleep and recommends one. Results: "
+        f"sleep and recommends one. `musselbed study {CAPACITY}` maps from which fleets and start charges the docks hold a "
+        "fleet. Results: "
         "results.parquet with a row for each mission, report.html with figures.",
         epilog=ending(
             "musselbed study launch_scripts/studies/pool.yaml",
             "musselbed study launch_scripts/studies/pool.yaml --seeds 1000 --json",
             f"musselbed study {TABLE_TWO} --theta 1 --seeds 50",
             f"musselbed study {SLEEP} --seeds 10",
+            f"musselbed study {CAPACITY}",
             note="See docs/studies.md.",
         ),
     )
-    parser.add_argument("study", metavar="STUDY.yaml", help=f"the study's file, or {TABLE_TWO}, or {SLEEP}")
+    parser.add_argument(
+        "study", metavar="STUDY.yaml", help=f"the study's file, or {TABLE_TWO}, {SLEEP} or {CAPACITY}"
+    )
     parser.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N, instead of the study's")
     parser.add_argument(
         "--theta", type=int, metavar="N", help=f"theta of {TABLE_TWO}, instead of the paper's 30"
@@ -77,6 +87,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a study's parts are many, and the other commands start without them.
+    from apad_bridge.runs.studies.capacity_diagram import borders_of, phases_of, write_diagram
     from apad_bridge.runs.studies.report import (
         REPORT,
         RESULTS,
@@ -118,9 +129,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"{directory}: {error.strerror}: choose another place with --out") from error
     found = comparisons(plan, rows)
     write_parquet(directory / RESULTS, plan, rows)
-    write_report(directory / REPORT, plan, rows, found)
     compared = table_two(plan, rows) if is_table_two else []
     schedules = schedules_of(plan, rows) if arguments.study == SLEEP else []
+    phases = phases_of(plan, rows) if arguments.study == CAPACITY else []
+    if phases:  # a figure for each of its many settings would say less
+        write_diagram(directory / DIAGRAM, phases, found[0].bounds)
+    else:
+        write_report(directory / REPORT, plan, rows, found)
     if arguments.json:
         slept = (
             {"schedules": [asdict(it) for it in schedules], "reason": reason_of(schedules)}
@@ -128,21 +143,27 @@ def run(arguments: argparse.Namespace) -> int:
             else {}
         )
         paper = {"table2": compared, "contradictions": contradictions()} if is_table_two else {}
-        print(json.dumps({**as_data(plan, found), **paper, **slept, "files": str(directory)}))
+        held = {"phases": [asdict(it) for it in phases]} if phases else {}
+        print(json.dumps({**as_data(plan, found), **paper, **slept, **held, "files": str(directory)}))
         return Exit.DONE
     console = Console(markup=False, highlight=False)
     if is_table_two:
         _print_table_two(console, compared, contradictions(), apad_energy(plan, rows))
     if schedules:
         _print_schedules(console, schedules, reason_of(schedules))
-    for each in () if schedules else found:
+    if phases:
+        _print_phases(console, phases, list(borders_of(phases)), found[0].bounds)
+        console.print(f"The diagram: {directory / DIAGRAM}", soft_wrap=True)
+    for each in () if schedules or phases else found:
         _print_comparison(console, each, plan.baseline, plan.study.primary)
     console.print(f"A row for each mission: {directory / RESULTS}", soft_wrap=True)
-    console.print(f"Tables and figures, for a browser: {directory / REPORT}", soft_wrap=True)
+    if not phases:
+        console.print(f"Tables and figures, for a browser: {directory / REPORT}", soft_wrap=True)
     return Exit.DONE
 
 
 def _plan_of(arguments: argparse.Namespace) -> Plan:
+    from apad_bridge.runs.studies.capacity_diagram import capacity_study
     from apad_bridge.runs.studies.sleep_schedules import sleep_study
     from apad_bridge.runs.studies.specification import load_study, with_seeds
     from apad_bridge.runs.studies.table_two import THETA, table_two_study
@@ -158,6 +179,8 @@ def _plan_of(arguments: argparse.Namespace) -> Plan:
             )
         if arguments.study == SLEEP:
             return sleep_study(arguments.seeds or _SLEEP_SEEDS)
+        if arguments.study == CAPACITY:
+            return capacity_study(arguments.seeds or _CAPACITY_SEEDS)
         plan = load_study(Path(arguments.study))
         return plan if arguments.seeds is None else with_seeds(plan, arguments.seeds)
     except ScenarioError as error:
@@ -275,6 +298,30 @@ def _print_schedules(console: Console, schedules: Sequence[Schedule], reason: st
         )
     console.print(table)
     console.print(f"Recommended: {schedules[0].text}. {reason}", soft_wrap=True)
+
+
+def _print_phases(
+    console: Console,
+    phases: Sequence[Phase],
+    borders: Sequence[tuple[str, int, float | None]],
+    bounds: Bounds,
+) -> None:
+    """Prints a table for each strategy: the flights that were held, by size of the fleet and mean charge at the start."""
+    charges = sorted({it.start_charge for it in phases})
+    for strategy in dict.fromkeys(it.strategy for it in phases):
+        own = {(it.amussels, it.start_charge): it for it in phases if it.strategy == strategy}
+        title = f"{strategy}: flights held, of {phases[0].flown}, by mean charge at the start"
+        table = _table(title, ["aMussels", *(f"{it:g}" for it in charges), "held from"])
+        for name, amussels, least in borders:
+            if name == strategy:
+                cells = [str(own[amussels, it].held) for it in charges]
+                table.add_row(str(amussels), *cells, "never" if least is None else f"{least:g}")
+        console.print(table)
+    console.print(
+        f"The docks sustain at most {bounds.sustained:.1f} aMussels, and {bounds.sustained_from_empty:.1f} if each charge "
+        "begins at empty. Between the two it depends on the start: a fleet that begins low stays low.",
+        soft_wrap=True,
+    )
 
 
 def _that_fit(cells: dict[str, list[str]], width: int) -> Iterator[list[str]]:

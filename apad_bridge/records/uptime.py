@@ -126,9 +126,13 @@ class UptimeMeter:
 
     def at(self, now_ms: int) -> list[AgentUptime]:
         """The counts at mission time `now_ms`, its own tick included, by id."""
+        return [self.of(agent_id, now_ms) for agent_id in self.agent_ids]
+
+    def of(self, agent_id: int, now_ms: int) -> AgentUptime:
+        """The same of one aMussel. KeyError for one of which no Truth was taken."""
         # One past the last tick's time, so that the open end of the span takes that tick in.
         until_ms = self.ticks(now_ms) * self._step_ms + 1
-        return [self._count(self._ledgers[agent_id], until_ms) for agent_id in self.agent_ids]
+        return self._count(self._ledgers[agent_id], until_ms)
 
     def active_now(self, now_ms: MissionMs) -> int:
         """The number of active aMussels at mission time `now_ms`, in the paper's meaning, by their newest truths."""

@@ -17,6 +17,8 @@ from apad_bridge.vehicle.simulated.power import Ledger
 from firmware_model.state_groups import AT_WORK
 
 _MS_PER_HOUR = 3_600_000
+_LATE = 1 / 5
+"""The last part of a mission, in which a fleet shows whether it is held."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,8 @@ class Figures:
     """The parts of `apad_wh`: thrusters, what is on all the time, and the docks that hold an aMussel."""
     apad_hotel_wh: float | None
     apad_handed_wh: float | None
+    dead_late_h: float
+    """`dead_time_h` in the last fifth of the mission alone: a fleet that is held for ever has none there."""
 
 
 COLUMNS = tuple(field.name for field in fields(Figures))[:15]
@@ -116,8 +120,15 @@ class FigureMeter:
         self._logs_samples = takes_samples(scenario.board)
         self.uptimes = UptimeMeter(scenario.time_scale, charge_models(scenario))
         self._gaps = SamplingGaps(logs_samples=self._logs_samples)
+        self._late_ms = MissionMs(round(1000 * (1 - _LATE) * scenario.duration_s))
+        self._dead_before: dict[int, int] = {}
+        """Ticks with an empty battery before the last fifth, by aMussel, once a truth is past its begin."""
 
     def take(self, truth: Truth) -> None:
+        agent_id, late_ms = truth.agent_id, self._late_ms
+        if truth.at_ms > self._scenario.time_scale.agent_ms(late_ms) and agent_id not in self._dead_before:
+            is_known = agent_id in self.uptimes.agent_ids
+            self._dead_before[agent_id] = self.uptimes.of(agent_id, late_ms).dead if is_known else 0
         self.uptimes.take(truth)
         self._gaps.take(truth)
 
@@ -127,7 +138,9 @@ class FigureMeter:
         figures = uptime_figures(self.uptimes, now_ms, battery_min=battery_worth_min(self._scenario))
         submerged, paper = figures["uptime_submerged"], figures["uptime_paper"]
         apad_wh = ledger.used_wh if scale.is_real else None
-        work_ticks = sum(it.submerged for it in self.uptimes.at(now_ms))
+        counts = self.uptimes.at(now_ms)
+        work_ticks = sum(it.submerged for it in counts)
+        dead_late = sum(it.dead - self._dead_until_late(it.agent_id, now_ms) for it in counts)
         return Figures(
             figures["amussels_lost"],
             figures["samples_taken"] if self._logs_samples else work_ticks,
@@ -150,5 +163,13 @@ class FigureMeter:
             state.services,
             str(state.ended_by),
             None if state.ended_by is None else state.ended_by.reason,
-            *((ledger.travel_wh, ledger.hotel_wh, ledger.handed_wh) if scale.is_real else (None, None, None)),
+            apad_travel_wh=ledger.travel_wh if scale.is_real else None,
+            apad_hotel_wh=ledger.hotel_wh if scale.is_real else None,
+            apad_handed_wh=ledger.handed_wh if scale.is_real else None,
+            dead_late_h=dead_late / self.uptimes.ticks_per_agent_min / 60,
         )
+
+    def _dead_until_late(self, agent_id: int, now_ms: MissionMs) -> int:
+        if agent_id in self._dead_before:
+            return self._dead_before[agent_id]
+        return self.uptimes.of(agent_id, min(now_ms, self._late_ms)).dead

@@ -1,0 +1,187 @@
+"""The phase diagram of a fleet: from which sizes and start charges the docks hold it, and from which it stays low.
+
+The bound D (1 + c / d) of `capacity` takes the fastest part of the charging curve. A fleet whose charges are low charges on
+the slow part below the curve's knee, so that its docks give less than it draws. So it stays low, though a fleet of the same
+size that began high is held for ever. Each flight of the diagram begins with charges drawn evenly about a mean. It counts
+as held if no aMussel is empty in the last fifth of its ten days.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from apad_bridge.assembly.capacity import Bounds
+from apad_bridge.runs.studies.models import Model, fly
+from apad_bridge.runs.studies.runner import Row
+from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.scenario.loader import SHIPPED, from_data, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.text_file import write_atomically
+
+AMUSSELS = range(9, 17)
+"""About the pool's two bounds: 11.9 if each charge begins at empty, and 15.2."""
+MEAN_CHARGES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+SPREAD = 0.2
+"""Starts are drawn evenly within this of the mean, as the paper's of 0.6 to 1. Equal charges would all be due at once."""
+DAYS_S = 10 * 86_400
+_UNLIMITED_WH = 1e6
+"""The aPad's battery, which is no part of the question. The random drift is none either: it moves an aMussel by less than a
+metre between two services, and takes most of a flight's time."""
+_ONE_BY_ONE = {
+    "name": "cautious, one by one",
+    "collection": "cautious",
+    "dispatch": "asynchronous",
+    "pool_threshold": 0.7,
+}
+_BATCH = {"name": "cautious, batch", "collection": "cautious"}
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """The flights of one strategy from one size of the fleet and one mean start charge."""
+
+    strategy: str
+    amussels: int
+    start_charge: float
+    flown: int
+    held: int
+    """Flights without an empty aMussel in their last fifth."""
+    uptime_percent: float
+    dead_late_h: float
+    """Mean hours of aMussels with an empty battery in the last fifth: agent time, over the fleet."""
+
+
+def capacity_study(seeds: int) -> Plan:
+    """The diagram's study: the pool at theta 1 for ten days, with two rules of dispatch."""
+    data = {
+        "name": "capacity",
+        "scenarios": ["pool-12.yaml"],
+        "strategies": [_ONE_BY_ONE, _BATCH],
+        "seeds": seeds,
+        "start": "scenario",
+        "parameters": {
+            "theta": [1],
+            "duration_s": [float(DAYS_S)],
+            "apad.battery.capacity_wh": [_UNLIMITED_WH],
+            "fleet.drift.amplitude_m": [0.0],
+            "fleet.count": list(AMUSSELS),
+            "fleet.start": [_start(it) for it in MEAN_CHARGES],
+        },
+        "model": Model.EVENT_DRIVEN.value,
+    }
+    return plan_of(data, "capacity", SHIPPED)
+
+
+def _start(mean: float) -> dict[str, Any]:
+    return {"charge": [round(mean - SPREAD, 6), round(mean + SPREAD, 6)]}
+
+
+def phases_of(plan: Plan, rows: Sequence[Row]) -> list[Phase]:
+    """One for each strategy, size and start charge, in the study's order."""
+    found = []
+    for strategy in plan.strategies:
+        for index, setting in enumerate(plan.settings):
+            own = [row for row in rows if row["setting"] == index and row["strategy"] == strategy]
+            values: dict[str, Any] = dict(setting.parameters)
+            found.append(
+                Phase(
+                    strategy,
+                    values["fleet.count"],
+                    round(fmean(values["fleet.start"]["charge"]), 6),
+                    len(own),
+                    sum(row["dead_late_h"] == 0 for row in own),
+                    fmean(row["uptime_paper_mean"] for row in own),
+                    fmean(row["dead_late_h"] for row in own),
+                )
+            )
+    return found
+
+
+def held_from(phases: Sequence[Phase]) -> float | None:
+    """The least mean start charge of one fleet from which on every flight is held; None if not even the highest is."""
+    least = None
+    for phase in sorted(phases, key=lambda it: -it.start_charge):
+        if phase.held < phase.flown:
+            break
+        least = phase.start_charge
+    return least
+
+
+def borders_of(phases: Sequence[Phase]) -> Iterator[tuple[str, int, float | None]]:
+    """(strategy, aMussels, `held_from`) for each fleet of the diagram."""
+    fleets = dict.fromkeys((it.strategy, it.amussels) for it in phases)
+    for strategy, amussels in fleets:
+        own = [it for it in phases if (it.strategy, it.amussels) == (strategy, amussels)]
+        yield strategy, amussels, held_from(own)
+
+
+def diagram_of(
+    scenario: Scenario, seeds: Sequence[int], on_flown: Callable[[], None] = lambda: None
+) -> list[Phase]:
+    """Flies the scenario's own fleet by its own rules for ten days of the aMussels' time, from each start charge.
+
+    The aPad's battery is unlimited, and nothing drifts at random.
+
+    StrategyFailed when its strategy ends a flight. The scenario must be one that `model_gap` finds covered.
+    """
+    data = resolve(scenario)
+    data["duration_s"] = float(scenario.time_scale.mission_time(DAYS_S))
+    data["apad"]["battery"]["capacity_wh"] = _UNLIMITED_WH
+    data["fleet"]["drift"]["amplitude_m"] = 0.0
+    found = []
+    for mean in MEAN_CHARGES:
+        data["fleet"]["start"] = _start(mean)
+        flights = []
+        for seed in seeds:
+            flights.append(fly(from_data({**data, "seed": seed}, scenario.name), Model.EVENT_DRIVEN))
+            on_flown()
+        found.append(
+            Phase(
+                scenario.mission.collection,
+                len(scenario.fleet.ids),
+                mean,
+                len(flights),
+                sum(it.dead_late_h == 0 for it in flights),
+                fmean(it.uptime_paper_mean for it in flights),
+                fmean(it.dead_late_h for it in flights),
+            )
+        )
+    return found
+
+
+def write_diagram(path: Path, phases: Sequence[Phase], bounds: Bounds) -> None:
+    """Writes the diagram as SVG: a panel for each strategy, and the share of flights that were held as colour."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib.figure import Figure
+
+    matplotlib.rcParams["svg.hashsalt"] = "musselbed"  # so that the same diagram is the same file
+    strategies = list(dict.fromkeys(it.strategy for it in phases))
+    sizes = sorted({it.amussels for it in phases})
+    charges = sorted({it.start_charge for it in phases})
+    drawing = Figure(figsize=(4.6 * len(strategies), 3.8), layout="constrained")
+    for axis, strategy in zip(
+        drawing.subplots(1, len(strategies), squeeze=False)[0], strategies, strict=True
+    ):
+        shares = {
+            (it.amussels, it.start_charge): it.held / it.flown for it in phases if it.strategy == strategy
+        }
+        grid = [[shares[size, charge] for size in sizes] for charge in charges]
+        mesh = axis.pcolormesh(sizes, charges, grid, cmap="RdYlBu", vmin=0, vmax=1, edgecolors="white")
+        for bound, style in ((bounds.sustained_from_empty, ":"), (bounds.sustained, "--")):
+            axis.axvline(bound, linestyle=style, color="black")
+        axis.set_title(strategy)
+        axis.set_xlabel("aMussels")
+        axis.set_xticks(sizes)
+        axis.set_yticks(charges)
+        axis.set_ylabel("mean charge at the start")
+    drawing.colorbar(mesh, label="share of flights that are held")
+    text = io.StringIO()
+    drawing.savefig(text, format="svg", metadata={"Date": None})
+    write_atomically(path, text.getvalue())
