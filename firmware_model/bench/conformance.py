@@ -76,6 +76,8 @@ class Whole:
     """The drift of its counter and of its clock chip's crystal."""
     doubt_ppm: int | None = None
     """The bound of the drift that it assumes; None for a board that trusts its clock."""
+    float_min: int = 720
+    """It sinks again after so many minutes afloat."""
     report_min: int | None = None
     """The minutes between the reports that the experiment asks for; None for none."""
 

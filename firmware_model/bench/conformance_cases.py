@@ -274,6 +274,7 @@ _STATES = [
         0.4,
     ),
     Case("charger-below", Source.STATES, "a rising pin charges one on the bottom", "3s rises 1h", 0.4),
+    Case("charger-while-empty", Source.STATES, "a rising pin charges an empty one", "2h rises 1h", 0.05),
     Case(
         "bounces",
         Source.STATES,

@@ -113,7 +113,7 @@ def test_the_perl_board_fails_what_it_leaves_out_and_may_waive_it(
     waivers = tmp_path / "waivers.yaml"
     waivers.write_text("".join(f"{name}: our contacts do not bounce\n" for name in CLAIMS_LESS))
     assert main(["mu", "conform", str(PERL), "--waive", str(waivers)]) == 0
-    assert "84 passed, 1 differs, 6 waived" in capsys.readouterr().out
+    assert "85 passed, 1 differs, 6 waived" in capsys.readouterr().out
 
 
 def test_a_failed_case_s_script_can_be_replayed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -188,3 +188,97 @@ def test_a_mutant_of_the_c_board_is_caught(
     )
     assert main(["mu", "conform", str(tmp_path / "mutant")]) == 3
     assert re.search(r"\d+ failed", capsys.readouterr().out)
+
+
+WHOLE_MUTANTS = {
+    "a torn record that is not counted": (
+        "sample_log.c",
+        "log_state.torn = torn + unwritable;",
+        "log_state.torn = unwritable;",
+        "torn-again-and-again",
+    ),
+    "a sequence that is used again": (
+        "sample_log.c",
+        "        known = end;",
+        "        ;",
+        "written-at-a-page-s-edge",
+    ),
+    "an acknowledgement that is forgotten": (
+        "sample_log.c",
+        "    log_state.acknowledged = next;\n",
+        "",
+        "an-acknowledgement-lost",
+    ),
+    "a repeated acknowledgement that asks for nothing": (
+        "sample_log.c",
+        "        log_upload();\n        return true;",
+        "        return true;",
+        "an-acknowledgement-twice",
+    ),
+    "records without a look at their check": (
+        "sample_log.c",
+        "    return whole ? ",
+        "    return true ? ",
+        "worn-cells",
+    ),
+    "an alarm that rings twice": (
+        "clock.c",
+        "    if (reading > passed)\n        passed = reading;",
+        "    passed = reading;",
+        "no-alarm-twice",
+    ),
+    "a timeslot without its offset": ("clock.c", " + settings.offset_ms;", ";", "an-offset-of-300-ms"),
+    "a trusted clock": (
+        "clock.c",
+        "config->doubts_clock && doubt > settings.guard_ms",
+        "false",
+        "a-clock-in-doubt",
+    ),
+    "settings that a reset forgets": (
+        "clock.c",
+        "    hal_store_settings(&settings);\n",
+        "",
+        "settings-outlive-a-reset",
+    ),
+    "a low level that wakes nobody": (
+        "states.c",
+        "    {LOW_LEVEL_REACHED, S(SLEEPING), SAMPLING},\n",
+        "",
+        "low-level",
+    ),
+    "a sleep in which nothing sleeps": (
+        "state_task.c",
+        "HAL_DEEP : HAL_AWAKE",
+        "HAL_AWAKE : HAL_AWAKE",
+        "table-1-asleep",
+    ),
+    "a last resort that does not wait": (
+        "state_task.c",
+        "at > board.stays_down_until ? at : board.stays_down_until",
+        "at",
+        "stays-down-when-told",
+    ),
+    "a last resort that a dock does not end": (
+        "pin_task.c",
+        "        board.last_resort = HAL_NEVER;\n",
+        "",
+        "a-last-resort-ends-in-a-dock",
+    ),
+}
+"""Hand-written changes of the whole board: (file, text, text in its place, the case that catches it)."""
+
+
+@pytest.mark.parametrize("name", WHOLE_MUTANTS)
+def test_a_mutant_of_the_whole_board_is_caught(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, old, new, case = WHOLE_MUTANTS[name]
+    source = (NATIVE / "whole" / file).read_text()
+    assert old in source
+    (tmp_path / file).write_text(source.replace(old, new, 1))
+    others = [str(it) for it in (NATIVE / "whole").glob("*.c") if it.name != file]
+    paths = [f"-I{NATIVE}", f"-I{NATIVE / 'whole'}", "-w", "-o", "mutant", file]
+    command = ["cc", "-std=c99", "-D_POSIX_C_SOURCE=200809L", *paths, *others, str(NATIVE / "musselbed.c")]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=120)
+    assert main(["mu", "conform", str(tmp_path / "mutant"), "--profile", "mu", "--case", case]) == 3
+    assert "1 failed" in capsys.readouterr().out
