@@ -275,6 +275,10 @@ _TRAVEL = [
     _case(
         "nobody-comes", Source.STATES, "afloat for too long it sinks again", f"{_UP} 2h", Whole(float_min=60)
     ),
+    _case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} sink 3min"),
+    _case(
+        "sinks-when-told-after-its-dock", Source.STATES, "likewise after a release", f"{_RELEASED} sink 3min"
+    ),
     _case("a-release-afloat", Source.STATES, "afloat a release sinks it", f"{_UP} release 3min"),
     _case(
         "sinks-on-its-way", Source.STATES, "an order sinks it on its way up", "3s permission 20s sink 3min"
@@ -439,13 +443,13 @@ _FAULTS = [
         "torn-at-a-page-s-edge",
         Source.PACKETS,
         "a page whose first record is torn goes on with the next one",
-        f"3s {_EACH_MINUTE} 171min supply:10 {_UPLOADED}",
+        f"3s {_EACH_MINUTE} 172min supply:10 {_UPLOADED}",
     ),
     _case(
         "written-at-a-page-s-edge",
         Source.PACKETS,
         "a record that a reset left whole keeps its sequence",
-        f"3s {_EACH_MINUTE} 171min supply:24 {_UPLOADED}",
+        f"3s {_EACH_MINUTE} 172min supply:24 {_UPLOADED}",
     ),
     _case(
         "torn-again-and-again",
@@ -499,7 +503,7 @@ _EMERGENCY = [
         "a-last-resort-ends-in-a-dock",
         Source.STATES,
         "once charged it sinks again after its time afloat",
-        "10h rises 6h falls 1s release 10min permission 70s 2h",
+        "10h rises 350min falls 1s release 10min permission 70s 2h",
         replace(_SURFACES, float_min=60),
         0.005,
         tolerance_ms=_LEVEL_MS,
