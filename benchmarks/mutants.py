@@ -120,6 +120,7 @@ EQUIVALENT = {
     ): _TEXT,
     ("hal_motors(HAL_FLOAT, 0);", "hal_motors(HAL_FLOAT, 1);"): "a run to the surface has no depth",
     ("return true;", "return false;"): _TEXT,
+    ("return;", ""): _TEXT,
     ("#define BILLION 1000000000u", "#define BILLION 1000000001u"): _SMALL,
     (
         "if (board.state == OFF || board.state == BOOTING)",

@@ -35,6 +35,8 @@ def _wifi(command: Command) -> str:
     return f"wifi:{command.encode().hex()}"
 
 
+_SINK = _wifi(CommandPacket(Kind.SINK, 1))
+"""Sound does not reach a modem in air."""
 _EACH_MINUTE = _sound(SleepSchedule(1, 60_000, 10_000))
 _SLOT_7 = _sound(SlotAssignment(1, 300_000, 3000, 500, 7, 0))
 _HUNDRED_SAMPLES = f"3s {_EACH_MINUTE} 100min permission 70s rises"
@@ -275,9 +277,12 @@ _TRAVEL = [
     _case(
         "nobody-comes", Source.STATES, "afloat for too long it sinks again", f"{_UP} 2h", Whole(float_min=60)
     ),
-    _case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} sink 3min"),
+    _case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} {_SINK} 3min"),
     _case(
-        "sinks-when-told-after-its-dock", Source.STATES, "likewise after a release", f"{_RELEASED} sink 3min"
+        "sinks-when-told-after-its-dock",
+        Source.STATES,
+        "likewise after a release",
+        f"{_RELEASED} {_SINK} 3min",
     ),
     _case("a-release-afloat", Source.STATES, "afloat a release sinks it", f"{_UP} release 3min"),
     _case(
