@@ -165,7 +165,7 @@ CONDITIONS = {
 """The event-driven model has neither wind nor twins, so the last two are flown tick by tick."""
 SHORT_CONDITION, SHORT_TRIES = "the paper's area and charges", 4
 FIGURES = ("uptime_paper_mean", "uptime_paper_min", "metres")
-"""Whose differences are tested."""
+"""The strategies that are compared with the paper's."""
 PLANNED = {"pool of 24": 24, "pool of 120": 120}
 PLANNERS: dict[str, dict[str, Any]] = {
     **{name: {} for name in ("cautious", "blend", "rollout", "rollout-fair")},
