@@ -165,7 +165,7 @@ CONDITIONS = {
 """The event-driven model has neither wind nor twins, so the last two are flown tick by tick."""
 SHORT_CONDITION, SHORT_TRIES = "the paper's area and charges", 4
 FIGURES = ("uptime_paper_mean", "uptime_paper_min", "metres")
-"""The strategies that are compared with the paper's."""
+"""The columns whose differences are tested."""
 PLANNED = {"pool of 24": 24, "pool of 120": 120}
 PLANNERS: dict[str, dict[str, Any]] = {
     **{name: {} for name in ("cautious", "blend", "rollout", "rollout-fair")},
@@ -364,7 +364,7 @@ def _flown(plan: Plan, workers: int) -> tuple[list[Row], float, float]:
 
 
 def _processor_s() -> float:
-    """Of this process and its children: where there is one processor, a study flies in this process."""
+    """The processor time of this process and its children: where there is one processor, a study flies in this process."""
     used = [resource.getrusage(it) for it in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(it.ru_utime + it.ru_stime for it in used)
 
