@@ -3,7 +3,8 @@
 The twins know the catalogue's numbers. Each board of a population draws its own: an ageing of 0 to 40 % of the capacity,
 a drain of 20 % more or less, and for each battery's sensor a bias of 0.05 either way and a noise of 0.005 in every
 packet. The charge that a coil delivers is the catalogue's. All draws are uniform (the noise is normal) and follow from
-the population's seed. One population has boards that equal their twins, and is reported apart.
+the population's seed. Two cases are reported apart: boards that equal their twins, and a population of which one aMussel's
+codec takes 0.3 off its primary's charge, which is judged before and after its twin suspects it.
 
 The judge reads the agents' truth channel, and computes coverage and NEES itself. A round of charge ends with a release.
 The bins overlap: a charging aMussel is docked too. The shares of packets received are of all packets, by sound and by
@@ -16,6 +17,7 @@ import math
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -63,7 +65,8 @@ MOST_AGED, MOST_DRAIN, MOST_BIAS = 0.4, 0.2, 0.05
 TWIN = {
     "drain_deviation": 0.05,
     "sensor_noise": NOISE,
-    "bias_deviation": 0.002,
+    "bias_deviation": 0.0005,
+    "coil_deviation": 0.005,
     "unscheduled": 0.0,
     "fix_deviation_m": 0.5,
 }
@@ -73,8 +76,16 @@ BINS = {
     "docked": {State.CHARGING, State.REPORTING},
     "charging": {State.CHARGING, State.REPORTING},
 }
+LIAR, LIE = 1, -0.3
+"""The aMussel whose codec takes so much off, and how much."""
 ROUNDS = 3
 """The rounds of charge after which a twin should know its board."""
+
+
+class Boards(StrEnum):
+    UNTOLD = "untold"
+    AS_TOLD = "as told"
+    LIAR = "one liar"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +112,12 @@ class Population(Spread):
         return self.boards[board.agent_id].board(board)
 
 
-def population(seed: int, ids: tuple[int, ...], equal: bool = False) -> dict[int, Drawn]:
-    """The boards by id; with `equal`, each is its twin's own."""
+def population(seed: int, ids: tuple[int, ...], boards: Boards = Boards.UNTOLD) -> dict[int, Drawn]:
+    """The boards by id."""
     luck = random.Random(f"boards {seed}")
-    if equal:
+    if boards is Boards.AS_TOLD:
         return dict.fromkeys(ids, Drawn())
-    return {
+    drawn = {
         agent_id: Drawn(
             luck.uniform(0, MOST_AGED),
             luck.uniform(1 - MOST_DRAIN, 1 + MOST_DRAIN),
@@ -115,6 +126,9 @@ def population(seed: int, ids: tuple[int, ...], equal: bool = False) -> dict[int
         )
         for agent_id in ids
     }
+    if boards is Boards.LIAR:
+        drawn[LIAR] = replace(drawn[LIAR], bias=LIE)
+    return drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,9 +148,7 @@ class Row:
     charging: bool
     ageing_error: float
     """The estimated minus the true ageing; NaN for a twin that estimates none."""
-    true: float
-    at_ms: int
-    heard_ms: int
+    suspect: bool
 
 
 def scenario_of(seed: int) -> Scenario:
@@ -147,11 +159,13 @@ def scenario_of(seed: int) -> Scenario:
     return from_data(data, shipped.name)
 
 
-def flown(seed: int, heard: float, equal: bool = False, mission_s: float = MISSION_S) -> list[Row]:
+def flown(
+    seed: int, heard: float, boards_are: Boards = Boards.UNTOLD, mission_s: float = MISSION_S
+) -> list[Row]:
     """Flies one population, and compares each belief with its truth each 10 s of the mission."""
     scenario = replace(scenario_of(seed), duration_s=mission_s)
     config = _told_of_losses(flight_config(scenario), heard)
-    boards = population(seed, tuple(scenario.fleet.ids), equal)
+    boards = population(seed, tuple(scenario.fleet.ids), boards_are)
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     drawn = replace(fleet_parts.fleet_config(config), spread=Population(boards))
     host = InProcessHost(drawn, initial_states)
@@ -247,9 +261,7 @@ class Judge(MemoryRecorder):
             not 0 < true < 1 or at_an_end,
             true < 1,
             _ageing(belief) - self._boards[agent_id].ageing,
-            true,
-            now_ms,
-            belief.heard_ms,
+            belief.suspicion is not None,
         )
 
 
@@ -278,41 +290,90 @@ def binned(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
 
 
 def measure(seeds: tuple[int, ...] = JUDGED_ON, short: bool = False) -> dict[str, Any]:
-    """`bins`: the scores by population, share of packets, rounds of charge and bin; `ageing`: its errors after them."""
+    """`bins`: the scores by case, share of packets, rounds of charge and bin. `ageing`: by case and share of packets, how
+    many aMussels' ageing was estimated within 0.05 when their fourth round began, and the greatest error then. `suspects`:
+    the number by case, and the scores of the liar.
+    """
     seeds, mission_s = (TUNED_ON[:1], SHORT_S) if short else (seeds, MISSION_S)
-    jobs = [(seed, heard, equal) for equal in (False, True) for heard in HEARD for seed in seeds]
-    found: dict[tuple[bool, float], list[Row]] = {}
-    for (seed, heard, equal), rows in side_by_side(partial(_flown, mission_s=mission_s), jobs):
-        found.setdefault((equal, heard), []).extend(rows)
-        told({"boards": _boards(equal), "heard": heard, "seed": seed, **score(rows)})
-    bins = []
-    for (equal, heard), rows in found.items():
-        for after in (0, ROUNDS):
-            some = [row for row in rows if (row.rounds >= ROUNDS) is bool(after)]
-            for name, here in binned(some):
-                head = {
-                    "boards": _boards(equal),
-                    "heard": heard,
-                    "rounds": after,
-                    "bin": name,
-                }
-                bins.append({**head, **score(here)})
-    return {"seeds": list(seeds), "mission_s": mission_s, "bins": bins}
+    jobs = [
+        (seed, heard, boards)
+        for boards in (Boards.UNTOLD, Boards.AS_TOLD)
+        for heard in HEARD
+        for seed in seeds
+    ]
+    jobs += [(seed, 1.0, Boards.LIAR) for seed in seeds]
+    found: dict[Case, list[list[Row]]] = {}
+    for (seed, heard, boards), rows in side_by_side(partial(_flown, mission_s=mission_s), jobs):
+        found.setdefault((boards, heard), []).append(rows)
+        told({"boards": boards, "heard": heard, "seed": seed, **score(rows)})
+    return judged(seeds, mission_s, found)
 
 
-def _boards(equal: bool) -> str:
-    return "as told" if equal else "untold"
-
-
-def _flown(job: tuple[int, float, bool], mission_s: int) -> list[Row]:
+def _flown(job: tuple[int, float, Boards], mission_s: int) -> list[Row]:
     return flown(*job, mission_s)
 
 
+Case = tuple[Boards, float]
+"""The boards, and the share of packets received."""
+
+
+def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[Row]]]) -> dict[str, Any]:
+    """The figures of `measure`, from the rows of each case's flights."""
+    bins, ageing, suspects = [], [], []
+    for (boards, heard), flights in found.items():
+        head = {"boards": str(boards), "heard": heard}
+        if boards is Boards.LIAR:
+            lies = [row for rows in flights for row in rows if row.agent_id == LIAR]
+            suspects += [
+                {**head, "suspect": suspect, **score([row for row in lies if row.suspect is suspect])}
+                for suspect in (False, True)
+            ]
+            continue
+        known: list[float] = []
+        for rows in flights:
+            first: dict[int, float] = {}
+            for row in rows:
+                if row.rounds >= ROUNDS:
+                    first.setdefault(row.agent_id, abs(row.ageing_error))
+            known += first.values()
+        ageing.append(
+            {
+                **head,
+                "amussels": len(known),
+                "within": sum(it <= 0.05 for it in known),
+                "greatest": max(known, default=None),
+            }
+        )
+        whole = [row for rows in flights for row in rows]
+        false = sum(len({row.agent_id for row in rows if row.suspect}) for rows in flights)
+        suspects.append({**head, "suspects": false})
+        for after in (0, ROUNDS):
+            some = [row for row in whole if (row.rounds >= ROUNDS) is bool(after)]
+            bins += [{**head, "rounds": after, "bin": name, **score(here)} for name, here in binned(some)]
+    return {
+        "seeds": list(seeds),
+        "mission_s": mission_s,
+        "bins": bins,
+        "ageing": ageing,
+        "suspects": suspects,
+    }
+
+
 def show(result: dict[str, Any], console: Console) -> None:
-    table = Table(title=f"Twins told nothing of their boards, populations {result['seeds']}")
-    names = ("boards", "heard", "rounds", "bin", "samples", "coverage", "nees", "width", "rmse")
-    for name in names:
-        table.add_column(name, justify="left" if name in ("boards", "bin") else "right")
-    for row in result["bins"]:
-        table.add_row(*(f"{it:.3f}" if isinstance(it := row[name], float) else str(it) for name in names))
-    console.print(table)
+    for title, rows in (
+        (f"Twins told nothing of their boards, populations {result['seeds']}", result["bins"]),
+        (f"Ageing, at the begin of round {ROUNDS + 1}", result["ageing"]),
+        ("Suspects", [it for it in result["suspects"] if "suspects" in it]),
+        (
+            f"aMussel {LIAR}, whose codec takes {-LIE} off",
+            [it for it in result["suspects"] if "suspect" in it],
+        ),
+    ):
+        if not rows:
+            continue
+        table = Table(title=title)
+        for name in rows[0]:
+            table.add_column(name, justify="left" if name in ("boards", "bin") else "right")
+        for row in rows:
+            table.add_row(*(f"{it:.3f}" if isinstance(it, float) else str(it) for it in row.values()))
+        console.print(table)

@@ -52,7 +52,6 @@ second cost less."""
 _MISSED = 0.1
 """The largest fraction of Wi-Fi reports from the surface that an aPad beside the aMussel misses. An aPad farther off
 receives none, assumes that the aMussel stayed below, and repeats the permission; it receives them when it has come."""
-_COIL_DEVIATION = 0.02
 _CAPACITY_DEVIATION = 0.1
 """Relative, between aMussels: a battery that holds less drains and charges faster."""
 _MOTOR_DEVIATION = 0.15
@@ -112,7 +111,7 @@ def twin_parameters(
     return TwinParameters(
         scale=scale,
         drain=_drain(board),
-        charger=_charger(board.charge, 0.0 if untold else _CAPACITY_DEVIATION),
+        charger=_charger(board.charge, model.coil_deviation, 0.0 if untold else _CAPACITY_DEVIATION),
         sensor=Sensor(
             model.sensor_noise,
             (0.0,) * 4,
@@ -252,10 +251,10 @@ def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
     return offsets
 
 
-def _charger(model: ChargeModel, rate_deviation: float) -> Charger:
+def _charger(model: ChargeModel, coil_deviation: float, rate_deviation: float) -> Charger:
     def per_min(segments: Segments) -> tuple[tuple[float, float], ...]:
         return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
 
     one_coil = per_min(model.segments)
     coils = per_min(model.segments_by_two)[-1][1] / one_coil[-1][1] if model.segments_by_two else 1.0
-    return Charger(one_coil, coils, _COIL_DEVIATION, rate_deviation)
+    return Charger(one_coil, coils, coil_deviation, rate_deviation)

@@ -24,8 +24,9 @@ from apad_bridge.beliefs.twin_parameters import Habits, Schedule, TwinParameters
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""
-_OBEY_PRIOR = 0.9
-"""The probability that an aMussel received the permission to surface, before any packet from it."""
+_OBEY_PRIOR = 0.97
+"""The probability that an aMussel received the permission to surface, before any packet from it: in the shipped pool 50 of
+50 were received."""
 _FAR_FROM_EMPTY = 0.4
 _LEAST_RATE = 0.1
 """A smaller estimate of the relative charging rate is no charger's."""

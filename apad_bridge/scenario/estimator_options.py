@@ -47,6 +47,8 @@ class TwinModel:
     """Deviation of the effect of a load or a charger on a measured charge."""
     unscheduled: Annotated[float, Ge(0), Lt(0.5)]
     """The fraction of hours in which an aMussel departs from its board's schedule."""
+    coil_deviation: Annotated[float, Ge(0), Lt(0.5)] = 0.02
+    """Deviation of the charging rate between dockings, relative, from the alignment of the coils."""
     fix_deviation_m: Positive
     """Deviation of a packet's place along one axis."""
     current_deviation_m_s: NotNegative = 0.0
