@@ -7,7 +7,7 @@ consoles, and the table in docs/records.md follow from an event's class.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, fields
 from enum import Enum, StrEnum
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
 
@@ -77,8 +77,13 @@ class Event:
     @property
     def data(self) -> dict[str, Any]:
         """The journal's fields, in order: an IntEnum by its name, a StrEnum by its value."""
-        told = ((it, getattr(self, it.attribute)) for it in fields_of(type(self)))
-        return {it.name: _plain(value) for it, value in told if not (it.is_optional and value is None)}
+        told = {}
+        for it in fields_of(type(self)):
+            value = getattr(self, it.attribute)
+            if value is None and it.is_optional:
+                continue
+            told[it.name] = value if value is None or it.enum is None else _plain(value)
+        return told
 
     def text(self) -> str | None:
         """One sentence for people; None for a step of routine."""
@@ -90,28 +95,23 @@ class Event:
         return cls(**{it.attribute: it.read(data[it.name]) for it in fields_of(cls) if it.name in data})
 
 
-@dataclass(frozen=True)
-class EventField:
+class EventField(NamedTuple):
     """A field of a kind, as its class declares it."""
 
     attribute: str
+    name: str
+    """The name in the journal."""
     annotation: Any
+    enum: type[Enum] | None
+    """The enum of its values, if they are of one."""
     meaning: Meaning
     is_optional: bool
 
-    @property
-    def name(self) -> str:
-        """The name in the journal."""
-        return self.attribute.removesuffix("_")
-
     def read(self, value: Any) -> Any:
         """The value of the class, from that of the journal."""
-        kind = next(
-            (it for it in _members(self.annotation) if isinstance(it, type) and issubclass(it, Enum)), None
-        )
-        if kind is None or value is None:
+        if self.enum is None or value is None:
             return value
-        return kind(value) if issubclass(kind, StrEnum) else kind[value]
+        return self.enum(value) if issubclass(self.enum, StrEnum) else self.enum[value]
 
 
 _FIELDS: dict[type[Event], tuple[EventField, ...]] = {}
@@ -134,19 +134,16 @@ def _field_of(declared: Field[Any], hint: Any) -> EventField | None:
     if meaning is None:
         return None
     bounds = tuple(it for it in extras if it is not meaning)
+    members = get_args(annotation) or (annotation,)
     return EventField(
         declared.name,
+        declared.name.removesuffix("_"),
         Annotated[annotation, *bounds] if bounds else annotation,
+        next((it for it in members if isinstance(it, type) and issubclass(it, Enum)), None),
         meaning,
         declared.default is not MISSING,
     )
 
 
-def _members(annotation: Any) -> tuple[Any, ...]:
-    return get_args(annotation) or (annotation,)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Enum):
-        return value.value if isinstance(value, StrEnum) else value.name
-    return value
+def _plain(value: Enum) -> Any:
+    return value.value if isinstance(value, StrEnum) else value.name
