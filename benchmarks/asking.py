@@ -26,6 +26,7 @@ from rich.table import Table
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
+from agents.time_scale import MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.acoustics import answer_charge
 from apad_bridge.assembly.flight_config import flight_config
@@ -181,7 +182,7 @@ class Scoring(MemoryRecorder):
             return
         for it in beliefs:
             charge = self._charge_of(it.agent_id).charge_at(
-                self._batteries[it.agent_id], self._scale.agent_ms(now_ms)
+                self._batteries[it.agent_id], self._scale.agent_ms(MissionMs(now_ms))
             )
             self._squares.append((it.primary - fraction(charge)) ** 2)
 
@@ -191,7 +192,7 @@ def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
     host = InProcessHost(fleet_parts.fleet_config(flight_config(truth)), initial_states)
     supervisor = parts.supervisor(flight_config(thought), samples=SampleCollection(thought.fleet.ids))
     for packet in _sown(initial_states):
-        supervisor.beliefs.hear(packet, 0)
+        supervisor.beliefs.hear(packet, MissionMs(0))
     recorder = Scoring(truth)
     vehicle = InProcessVehicle(parts.simulated_apad(truth))
     fleet = fleet_parts.fleet_of(flight_config(truth), host, dict.fromkeys(initial_states, 0))

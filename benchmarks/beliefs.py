@@ -8,6 +8,7 @@ from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -35,7 +36,8 @@ def measure(
     no coverage. `mode_delay_packets` is a median: the packets after the first one received since an unscheduled switch
     until the mode was right.
     """
-    shares, placed_agents = study.HEARD, places.AGENTS
+    shares: tuple[float, ...] = study.HEARD
+    placed_agents = places.AGENTS
     if short:
         agents, seeds = SHORT_AGENTS, study.REPORTED[:1]
         shares, placed_agents = SHORT_HEARD, SHORT_PLACES
@@ -51,7 +53,7 @@ def measure(
     # Measure costs first, while nothing else runs.
     costs = cost.event_costs()
     ticks = [cost.tick_ms(count, theta) for count in (SHORT_TICKS if short else TICKS) for theta in (1, 30)]
-    found: dict[tuple[str, bool, float], list[tuple[np.ndarray, list[int]]]] = {}
+    found: dict[tuple[str, bool, float], list[tuple[npt.NDArray[Any], list[int]]]] = {}
     with (
         Progress(console=Console(stderr=True), transient=True) as progress,
         ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
@@ -96,7 +98,7 @@ def measure(
     }
 
 
-def _rows(job: tuple[str, int, int, bool, float]) -> tuple[np.ndarray, list[int]]:
+def _rows(job: tuple[str, int, int, bool, float]) -> tuple[npt.NDArray[Any], list[int]]:
     name, seed, agents, knows, heard = job
     return study.rows_of(name, seed, agents, knows, heard)
 

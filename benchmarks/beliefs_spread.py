@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.mussel.outputs import Truth
+from agents.time_scale import MissionMs
 from apad_bridge.analysis.belief_scores.comparisons import Comparison, compared
 from apad_bridge.analysis.belief_scores.scores import Score, scores_of
 from apad_bridge.beliefs.belief import Belief
@@ -80,7 +81,9 @@ def flown(scenario: Scenario) -> tuple[list[Comparison], dict[str, Any]]:
     def tick(now_ms: int, beliefs: list[Belief], *_: object) -> None:
         for belief in beliefs if now_ms % SAMPLED_MS == 0 else ():
             truth = water.sample(newest[belief.agent_id], scenario.theta * now_ms)
-            rows.append(compared(belief_sample(belief, now_ms), truth, now_ms, scenario.time_scale))
+            rows.append(
+                compared(belief_sample(belief, MissionMs(now_ms)), truth, now_ms, scenario.time_scale)
+            )
 
     recorder.truths, recorder.tick = truths, tick  # type: ignore[method-assign, assignment]
     flight.run()

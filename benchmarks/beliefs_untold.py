@@ -109,7 +109,8 @@ class Population(Spread):
         object.__setattr__(self, "boards", boards)
 
     def applied(self, board: BoardConfig, seed: int) -> BoardConfig:
-        return self.boards[board.agent_id].board(board)
+        boards: dict[int, Drawn] = self.boards  # type: ignore[attr-defined]  # a frozen class, set above
+        return boards[board.agent_id].board(board)
 
 
 def population(seed: int, ids: tuple[int, ...], boards: Boards = Boards.UNTOLD) -> dict[int, Drawn]:
@@ -206,10 +207,10 @@ def _heard_by_sensors(flight: Flight, boards: dict[int, Drawn], seed: int, heard
         primary, secondary = (min(1.0, max(0.0, it + sensors.gauss(0, NOISE))) for it in charges)
         return replace(packet, primary=primary, secondary=secondary)
 
-    def status(packet: StatusPacket, at_ms: int) -> str | None:
+    def status(packet: StatusPacket, at_ms: MissionMs) -> str | None:
         return "lost" if is_lost(packet.agent_id) else hear(read(packet), at_ms)
 
-    def short(packet: ShortStatus, at_ms: int) -> str | None:
+    def short(packet: ShortStatus, at_ms: MissionMs) -> str | None:
         return "lost" if is_lost(packet.agent_id) else hear_short(read(packet), at_ms)
 
     beliefs.hear, beliefs.hear_short = status, short  # type: ignore[method-assign]
@@ -243,7 +244,7 @@ class Judge(MemoryRecorder):
         for belief in beliefs if now_ms % SAMPLED_MS == 0 else ():
             self.rows.append(self._row(belief, now_ms))
 
-    def _row(self, belief: Belief, now_ms: int) -> Row:
+    def _row(self, belief: Belief, now_ms: MissionMs) -> Row:
         agent_id, truth = belief.agent_id, self._newest[belief.agent_id]
         true = fraction(
             self._models[agent_id].charge_at(truth.physical.primary, self._scale.agent_ms(now_ms))

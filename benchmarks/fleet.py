@@ -29,6 +29,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from benchmarks.rows import told
 from firmware_model.config import FullFirmware, LastResort, Timeslots
 from firmware_model.packets import CommandPacket, Kind
@@ -103,7 +104,7 @@ def measure(short: bool = False) -> dict[str, Any]:
             for row in musselbed_rows(run_dir, board, agents, window_s):
                 keep(row)
     for agents in hourly:
-        keep(in_child(lambda agents=agents: hourly_objects(agents)))
+        keep(in_child(partial(hourly_objects, agents)))
         with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
             keep(hourly_processes(run_dir, agents, rows))
     for nodes in nodes_of:
@@ -151,7 +152,7 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
     host = ProcessHost.adopt(run_dir, 1)
     try:
         clock = Coordinator(host, dict.fromkeys(initial_states, 0), TimeScale(THETA))
-        clock.advance(0)
+        clock.advance(MissionMs(0))
         ready_s = time.monotonic() - began_s
 
         def row(at: str) -> dict[str, Any]:
@@ -159,13 +160,13 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
             pids = [host.nursery_pid, *host.pids.values()]
             return cost_row(f"musselbed, {board}", agents, at, pids, kernel_before_kb, ready_s)
 
-        heard = {it.agent_id for it in clock.advance(1000) if isinstance(it, Heard)}
+        heard = {it.agent_id for it in clock.advance(MissionMs(1000)) if isinstance(it, Heard)}
         if len(heard) != agents:
             raise RuntimeError(f"{agents - len(heard)} aMussels sent no status in their first second")
         yield row("first_status")
         for now_s in range(1 + window_s, MISSION_S + 1, window_s):
             serve(clock, agents, now_s, window_s)
-            clock.advance(now_s * 1000)
+            clock.advance(MissionMs(now_s * 1000))
             host.take_truths()
         yield row("after_20h")
     finally:
@@ -234,7 +235,7 @@ def hourly_states(agents: int) -> dict[int, Physical]:
 def hourly_clock(host: Host, agents: int, began_s: float) -> tuple[Coordinator, float]:
     """The fleet's clock after everyone's first answer, and how long that took."""
     clock = Coordinator(host, dict.fromkeys(range(1, agents + 1), 0), TimeScale(1))
-    clock.advance(0)
+    clock.advance(MissionMs(0))
     return clock, time.monotonic() - began_s
 
 
@@ -244,7 +245,7 @@ def cpu_of_hours(clock: Coordinator, pids: list[int], name: str) -> float:
     heard, shown = 0, 0
     while (due_ms := clock.next_due_ms) is not None and due_ms < HOURS * HOUR_MS:
         now_ms = -(-due_ms // 1000) * 1000
-        heard += sum(isinstance(it, Heard) for it in clock.advance(now_ms))
+        heard += sum(isinstance(it, Heard) for it in clock.advance(MissionMs(now_ms)))
         if now_ms // 60_000 > shown:
             shown = now_ms // 60_000
             print(f"\r{name}: minute {shown} of {60 * HOURS}, {heard} packets ", end="", file=sys.stderr)
@@ -324,7 +325,7 @@ def serve(clock: Coordinator, agents: int, now_s: int, window_s: int) -> None:
                 (ContactOpened(),),
                 (WifiArrived(codec.encode(CommandPacket(Kind.RELEASE, agent_id))),),
             )[step]:
-                clock.receive(agent_id, stimulus, at_ms)
+                clock.receive(agent_id, stimulus, MissionMs(at_ms))
 
 
 def rospy_rows(ros_home: str, nodes: int) -> Iterator[dict[str, Any]]:

@@ -46,6 +46,7 @@ from agents.modem.modem import Modem
 from agents.mussel.outputs import Dropped, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.nursery import protocol as nursery
+from agents.time_scale import MissionMs
 from apad_bridge.console.server import Ending, app_of
 from apad_bridge.records.bag import recorded_messages, repair_bag
 from apad_bridge.records.journal import JournalDamaged, read_journal
@@ -456,7 +457,7 @@ def _ros_messages(_: Path) -> Iterator[Door]:
         medium = rng.choice(("contact", "wifi", "sound", "", "water"))
         source = rng.choice((Source.REMOTE_AMUSSEL, Source.REMOTE_SUPERVISOR, Source.REMOTE_DOCK))
         topics._put(Packet(agent=agent_id, medium=medium, data=data), source)
-        for event in relay.advance(1000):
+        for event in relay.advance(MissionMs(1000)):
             counts[type(event).__name__] += 1
             stimulus = getattr(event, "stimulus", None)
             if stimulus is not None:

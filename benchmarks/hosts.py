@@ -137,6 +137,10 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
         run = programs.folder(one) / "run"
         heard = Heard(run)
 
+        def look_ms() -> int:
+            heard.look()
+            return heard.now_ms
+
         def all_heard(name: str, since_ms: int) -> bool:
             heard.look()
             return all(heard.newest_ms.get(it, -1) >= since_ms for it in ids[name])
@@ -156,9 +160,7 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
         told({"rate": rate, "processors": processors, "memory_mb": memory_mb})
         lose(1.0)
         cut_ms = heard.now_ms
-        wait_until(
-            lambda: heard.look() or heard.now_ms >= cut_ms + 1000 * CUT_S, "the mission's time stood still"
-        )
+        wait_until(lambda: look_ms() >= cut_ms + 1000 * CUT_S, "the mission's time stood still")
         lose(0.0)
         healed_ms, before = heard.now_ms, len(heard.served)
         again_s = wait_until(lambda: all_heard(FLEETS[1], healed_ms), "the second fleet is not heard again")

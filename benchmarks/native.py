@@ -26,7 +26,7 @@ from agents.coordinator import Coordinator
 from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import launch_nursery, prepare
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.commands.mu_program import bench_of
 from benchmarks.fleet import cost_row, kernel_kb, processor_s, serve, wait_for_merging
 from benchmarks.rows import told
@@ -90,7 +90,7 @@ def fleet_row(agents: int, board: Path | None, mission_s: int = MISSION_S) -> di
         host = ProcessHost.adopt(run_dir, 1)
         try:
             clock = Coordinator(host, dict.fromkeys(states, 0), TimeScale(THETA))
-            clock.advance(0)
+            clock.advance(MissionMs(0))
             ready_s = time.monotonic() - began_s
             pids = [it for pid in host.pids.values() for it in (pid, *_children(pid))]
             cpu_s, wall_s = _flown(clock, host, agents, mission_s, [*pids, *_own()])
@@ -112,7 +112,7 @@ def _flown(
     before_s, began_s = sum(map(processor_s, pids)), time.monotonic()
     for now_s in range(1, mission_s + 1):
         serve(clock, agents, now_s, 1)
-        clock.advance(1000 * now_s)
+        clock.advance(MissionMs(1000 * now_s))
         host.take_truths()
     if len(host.pids) < agents:
         raise RuntimeError(f"{agents - len(host.pids)} of {agents} aMussels died")

@@ -296,7 +296,7 @@ def _draws(scenario: Scenario) -> dict[str, list[Any]]:
         [[north_m + half_m * high * up, east_m + half_m * wide * right] for up, right in corners]
         for high, wide in HALF_SIDES
     ]
-    return {"area.polygon_m": [[list(it) for it in area], *rectangles], "fleet.start.charge": CHARGES}
+    return {"area.polygon_m": [[list(it) for it in area], *rectangles], "fleet.start.charge": list(CHARGES)}
 
 
 def compared(plan: Plan, rows: list[Row]) -> dict[str, Any]:

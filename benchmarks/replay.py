@@ -148,7 +148,7 @@ def _widened(data: dict[str, Any]) -> dict[str, Any]:
             columns = {
                 name: None if agent[name] is None else [agent[name][n] for n in picks] for name in COLUMNS
             }
-            columns["north"] = [None if it is None else it + 60 * part for it in columns["north"]]
+            columns["north"] = [None if it is None else it + 60 * part for it in columns["north"] or ()]
             wide["agents"].append({"id": agent_id, **columns})
             north_m, east_m = data["homes"][str(agent["id"])]
             wide["homes"][str(agent_id)] = [north_m + 60 * part, east_m]

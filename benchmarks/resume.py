@@ -13,13 +13,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from agents.time_scale import MissionMs
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Checkpoint, restore
 from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import RandomStart, Scenario
 from benchmarks.rows import told
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -54,7 +55,7 @@ def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int
     writing_s = 0.0
     for packets, now_ms in _ticks(agents, theta, period_s):
         for packet in packets:
-            checkpointed.hear(packet, now_ms)
+            checkpointed.hear(packet, MissionMs(now_ms))
         before_s = process_time()
         checkpoint.flush(now_ms)
         writing_s += process_time() - before_s
@@ -86,7 +87,7 @@ def _learn(beliefs: FleetBeliefs, agents: int, theta: int, period_s: int) -> flo
     before_s = process_time()
     for packets, now_ms in _ticks(agents, theta, period_s):
         for packet in packets:
-            beliefs.hear(packet, now_ms)
+            beliefs.hear(packet, MissionMs(now_ms))
     return process_time() - before_s
 
 
@@ -122,7 +123,7 @@ def _scenario(estimator: str, agents: int, theta: int) -> Scenario:
     return replace(
         scenario,
         theta=theta,
-        fleet=replace(scenario.fleet, count=agents, start={"charge": (0.9, 0.9)}),
+        fleet=replace(scenario.fleet, count=agents, start=RandomStart(charge=(0.9, 0.9))),
         beliefs=Beliefs(estimator=kind, twin=TWIN if kind is Estimator.TWIN else None),
     )
 

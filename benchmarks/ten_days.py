@@ -141,9 +141,9 @@ SETTINGS = [
 def measure(tries: int = 1, short: bool = False) -> dict[str, Any]:
     """Flies `tries` configurations of the declared comparisons, and at most `FEW` of each other setting."""
     workers = len(os.sched_getaffinity(0))
-    settings, (processed_s, days, surfacings) = SETTINGS, (PROCESSING_S, DAYS, (0.0, 0.05))
+    settings, processed_s, days, surfacings = SETTINGS, list(PROCESSING_S), list(DAYS), [0.0, 0.05]
     if short:
-        tries, settings, (processed_s, days, surfacings) = 1, SETTINGS[:1], ((60,), (1,), (0.0,))
+        tries, settings, processed_s, days, surfacings = 1, SETTINGS[:1], [60], [1], [0.0]
     found = []
     with tempfile.TemporaryDirectory() as passing:
         studies = Path(passing) if short else Path("studies")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -168,6 +169,8 @@ def test_the_search_finds_a_circle_that_is_for_types_alone(tmp_path: Path) -> No
 
 
 def test_types_are_strict() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["mypy"]
+    assert settings["modules"] == sorted(it.stem for it in (ROOT / "tests" / "shared").glob("*.py"))
     run_tool(sys.executable, "-m", "mypy")
 
 

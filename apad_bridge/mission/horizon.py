@@ -27,7 +27,7 @@ class KnownEnd:
     def rules(self, rules: Mission, now_ms: int) -> Mission:
         """The mission's rules with no threshold above the charge that lasts."""
         most = self.lasting_charge(now_ms)
-        return replace(  # type: ignore[type-var]  # pydantic's dataclasses are some, which mypy does not see
+        return replace(
             rules,
             pool_threshold=min(rules.pool_threshold, most),
             again_threshold=None if rules.again_threshold is None else min(rules.again_threshold, most),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
 from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, ConfigDict, PlainValidator, StringConstraints
@@ -72,4 +72,11 @@ RosNamespace = Annotated[
 """A name with a leading slash is global, any other lies below the namespace of the run."""
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
-frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)
+_Kind = TypeVar("_Kind")
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def frozen(kind: type[_Kind]) -> type[_Kind]:
+    """Makes a class of the scenario a frozen dataclass that checks its values on creation."""
+    checked: Any = dataclass(frozen=True, kw_only=True, config=_STRICT)(kind)
+    return cast(type[_Kind], checked)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
@@ -36,18 +36,20 @@ def _median_us(events: list[Callable[[], object]]) -> float:
 def event_costs() -> dict[str, float]:
     """Medians in microseconds: a packet in time, a silent timeslot, and a packet after a day of silence."""
     twin = Twin(NOMINAL, {})
-    first = twin.update(None, Heard(0, _packet(1, 0, 0, 0.9)))
+    first = twin.update(None, Heard(MissionMs(0), _packet(1, 0, 0, 0.9)))
     assert first is not None
     silent = first
     for hour in range(1, 25):
-        found = twin.update(silent, TimeslotSilent(hour * HOUR))
+        found = twin.update(silent, TimeslotSilent(MissionMs(hour * HOUR)))
         assert found is not None
         silent = found
-    in_time = Heard(30 * MINUTE, _packet(1, 1, 30 * MINUTE, 0.897))
-    late = Heard(25 * HOUR, _packet(1, 1, 25 * HOUR, 0.6))
+    in_time = Heard(MissionMs(30 * MINUTE), _packet(1, 1, 30 * MINUTE, 0.897))
+    late = Heard(MissionMs(25 * HOUR), _packet(1, 1, 25 * HOUR, 0.6))
     return {
         "us_per_event": _median_us([lambda: twin.update(first, in_time)] * _REPEATS),
-        "us_per_silent_slot": _median_us([lambda: twin.update(silent, TimeslotSilent(25 * HOUR))] * _REPEATS),
+        "us_per_silent_slot": _median_us(
+            [lambda: twin.update(silent, TimeslotSilent(MissionMs(25 * HOUR)))] * _REPEATS
+        ),
         "us_per_mixture_event": _median_us([lambda: twin.update(silent, late)] * _REPEATS),
     }
 
@@ -61,7 +63,7 @@ def tick_ms(agents: int, theta: int) -> dict[str, float]:
     fleet = FleetBeliefs(twin, range(1, agents + 1), due_every_ms=1000)
     took_ms = []
     for tick in range(_TICKS + 5):
-        now_ms = 1000 * tick
+        now_ms = MissionMs(1000 * tick)
         packets = [_packet(n, tick, theta * now_ms, 0.9) for n in range(1, agents + 1)]
         began_s = time.process_time()
         fleet.advance(now_ms)

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, TimeslotSilent
 from apad_bridge.beliefs.modes import Mode
@@ -23,7 +24,7 @@ from apad_bridge.beliefs.twin_parameters import (
     TwinParameters,
     Water,
 )
-from benchmarks.belief_study.truth import Doing, Event, Life
+from benchmarks.belief_study.truth import Array, Doing, Event, Life
 from firmware_model.config import BoardConfig
 from firmware_model.packets import StatusPacket
 from firmware_model.sinking import Sinking
@@ -93,7 +94,12 @@ def oracle(life: Life, agent: int, knows_schedule: bool) -> Twin:
         ),
         sensor=replace(
             parameters.sensor,
-            bias=tuple(float(sag[doing]) for doing in (Doing.ASLEEP, Doing.IDLE, Doing.HIGH, Doing.DOCKED)),
+            bias=(
+                float(sag[Doing.ASLEEP]),
+                float(sag[Doing.IDLE]),
+                float(sag[Doing.HIGH]),
+                float(sag[Doing.DOCKED]),
+            ),
             bias_deviation=(1e-4, 1e-4, 1e-4, 1e-4),
         ),
         drain_deviation=1e-3,
@@ -116,7 +122,7 @@ def _schedules(life: Life, agent: int, knows_schedule: bool) -> dict[int, Schedu
     return {agent: schedule}
 
 
-def beliefs(life: Life, agent: int, estimator: object, heard: np.ndarray) -> Iterator[tuple[int, Belief]]:
+def beliefs(life: Life, agent: int, estimator: Estimator, heard: Array) -> Iterator[tuple[int, Belief]]:
     """(hour, belief) at each timeslot, from the first packet on; `heard` marks the hours in which the packet arrived."""
     belief: Belief | None = None
     events = iter([*life.events[agent], (1 << 60, Event.RELEASED)])
@@ -124,18 +130,18 @@ def beliefs(life: Life, agent: int, estimator: object, heard: np.ndarray) -> Ite
     for hour in range(life.primary.shape[1]):
         timeslot_min = 60 * hour + int(life.timeslot_minute[agent])
         while at_min <= timeslot_min:
-            belief = estimator.update(belief, _done(event, at_min * MINUTE))
+            belief = estimator.update(belief, _done(event, MissionMs(at_min * MINUTE)))
             at_min, event = next(events)
         now_ms = timeslot_min * MINUTE
         if heard[hour]:
-            belief = estimator.update(belief, Heard(now_ms, _packet(life, agent, hour, now_ms)))
+            belief = estimator.update(belief, Heard(MissionMs(now_ms), _packet(life, agent, hour, now_ms)))
         elif belief is not None:
-            belief = estimator.update(belief, TimeslotSilent(now_ms))
+            belief = estimator.update(belief, TimeslotSilent(MissionMs(now_ms)))
         if belief is not None:
             yield hour, belief
 
 
-def _done(event: Event, at_ms: int) -> Permitted | Docked | Released:
+def _done(event: Event, at_ms: MissionMs) -> Permitted | Docked | Released:
     if event is Event.PERMITTED:
         return Permitted(at_ms)
     return Docked(at_ms) if event is Event.DOCKED else Released(at_ms, 0.0, 0.0)

@@ -8,12 +8,14 @@ difference. Their numbers are tuned in the run, on a seed that is not reported.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from filterpy.kalman import IMMEstimator, KalmanFilter
 
-from benchmarks.belief_study.truth import NOISE, Doing, Life
+from benchmarks.belief_study.truth import NOISE, Array, Doing, Life
 
 RATES = np.array([-0.004, -0.063, -0.108, 0.16])
 """An hour asleep, idle, under high load, docked."""
@@ -25,16 +27,16 @@ _START = 0.3
 class Peer:
     """Linear models of the same state; with one of them it is a Kalman filter."""
 
-    transitions: np.ndarray
+    transitions: Array
     """(models, 2, 2): of (charge, drift an hour) or (charge, 1)."""
-    noise: np.ndarray
+    noise: Array
     """(models, 2, 2)."""
     reading: float
     """Variance of a measured charge."""
-    chain: np.ndarray
+    chain: Array
     """(models, models), [from, to]."""
-    start: np.ndarray
-    start_variance: np.ndarray
+    start: Array
+    start_variance: Array
 
 
 def kalman(wander: float, keeps: float) -> Peer:
@@ -53,7 +55,7 @@ def imm(spread: float, stays: float, rare: float) -> Peer:
     return Peer(transition, noise, NOISE**2, chain, np.array([0.5, 1.0]), np.diag([0.36, 0.0]))
 
 
-def tuned(make: object, grid: list[tuple[float, ...]], life: Life, heard: np.ndarray) -> Peer:
+def tuned(make: Callable[..., Peer], grid: Sequence[tuple[float, ...]], life: Life, heard: Array) -> Peer:
     """The peer of the grid with the least error on a life that is not reported."""
 
     def error(numbers: tuple[float, ...]) -> float:
@@ -67,13 +69,13 @@ KALMAN_GRID = list(itertools.product((0.003, 0.01, 0.03), (0.0, 0.5, 0.8, 0.95))
 IMM_GRID = list(itertools.product((0.003, 0.01, 0.03), (0.5, 0.7, 0.85), (0.0, 0.2)))
 
 
-def run(peer: Peer, life: Life, heard: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def run(peer: Peer, life: Life, heard: Array) -> tuple[Array, Array, Array]:
     """(mean, variance, most probable model) of every aMussel and hour; NaN before its first packet."""
     agents, hours = life.primary.shape
     count = len(peer.transitions)
     x = np.tile(peer.start, (agents, count, 1))
     cov = np.tile(peer.start_variance, (agents, count, 1, 1))
-    modes = np.full((agents, count), 1 / count)
+    modes: Array = np.full((agents, count), 1 / count)
     known = np.zeros(agents, bool)
     means, variances, models = (np.full((agents, hours), np.nan) for _ in range(3))
     for hour in range(hours):
@@ -94,9 +96,7 @@ def run(peer: Peer, life: Life, heard: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return means, variances, models
 
 
-def _mixed(
-    peer: Peer, x: np.ndarray, cov: np.ndarray, modes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _mixed(peer: Peer, x: Array, cov: Array, modes: Array) -> tuple[Array, Array, Array]:
     arriving = modes @ peer.chain
     share = peer.chain * modes[:, :, None] / arriving[:, None, :]
     mixed = np.einsum("aij,aik->ajk", share, x)
@@ -106,8 +106,13 @@ def _mixed(
 
 
 def _corrected(
-    peer: Peer, x: np.ndarray, cov: np.ndarray, modes: np.ndarray, z: np.ndarray, stated: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    peer: Peer,
+    x: Array,
+    cov: Array,
+    modes: Array,
+    z: Array,
+    stated: Array,
+) -> tuple[Array, Array, Array]:
     total = cov[:, :, 0, 0] + peer.reading
     gain = cov[:, :, :, 0] / total[:, :, None]
     away = z[:, None] - x[:, :, 0]
@@ -121,7 +126,7 @@ def _corrected(
     return x + gain * away[:, :, None], cov - gain[..., None] * cov[:, :, None, 0, :], modes
 
 
-def like_filterpy(peer: Peer, life: Life, heard: np.ndarray, agent: int) -> float:
+def like_filterpy(peer: Peer, life: Life, heard: Array, agent: int) -> float:
     """The largest difference of the means between `run` and filterpy's own classes on one aMussel."""
     mean, _, _ = run(peer, life, heard)
     filters = []
@@ -161,6 +166,9 @@ def _state(theirs: IMMEstimator, stated: int) -> None:
     theirs._compute_state_estimate()
 
 
-def modes_right(models: np.ndarray, life: Life) -> np.ndarray:
+def modes_right(models: Array, life: Life) -> Array:
     """True where the most probable model is the aMussel's mode; on the way up or down no mode is claimed."""
-    return (models == _SEEN_AS[life.doing]) & (life.doing != Doing.SURFACING) & (life.doing != Doing.FLOATING)
+    right: npt.NDArray[np.bool_] = (
+        (models == _SEEN_AS[life.doing]) & (life.doing != Doing.SURFACING) & (life.doing != Doing.FLOATING)
+    )
+    return right

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import Water
 from benchmarks.belief_study.filters import NOMINAL
+from benchmarks.belief_study.truth import Array
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
@@ -51,9 +52,9 @@ def coverage(theta: int, currents: bool, seed: int = 11, agents: int = AGENTS) -
                 north_m, east_m = place + rng.normal(0, FIX_M, 2)
                 agent_ms = theta * now_ms
                 packet = StatusPacket(agent, number, state, 0.9, 1.0, north_m, east_m, 0.0, agent_ms)
-                belief = twin.update(belief, Heard(now_ms, packet))
+                belief = twin.update(belief, Heard(MissionMs(now_ms), packet))
             else:
-                belief = twin.update(belief, TimeslotSilent(now_ms))
+                belief = twin.update(belief, TimeslotSilent(MissionMs(now_ms)))
             assert belief is not None
             north, both, east = belief.place_cov
             away = place - (belief.north_m, belief.east_m)
@@ -71,12 +72,12 @@ def coverage(theta: int, currents: bool, seed: int = 11, agents: int = AGENTS) -
 
 def _drifted(
     rng: np.random.Generator,
-    place: np.ndarray,
-    speed: np.ndarray,
+    place: Array,
+    speed: Array,
     seconds: int,
     amplitude: float,
     current: float,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Array, Array]:
     """Second by second: a uniform step, and a current that wanders."""
     keeps = np.exp(-1 / LASTS_S)
     if not current:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.belief_study.truth import Array
+
 AGES = (
     ("now", 0, 0),
     ("1-6", 1, 6),
@@ -19,7 +21,7 @@ COLUMNS = ("age_h", "truth", "mean", "variance", "low", "high", "right", "ends")
 charge and of less, 1 if the mode is right, and the part of the belief at exactly 0 or 1."""
 
 
-def score(rows: np.ndarray, certain: bool = False) -> dict[str, Any]:
+def score(rows: Array, certain: bool = False) -> dict[str, Any]:
     """Scores rows as in `COLUMNS`. A filter that claims to be `certain` has neither coverage nor consistency."""
     age, truth, mean, variance, low, high, right, ends = rows.T
     error = mean - truth
@@ -51,9 +53,9 @@ def score(rows: np.ndarray, certain: bool = False) -> dict[str, Any]:
     return found
 
 
-def _share(of: np.ndarray) -> float | None:
+def _share(of: Array) -> float | None:
     return float(of.mean()) if len(of) else None
 
 
-def _root(error: np.ndarray) -> float | None:
+def _root(error: Array) -> float | None:
     return float(np.sqrt(np.mean(error**2))) if len(error) else None

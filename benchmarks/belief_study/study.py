@@ -8,12 +8,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.mixture import Part, below, below_strictly, normal_cdf
 from apad_bridge.beliefs.modes import DOCKED, Mode
 from benchmarks.belief_study import filters, peers
-from benchmarks.belief_study.truth import Doing, Life, live
+from benchmarks.belief_study.truth import Array, Doing, Life, live
 
 REPORTED = (11, 12, 13)
 TUNED_ON = 901
@@ -41,13 +42,12 @@ def life_of(seed: int, agents: int) -> Life:
     return live(seed, agents)
 
 
-def heard_in(life: Life, share: float) -> np.ndarray:
-    return (life.luck < share) & ~life.dark
+def heard_in(life: Life, share: float) -> Array:
+    heard: npt.NDArray[np.bool_] = (life.luck < share) & ~life.dark
+    return heard
 
 
-def rows_of(
-    name: str, seed: int, agents: int, knows_schedule: bool, share: float
-) -> tuple[np.ndarray, list[int]]:
+def rows_of(name: str, seed: int, agents: int, knows_schedule: bool, share: float) -> tuple[Array, list[int]]:
     """Rows as in `score.COLUMNS`, and the delays of `mode_delays`."""
     life = life_of(seed, agents)
     heard = heard_in(life, share)
@@ -97,9 +97,7 @@ def mode_delays(life: Life, agent: int, right_at: dict[int, bool]) -> list[int]:
     return found
 
 
-def peer_rows(
-    name: str, seeds: tuple[int, ...], agents: int, share: float
-) -> tuple[np.ndarray, dict[str, Any]]:
+def peer_rows(name: str, seeds: tuple[int, ...], agents: int, share: float) -> tuple[Array, dict[str, Any]]:
     """Rows of a peer on all seeds, and its tuning and check."""
     make, grid = (peers.kalman, peers.KALMAN_GRID) if name == "kalman" else (peers.imm, peers.IMM_GRID)
     other = life_of(TUNED_ON, agents)

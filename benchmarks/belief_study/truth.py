@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 DAYS = 20
 AGENTS = 100
@@ -57,6 +59,7 @@ class Event(IntEnum):
     RELEASED = 2
 
 
+Array = npt.NDArray[Any]
 Events = list[tuple[int, Event]]
 """(minute, event), in order."""
 
@@ -65,17 +68,17 @@ Events = list[tuple[int, Event]]
 class Now:
     """All aMussels at one minute; `until`, `called` are minutes, `planned` the charges that an aPad assumes."""
 
-    doing: np.ndarray
-    primary: np.ndarray
-    secondary: np.ndarray
-    planned: np.ndarray
-    planned_secondary: np.ndarray
-    drain: np.ndarray
-    coils: np.ndarray
-    until: np.ndarray
-    called: np.ndarray
-    low: np.ndarray
-    wait: np.ndarray
+    doing: Array
+    primary: Array
+    secondary: Array
+    planned: Array
+    planned_secondary: Array
+    drain: Array
+    coils: Array
+    until: Array
+    called: Array
+    low: Array
+    wait: Array
 
 
 @dataclass(frozen=True)
@@ -83,25 +86,25 @@ class Life:
     """The lives of one seed; times in minutes, hours as the second index. `timeslot_minute` is the minute of the hour of
     each agent's packet."""
 
-    timeslot_minute: np.ndarray
-    scheduled: np.ndarray
+    timeslot_minute: Array
+    scheduled: Array
     """(agents, hours): the mode commanded for the hour, known to a filter that knows the schedule."""
-    unscheduled: np.ndarray
+    unscheduled: Array
     """(agents, hours): the hour departed from the schedule."""
-    doing: np.ndarray
-    primary: np.ndarray
-    secondary: np.ndarray
+    doing: Array
+    primary: Array
+    secondary: Array
     """(agents, hours): at the timeslot."""
-    measured: np.ndarray
+    measured: Array
     """(agents, hours, 2): the two charges in a packet of that hour."""
-    luck: np.ndarray
+    luck: Array
     """(agents, hours) in [0, 1): a packet is lost when this is above the share of packets received."""
-    dark: np.ndarray
+    dark: Array
     """(agents, hours): within a blackout."""
     events: list[Events]
     """The events of each agent."""
-    drain: np.ndarray
-    sag: np.ndarray
+    drain: Array
+    sag: Array
     """(agents, modes): the true voltage bias."""
 
 
@@ -162,9 +165,7 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
     )
 
 
-def _pass_a_minute(
-    rng: np.random.Generator, minute: int, scheduled: np.ndarray, age: np.ndarray, now: Now
-) -> None:
+def _pass_a_minute(rng: np.random.Generator, minute: int, scheduled: Array, age: Array, now: Now) -> None:
     now.doing = np.where((now.doing <= Doing.HIGH) & (now.primary <= 0), Doing.EMPTY, now.doing)
     now.primary, now.secondary = _step(
         now.doing, now.primary, now.secondary, now.drain * age, now.coils * age
@@ -183,7 +184,7 @@ def _pass_a_minute(
     now.called[calls] = minute + 1 + now.wait[calls]
 
 
-def _schedules(rng: np.random.Generator, agents: int, hours: int) -> np.ndarray:
+def _schedules(rng: np.random.Generator, agents: int, hours: int) -> Array:
     """A day's plan for each, commanded anew every five days: blocks of 2 to 6 hours, mostly asleep."""
     plan = np.zeros((agents, hours), int)
     for i in range(agents):
@@ -224,8 +225,12 @@ def _run_motors(i: int, now: Now) -> None:
 
 
 def _step(
-    doing: np.ndarray, primary: np.ndarray, secondary: np.ndarray, drain: np.ndarray, coils: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    doing: Array,
+    primary: Array,
+    secondary: Array,
+    drain: Array,
+    coils: Array,
+) -> tuple[Array, Array]:
     """Both charges a minute later; an empty primary leaves the board asleep on the secondary."""
     docked = doing == Doing.DOCKED
     load = drain * PER_MIN[doing]
@@ -243,7 +248,7 @@ def _step(
     )
 
 
-def _blackouts(rng: np.random.Generator, agents: int, hours: int) -> np.ndarray:
+def _blackouts(rng: np.random.Generator, agents: int, hours: int) -> Array:
     dark = np.zeros((agents, hours), bool)
     for i in range(agents):
         at = rng.exponential(45.0)

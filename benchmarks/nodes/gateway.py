@@ -13,7 +13,7 @@ import time
 
 import rospy
 
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.ros.gateway.gateway import Gateway, open_gateway
 from firmware_model.packets import StatusPacket
@@ -49,17 +49,17 @@ class Supervisor:
                     primary=0.5,
                     secondary=1.0,
                 ),
-                now_ms,
+                MissionMs(now_ms),
             )
 
 
 def tick(gateway: Gateway, supervisor: Supervisor, first: int, count: int) -> None:
-    watch = gateway.watcher(supervisor)
+    watch = gateway.watcher(supervisor)  # type: ignore[arg-type]  # the part of one that a gateway reads
     due_s = time.monotonic()
     for number in range(first, first + count):
         time.sleep(max(0.0, due_s - time.monotonic()))
         supervisor.hear_all(1000 * number, time.monotonic() % LAP_S)
-        watch(1000 * number)
+        watch(MissionMs(1000 * number))
         due_s += 1.0
     time.sleep(max(0.0, due_s - time.monotonic()))
 

@@ -36,5 +36,5 @@ def serve(make: Callable[[], Ordered], step_s: float) -> None:
             except TimeoutError:
                 node.step()
     finally:
-        sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]
+        sys.excepthook(*sys.exc_info())
         os._exit(1)  # rospy's threads wait for a master that may be gone

@@ -14,6 +14,7 @@ import struct
 import sys
 import xmlrpc.client
 from dataclasses import dataclass, field
+from typing import Any
 
 from apad_bridge.ros.types.messages import use_generated_messages
 
@@ -54,10 +55,11 @@ class Stream:
 
 
 def connect(
-    proxy: xmlrpc.client.ServerProxy, name: str, topic: str, kind: type, buffer: int | None
+    proxy: xmlrpc.client.ServerProxy, name: str, topic: str, kind: Any, buffer: int | None
 ) -> socket.socket:
     """A TCPROS connection after its handshake; RuntimeError when the publisher refuses it."""
-    _, text, (protocol, host, port) = proxy.requestTopic(f"/{name}", topic, [["TCPROS"]])  # type: ignore[misc]
+    answer_of: Any = proxy.requestTopic(f"/{name}", topic, [["TCPROS"]])
+    _, text, (protocol, host, port) = answer_of
     if protocol != "TCPROS":
         raise RuntimeError(f"{topic}: {text}")
     sock = socket.socket()
@@ -71,7 +73,7 @@ def connect(
         "type": kind._type,
         "md5sum": kind._md5sum,
         "tcp_nodelay": "1",
-    }  # type: ignore[attr-defined]
+    }
     lines = [f"{key}={value}".encode() for key, value in fields.items()]
     header = b"".join(struct.pack("<I", len(line)) + line for line in lines)
     sock.sendall(struct.pack("<I", len(header)) + header)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
+from agents.time_scale import MissionMs
 from apad_bridge.events.mission import Phase
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import ManualMission
@@ -42,7 +43,7 @@ class Flying:
         while not holds():
             self.now_ms += 1000
             assert self.now_ms <= last_ms, "it never came to that"
-            self.flight.tick(self.now_ms)
+            self.flight.tick(MissionMs(self.now_ms))
 
     def seconds(self, count: int) -> None:
         until_ms = self.now_ms + 1000 * count

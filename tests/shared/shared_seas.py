@@ -14,6 +14,7 @@ from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed
+from agents.time_scale import MissionMs
 from agents.water.medium import Outcome, PacketEnded
 from agents.water.sea import Sea, Station
 from agents.water.sea_client import RemoteSea, RemoteStation
@@ -52,7 +53,7 @@ class Flown:
     """For each packet of Wi-Fi, if it got through."""
 
     def advance(self, now_ms: int) -> list[SeaResult]:
-        new = self.station.advance(now_ms)
+        new = self.station.advance(MissionMs(now_ms))
         self.truths += self.station.take_truths()
         self.came += new
         return new
@@ -105,11 +106,11 @@ def act(flown: Flown, asked: Asked, at_m: float, now_ms: int) -> None:
             case "range":
                 station.ping(agent_id)
             case "dock":
-                flown.coordinator.receive(agent_id, ContactClosed(round(1e6 * at_m), 2), now_ms)
+                flown.coordinator.receive(agent_id, ContactClosed(round(1e6 * at_m), 2), MissionMs(now_ms))
             case "drive":
                 station.carry_apad(at_m + 100.0 * tick, 0.0, now_ms)
             case "wifi":
-                flown.reached.append(station.wifi_reaches(agent_id, now_ms))
+                flown.reached.append(station.wifi_reaches(agent_id, MissionMs(now_ms)))
             case _:
                 station.send_sound(agent_id, command(Kind[what.upper()], agent_id))
 

@@ -52,14 +52,12 @@ from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.primitives import (
-    DockChanged,
     DockMussel,
     GoToPoint,
     HoldPosition,
     Outcome,
     Primitive,
     PrimitiveFailed,
-    PrimitiveSucceeded,
     UndockMussel,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -432,7 +430,7 @@ class Bench:
 
     def _pass_on(self, actions: list[VehicleCommand | Outcome]) -> None:
         for action in actions:
-            if isinstance(action, PrimitiveSucceeded | PrimitiveFailed | DockChanged):
+            if isinstance(action, Outcome):
                 self.outcomes.append(action)
             else:
                 self.vehicle.command(action, self.now_ms)
