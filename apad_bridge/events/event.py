@@ -145,5 +145,8 @@ def _field_of(declared: Field[Any], hint: Any) -> EventField | None:
     )
 
 
-def _plain(value: Enum) -> Any:
+def _plain(value: Any) -> Any:
+    """The journal's form of an enum's value. A value of another kind stays, and the line's check refuses it."""
+    if not isinstance(value, Enum):
+        return value
     return value.value if isinstance(value, StrEnum) else value.name
