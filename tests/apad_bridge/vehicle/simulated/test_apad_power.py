@@ -153,10 +153,10 @@ def test_docks_close_and_open_at_once(config):
     [
         (CloseDock(9, 0, 8), "holds aMussel 7"),
         (CloseDock(9, 1, 7), "another dock"),
-        (CloseDock(9, 4, 8), "no dock 4"),
+        (CloseDock(9, 4, 8), "no dock 5"),
         (OpenDock(9, 1, 7), "empty"),
         (OpenDock(9, 0, 8), "holds aMussel 7"),
-        (OpenDock(9, -1, 7), "no dock -1"),
+        (OpenDock(9, -1, 7), "no dock 0"),
     ],
 )
 def test_what_a_dock_refuses(config, command, word):
