@@ -119,10 +119,10 @@ class SecondConnections:
                 self._open[publisher] = sock
                 if self._is_closed:
                     return
-            sock.settimeout(
-                None
-            )  # a vehicle may publish seldom; its machine's end is found by the keep-alive
+            # A vehicle may publish seldom. The end of its machine shows by the keep-alive.
+            sock.settimeout(None)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, _IDLE_S)
             # What came behind the header belongs to the first message.
             stream = io.BufferedReader(_Continued(begun.getvalue()[: begun.tell()], sock))
             while len(size := stream.read(_LENGTH.size)) == _LENGTH.size:
