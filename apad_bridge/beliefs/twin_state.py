@@ -24,11 +24,9 @@ from apad_bridge.beliefs.twin_parameters import Habits, Schedule, TwinParameters
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""
-_OBEY_PRIOR = 0.97
-"""The probability that an aMussel received the permission to surface, before any packet from it: in the shipped pool 50 of
-50 were received. Its silence at the surface corrects this."""
-_OBEY_UNCHECKED = 0.9
-"""The same where no packet from the surface is awaited, so that nothing would correct it for days."""
+_OBEY_PRIOR = 0.9
+"""The probability that an aMussel received the permission to surface, before any packet from it. Where half of the packets
+are lost, an aPad that assumed 97 % searched in vain and served fewer."""
 _FAR_FROM_EMPTY = 0.4
 _LEAST_RATE = 0.1
 """A smaller estimate of the relative charging rate is no charger's."""
@@ -264,9 +262,7 @@ def obey_probability(twin_state: TwinState, parameters: TwinParameters, at_ms: i
     up_ms = min(
         at_ms - twin_state.unobeyed[1] - parameters.sinking.surfacing_ms, parameters.board.float_timeout_ms
     )
-    if calls is None:
-        return _OBEY_UNCHECKED
-    if up_ms < 0:
+    if calls is None or up_ms < 0:
         return _OBEY_PRIOR
     unheard = _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
     return unheard / (unheard + 1 - _OBEY_PRIOR)
