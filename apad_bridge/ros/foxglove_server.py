@@ -16,6 +16,7 @@ from contextlib import closing
 from pathlib import Path
 
 import foxglove
+import rosgraph
 import rospy
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
@@ -25,12 +26,11 @@ from apad_bridge.records.bag import RecordedMessage
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.graph_listener import GraphListener
 from apad_bridge.ros.system.master import loopback_environment
-from apad_bridge.ros.system.route import environment_for, why_silent
+from apad_bridge.ros.system.route import environment_for, somebodys_master
 from apad_bridge.ros.types.any_message import UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.user_texts import text_folders
 from apad_bridge.scenario.run_options import OPTIONS_NAME, RunOptions, TimeSource
-from apad_bridge.vehicle.errors import PeerFailed
 
 _NICE = 5
 """Above the supervisor's: a viewer may wait for its processor, and a tick of the flight may not."""
@@ -66,16 +66,11 @@ def serve(
         tell(views.port)
         if run_dir is not None and not _enter_graph(run_dir, asked):
             return False
-        if (why := why_silent(_master())) is not None:
-            raise PeerFailed(f"no ROS master answers at {_master()}: {why}")
+        somebodys_master()
         use_generated_messages()
         with closing(GraphListener((), "musselbed_foxglove")) as listener:
             _Relay(listener, views, warn).run(asked)
         return not asked.is_set()
-
-
-def _master() -> str:
-    return os.environ.get("ROS_MASTER_URI") or "http://localhost:11311"
 
 
 def _enter_graph(run_dir: Path, asked: threading.Event) -> bool:
@@ -202,7 +197,7 @@ class _Relay:
     def _look(self) -> bool:
         """Offers the topics of the graph as it is now; False for a master that is gone."""
         try:
-            published = dict(call(_master(), "getPublishedTopics", ""))
+            published = dict(call(rosgraph.get_master_uri(), "getPublishedTopics", ""))
         except Unreachable:
             return time.monotonic() - self._answered_s < _GONE_S
         self._answered_s = time.monotonic()
