@@ -97,7 +97,7 @@ def stopping_distance(tracks: Sequence[StopTrack]) -> Figure | None:
     if len(intervals) > 1 and is_noisy:
         low_m, middle_m, high_m = of_both(intervals[0], intervals[1], len(tracks))
     elif len(intervals) > 1:
-        # With good positions a day that hides its shape is an odd one: its intervals count whole.
+        # With good positions few days hide their shape. Their intervals count whole: no other rule was better on made days.
         low_m, high_m = min(it[0] for it in intervals), max(it[2] for it in intervals)
         middle_m = max(it[1] for it in intervals)
     if middle_m <= _LEAST_SHARE * rest_m:
