@@ -7,14 +7,20 @@ from __future__ import annotations
 
 import gc
 import os
-import resource
 import select
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
-from apad_bridge.runs.exits import Exit, UserError, memory_shortage, shortage
+from apad_bridge.runs.exits import (
+    Exit,
+    UserError,
+    is_for_lack_of_memory,
+    is_short_of_address_space,
+    memory_shortage,
+    shortage,
+)
 from apad_bridge.scenario.errors import ScenarioError
 
 try:
@@ -210,6 +216,8 @@ def _run(arguments: list[str]) -> int:
     if chosen.command is None:
         top.print_help()
         return Exit.USER_MISTAKE
+    if is_short_of_address_space():
+        return _out_of_memory(chosen.command)
     try:
         with interruptible():
             code: int = chosen.run(chosen)
@@ -227,9 +235,8 @@ def _run(arguments: list[str]) -> int:
         print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
         return Exit.PEER_FAILED
     except ImportError as error:
-        if _is_for_lack_of_memory(error):
-            print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
-            return Exit.PEER_FAILED
+        if is_for_lack_of_memory(error):
+            return _out_of_memory(chosen.command)
         # A package is missing, or another one shadows ours.
         print(
             f"musselbed {chosen.command}: cannot be loaded ({error}); `musselbed doctor` names the cause",
@@ -249,16 +256,16 @@ def _run(arguments: list[str]) -> int:
         print(f"musselbed {chosen.command}: {why}", file=sys.stderr)
         _discard(sys.stdout)
         return Exit.PEER_FAILED
+    except Exception as error:
+        if not is_for_lack_of_memory(error):
+            raise
+        return _out_of_memory(chosen.command)
     return code
 
 
-def _is_for_lack_of_memory(error: BaseException | None) -> bool:
-    """The loader of a package's library names the cause in its text alone, and packages put their own errors before it."""
-    while error is not None:
-        if "failed to map segment" in str(error) or "annot allocate memory" in str(error):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
+def _out_of_memory(command: str) -> int:
+    print(f"musselbed {command}: {memory_shortage()}", file=sys.stderr)
+    return Exit.PEER_FAILED
 
 
 def _has_lost_its_reader(stream: TextIO) -> bool:

@@ -8,10 +8,18 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
+from pathlib import Path
 from typing import assert_never
 
 from apad_bridge.events.run import EndReason
 from apad_bridge.vehicle.errors import PeerFailed
+
+_SAYS_NO_MEMORY = ("failed to map segment", "annot allocate memory")
+_ONE_REQUEST, _ONE_LIBRARY = 2 << 20, 64 << 20
+"""Bytes: as much as an object of ours may ask for at once, and a package's library where it is loaded. CPython takes 1 MiB
+at a time for its small objects; numpy's library of linear algebra is 25 MiB long."""
+LEAST_ADDRESS_SPACE = 160_000 * 1024
+"""Bytes. numpy and the interpreter take 141 440 kB, and with less numpy's library of linear algebra may ask again for ever."""
 
 
 class Exit(IntEnum):
@@ -94,3 +102,35 @@ def memory_shortage() -> str:
     if soft == resource.RLIM_INFINITY:
         return "not enough memory: end other programs, or fly fewer aMussels here"
     return f"not enough memory: `ulimit -v` allows {soft // 1024} kB here; raise it"
+
+
+def is_short_of_address_space() -> bool:
+    """Whether the limit of this process lets no command load its libraries."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return soft != resource.RLIM_INFINITY and soft < LEAST_ADDRESS_SPACE
+
+
+def is_for_lack_of_memory(error: BaseException) -> bool:
+    """Whether the error comes of too little memory, whatever its class says.
+
+    The loader of a package's library says so in its text alone, and packages put their own errors before it. CPython may
+    lose a MemoryError on its way: its import then raises SystemError, its compiler a ValueError of a missing field. So any
+    error counts of a process whose address space has grown up to its limit.
+    """
+    link: BaseException | None = error
+    while link is not None:
+        if isinstance(link, MemoryError) or any(it in str(link) for it in _SAYS_NO_MEMORY):
+            return True
+        link = link.__cause__ or link.__context__
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    asked = _ONE_LIBRARY if isinstance(error, ImportError) else _ONE_REQUEST
+    return soft != resource.RLIM_INFINITY and _greatest_address_space() + asked > soft
+
+
+def _greatest_address_space() -> int:
+    """Bytes that this process has had at most; 0 where the kernel does not tell."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return 0
+    return next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmPeak:")), 0)

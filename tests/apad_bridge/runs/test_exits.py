@@ -1,6 +1,8 @@
 """Why a mission ended decides the exit code, and is restored from records of any age."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,3 +90,23 @@ def test_a_clock_that_is_lost_ends_the_mission_in_order_with_its_records(tmp_pat
     assert (end["t"], end["end_reason"]) == (6000, "loss of the clock")
     with Reader(directory.bags[0]):
         pass
+
+
+def test_an_error_that_hides_a_lack_of_memory_is_known_by_the_space_that_is_used_up() -> None:
+    """CPython's compiler makes a ValueError of it: what an own bug raises with room to spare is no lack of memory."""
+    program = """
+import resource
+from apad_bridge.runs.exits import is_for_lack_of_memory
+assert not is_for_lack_of_memory(ValueError("field 'target' is required for AnnAssign"))
+resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+assert not is_for_lack_of_memory(ValueError("field 'target' is required for AnnAssign"))
+held = []
+try:
+    while True:
+        held.append(bytes(1 << 20))
+except MemoryError:
+    held.pop()
+assert is_for_lack_of_memory(ValueError("field 'target' is required for AnnAssign"))
+assert is_for_lack_of_memory(ImportError("numpy._core.multiarray failed to import"))
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
