@@ -225,15 +225,6 @@ def _run(arguments: list[str]) -> int:
     except (UserError, ScenarioError) as error:
         print(f"musselbed {chosen.command}: {error}", file=sys.stderr)
         return Exit.USER_MISTAKE
-    except MemoryError:
-        print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
-        return Exit.PEER_FAILED
-    except SystemError:
-        # An import of CPython's that finds no memory may say this in place of a MemoryError.
-        if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
-            raise
-        print(f"musselbed {chosen.command}: {memory_shortage()}", file=sys.stderr)
-        return Exit.PEER_FAILED
     except ImportError as error:
         if is_for_lack_of_memory(error):
             return _out_of_memory(chosen.command)

@@ -19,7 +19,7 @@ _ONE_REQUEST, _ONE_LIBRARY = 2 << 20, 64 << 20
 """Bytes: as much as an object of ours may ask for at once, and a package's library where it is loaded. CPython takes 1 MiB
 at a time for its small objects; numpy's library of linear algebra is 25 MiB long."""
 LEAST_ADDRESS_SPACE = 160_000 * 1024
-"""Bytes. numpy and the interpreter take 141 440 kB, and with less numpy's library of linear algebra may ask again for ever."""
+"""Bytes. The interpreter takes 141 440 kB with numpy, whose library of linear algebra may ask for ever with less."""
 
 
 class Exit(IntEnum):
