@@ -1,4 +1,4 @@
-"""The watchdog's calls of services, over real sockets: no master, no answer, connections that ended. And its terminal."""
+"""The watchdog's connections, over real sockets: no master, no answer, connections that ended. And its terminal."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from std_msgs.msg import Float32
 from std_srvs.srv import Trigger, TriggerResponse
 from watchdog_script import WATCHDOG
 
@@ -221,3 +222,95 @@ def test_a_terminal_that_blocks_or_fails_holds_up_nobody_and_shows_the_rest_when
     assert out.shown.empty()
     out.is_back.set()
     assert [out.shown.get(timeout=PATIENCE_S) for _ in range(2)] == ["first", "last"]
+
+
+class Publisher:
+    """A topic's publisher as its bytes say. It sends `numbers` over each connection, and then no word."""
+
+    def __init__(self, *numbers: float) -> None:
+        self.headers: queue.Queue[bytes] = queue.Queue()
+        self.connections: list[socket.socket] = []
+        self._numbers = numbers
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        for it in (self._listener, *self.connections):
+            it.close()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                connection = self._listener.accept()[0]
+                self.connections.append(connection)
+                self.headers.put(_block(connection))
+                field = f"md5sum={Float32._md5sum}".encode()
+                connection.sendall(_LENGTH.pack(4 + len(field)) + _LENGTH.pack(len(field)) + field)
+                for number in self._numbers:
+                    connection.sendall(_LENGTH.pack(4) + struct.pack("<f", number))
+
+
+def master_of(*ports: int) -> Any:
+    """A master by which the node at each port publishes the heartbeat."""
+    return SimpleNamespace(
+        getSystemState=lambda: [[["/other", ["/x"]], ["/heartbeat", [f"/n{it}" for it in ports]]], [], []],
+        lookupNode=lambda node: node.removeprefix("/n"),
+    )
+
+
+@pytest.fixture
+def numbers(monkeypatch: pytest.MonkeyPatch) -> Iterator[queue.Queue[float]]:
+    """What a node hears over its second subscription to /heartbeat, which `find` has not looked for yet."""
+    monkeypatch.setattr(WATCHDOG, "RENEWED_S", 0.3)
+    ended = threading.Event()
+    monkeypatch.setattr(WATCHDOG.rospy, "is_shutdown", ended.is_set)
+    monkeypatch.setattr(
+        WATCHDOG.rospy.core,
+        "xmlrpcapi",
+        lambda port: SimpleNamespace(requestTopic=lambda *_: (1, "", ["TCPROS", "127.0.0.1", int(port)])),
+    )
+    heard: queue.Queue[float] = queue.Queue()
+    monkeypatch.setattr(
+        WATCHDOG,
+        "made",
+        WATCHDOG.SecondSubscription("/heartbeat", Float32, lambda it: heard.put(it.data)),
+        False,
+    )
+    thread = threading.Thread(target=WATCHDOG.made.run)
+    thread.start()
+    yield heard
+    ended.set()
+    thread.join(PATIENCE_S)
+    assert not thread.is_alive()
+
+
+def test_a_connection_that_falls_silent_without_a_word_is_begun_anew(numbers: queue.Queue[float]) -> None:
+    """The publisher has given it up, and the network has lost the word of that: rospy's own waits for minutes."""
+    publisher = Publisher(0.5, -1.0)
+    try:
+        WATCHDOG.made.find(master_of(publisher.port))
+        assert [numbers.get(timeout=PATIENCE_S) for _ in range(6)] == [0.5, -1.0] * 3
+        header = publisher.headers.get()
+        assert b"topic=/heartbeat" in header and b"_again" in header
+    finally:
+        publisher.close()
+
+
+def test_without_a_master_the_kept_address_serves_and_a_publisher_that_starts_again_is_found(
+    numbers: queue.Queue[float],
+) -> None:
+    first, second = Publisher(1.0), Publisher(2.0)
+    try:
+        WATCHDOG.made.find(master_of(first.port))
+        assert numbers.get(timeout=PATIENCE_S) == 1.0
+        WATCHDOG.made.find(master_of())  # nobody publishes, by a master that has started again
+        first.connections[-1].shutdown(socket.SHUT_RDWR)
+        assert numbers.get(timeout=PATIENCE_S) == 1.0
+        first.close()
+        WATCHDOG.made.find(master_of(second.port))
+        while numbers.get(timeout=PATIENCE_S) != 2.0:
+            pass
+    finally:
+        first.close()
+        second.close()

@@ -165,6 +165,17 @@ def test_after_an_off_of_the_bench_a_silence_means_off_too() -> None:
     assert vessel.seconds(8).state == "HELD" and vessel.taken == ["off", "hold 10 10"]
 
 
+def test_a_heartbeat_that_was_held_back_does_not_end_an_off() -> None:
+    """Of two connections one may bring what the bench sent before its OFF, when the other has told of the OFF."""
+    vessel = watched()
+    vessel.age_s = -1.0
+    vessel.seconds(3)
+    vessel.age_s = 0.1
+    vessel.seconds(2)
+    vessel.age_s = None
+    assert vessel.seconds(60).state == "OFF" and vessel.taken == ["off"]
+
+
 def test_a_way_that_somebody_ended_in_the_silence_is_not_followed_by_a_hold() -> None:
     """Over a poor link a person's OFF arrives, and the heartbeats that would tell of it do not."""
     vessel = watched()
@@ -199,7 +210,7 @@ def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
     vessel.age_s, vessel.position = -1.0, Position(60.0)
     vessel.seconds(60)
     vessel.age_s = 0.1
-    vessel.seconds(1)
+    vessel.seconds(5)
     assert vessel.watchdog._position.fault() == ""
     vessel = watched()
     vessel.age_s, vessel.position = -1.0, Position(60.0)
