@@ -105,13 +105,13 @@ def memory_shortage() -> str:
 
 
 def is_short_of_address_space() -> bool:
-    """Whether the limit of this process lets no command load its libraries."""
+    """True where the limit of this process lets no command load its libraries."""
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     return soft != resource.RLIM_INFINITY and soft < LEAST_ADDRESS_SPACE
 
 
 def is_for_lack_of_memory(error: BaseException) -> bool:
-    """Whether the error comes of too little memory, whatever its class says.
+    """True for an error that comes of too little memory, whatever its class says.
 
     The loader of a package's library says so in its text alone, and packages put their own errors before it. CPython may
     lose a MemoryError on its way: its import then raises SystemError, its compiler a ValueError of a missing field. So any
