@@ -311,6 +311,7 @@ class Recorder:
             "services": ending.services,
             **apad_energy(ending, self._scale),
             **self._sample_figures(ending, at_ms),
+            "latest_tick_s": ending.latest_tick_s,
             "gave_up": len(self._given_up),
             "amussels": amussel_figures(
                 self.meter,

@@ -58,6 +58,8 @@ class Ending:
     """The first failure of a run in which something failed."""
     samples_gone: Mapping[int, Set[int]] = field(default_factory=dict)
     """The sequence numbers of samples that can no longer be uploaded, by aMussel."""
+    latest_tick_s: float | None = None
+    """The largest lateness of a tick, in seconds of the clock that it follows; None in virtual time."""
 
 
 _TRIES_OF_A_DOCK = 2
@@ -268,6 +270,13 @@ SUMMARY: tuple[Field, ...] = (
     Field("samples_uploaded", INTEGER, "samples on disk"),
     Field("samples_lost", INTEGER, "samples that can no longer be uploaded"),
     Field("samples_waiting", INTEGER, "samples still aboard"),
+    Field(
+        "latest_tick_s",
+        NUMBER,
+        "the largest lateness of a tick, by the clock that the flight follows, since this supervisor began; "
+        "null in virtual time",
+        "s",
+    ),
     Field("gave_up", INTEGER, "aMussels whose process stayed dead"),
     Field("amussels", _OBJECT, "each aMussel's own figures, by its id"),
     Field("dropped", _OBJECT, "number of dropped inputs, by reason"),

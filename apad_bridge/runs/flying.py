@@ -244,8 +244,13 @@ def prepare(
     supervisor = _supervisor(config, context, recorder, spec)
 
     forecaster = Forecaster(config.scenario.mission, round(config.scenario.duration_s * 1000))
+    latest_tick_s: float | None = None if isinstance(context.pace, AsFastAsPossible) else 0.0
 
     def show_tick(now_ms: MissionMs) -> None:
+        nonlocal latest_tick_s
+        if latest_tick_s is not None:
+            latest_tick_s = max(latest_tick_s, context.pace.behind_s)
+
         def forecast() -> Forecast:
             return supervisor.forecast(forecaster, now_ms)
 
@@ -270,7 +275,7 @@ def prepare(
     def finish() -> dict[str, Any]:
         end = flight.ended_by
         recorder.event(flight.now_ms, RunEnded(str(end), end.reason))
-        return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
+        return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point, latest_tick_s))
 
     return PreparedFlight(flight, recorder, finish)
 
@@ -305,7 +310,7 @@ def _collection(
     return SampleCollection(config.ids, recorder.samples_kept)
 
 
-def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
+def _ending(flight: Flight, resume_point: ResumePoint | None, latest_tick_s: float | None) -> Ending:
     supervisor = flight.supervisor
     failure = supervisor.port.first_failure
     return Ending(
@@ -317,6 +322,7 @@ def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
         apad_energy_fraction=_fraction_used(supervisor, resume_point),
         dropped=flight.all_dropped,
         samples_gone=supervisor.samples.gone,
+        latest_tick_s=latest_tick_s,
     )
 
 

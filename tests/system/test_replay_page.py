@@ -333,6 +333,17 @@ def test_the_legend_has_what_is_there_and_the_events_follow_the_time(
         *("above the pool's threshold", "candidate", "charging", "primary battery empty", "lost", "home"),
         *("packet received", "collided", "missed otherwise"),
     ]
+    # A suspect has its mark, and its reason, from its time on.
+    suspected = """
+      data.suspects = [[50000, 3, "its charge rose in the water"]];
+      showLegend(); show(1000 * arguments[0]);
+      const item = document.querySelector("[data-agent='3']");
+      const words = "suspect since 00:00:50: its charge rose in the water";
+      return [item.classList.contains("suspect"), item.title.includes(words)];
+    """
+    assert browser.execute_script(suspected, 49) == [False, False]
+    assert browser.execute_script(suspected, 50) == [True, True]
+    assert "suspect: its packets contradict physics" in browser.execute_script(listed)
     # A list that is higher than its window keeps the event of the time shown in sight.
     script = """
       addEvents(Array.from({length: 200}, (_, n) => [100000 + 100 * n, "remark", "event " + n, null]));

@@ -76,3 +76,6 @@ def test_on_a_phone_a_wide_table_scrolls_by_itself(page: Path, browser: webdrive
     size = {"width": 390, "height": 800, "deviceScaleFactor": 1, "mobile": True}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     assert browser.execute_script("return document.documentElement.scrollWidth") == 390
+    # So does a figure, whose least text of 8 points on a drawing 7.1 inches wide is then no smaller than 10 pixels.
+    widths = browser.execute_script("return [...document.images].map((it) => it.clientWidth)")
+    assert widths and all(it / 7.1 * 8 / 72 >= 10 for it in widths)

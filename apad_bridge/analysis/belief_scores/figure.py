@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from apad_bridge.analysis.belief_scores.scores import Score, Scores
 
 _ERROR, _COVERAGE, _COUNT = "#3b6ea5", "#b5542c", "#888888"
 _WANTED = 0.95
+_LABEL_WIDE = 9
+"""Letters: labels side by side have room for so many."""
 _MAX_LABELS = 40
 """More aMussels than this are drawn without their ids, which would be unreadable."""
 
@@ -40,11 +43,11 @@ def _panel(panel: Any, name: str, bins: dict[str, Score]) -> None:
     places = range(len(bins))
     errors = [score.rmse for score in bins.values()]
     panel.bar(places, errors, color=_ERROR, width=0.6)
-    panel.set_ylabel("error of the charge (rms)", color=_ERROR)
+    panel.set_ylabel("error (rms)", color=_ERROR)
     panel.set_ylim(0, 1.3 * max([*errors, 1e-3]))
     panel.set_xlabel(name)
     many = len(bins) > _MAX_LABELS
-    panel.set_xticks([] if many else list(places), [] if many else list(bins))
+    panel.set_xticks([] if many else list(places), [] if many else [fill(it, _LABEL_WIDE) for it in bins])
     if not many:
         for place, score in zip(places, bins.values(), strict=True):
             panel.annotate(
@@ -63,4 +66,4 @@ def _panel(panel: Any, name: str, bins: dict[str, Score]) -> None:
         other.plot(*zip(*known, strict=True), "o", color=_COVERAGE, markersize=5)
         other.axhline(_WANTED, color=_COVERAGE, linewidth=0.8, linestyle="--")
         other.set_ylim(0, 1.05)
-        other.set_ylabel("in the interval of 95 %", color=_COVERAGE)
+        other.set_ylabel("in 95 % interval", color=_COVERAGE)

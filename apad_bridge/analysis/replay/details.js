@@ -179,7 +179,7 @@ function showSelected(view) {
   const secondary = now.secondary === null ? "unknown" : percent(now.secondary);
   const taken = agent.taken && agent.taken[view.i];
   $("one-now").textContent = `${selected}: ${state}; primary ${now.charge === null ? "unknown" : percent(now.charge)}, secondary ${secondary}`
-    + (now.heard === null ? "; never heard" : `; heard ${ago(now)}`)
+    + (now.heard === null ? "; never heard" : `; heard ${ago(now)}`) + suspectWords(now).map((it) => `; ${it}`).join("")
     + (taken ? `; ${taken} samples taken, ${agent.acknowledged[view.i]} uploaded` : "");
   const times = data.times_ms, key = [times.length, data.packets.length].join(), shape = [data.run_name, selected].join();
   const asPercent = (value) => Math.round(100 * value) + " %";

@@ -10,7 +10,14 @@ from agents.mussel.outputs import Truth
 from agents.time_scale import TimeScale
 from agents.water.medium import Outcome
 from apad_bridge.events.event import Category
-from apad_bridge.events.fleet import BeliefChanged, Presence, PresenceChanged, ProcessDied, TruthChanged
+from apad_bridge.events.fleet import (
+    AMusselSuspected,
+    BeliefChanged,
+    Presence,
+    PresenceChanged,
+    ProcessDied,
+    TruthChanged,
+)
 from apad_bridge.events.guards import Drifting, StopChanged, StopEnded
 from apad_bridge.events.mission import MissionChanged, PlanMade, PrimitiveChanged
 from apad_bridge.events.persons import PersonOrdered
@@ -95,6 +102,14 @@ class PacketView(NamedTuple):
     timeslot: int | None
 
 
+class SuspectView(NamedTuple):
+    """An aMussel whose packets contradict physics: the mission time from which it is suspect, and the reason."""
+
+    at_ms: int
+    agent: int
+    reason: str
+
+
 class Told(NamedTuple):
     """An event for a person: its mission time, its category, a text, and the aMussel that it is about."""
 
@@ -126,6 +141,8 @@ class History:
         """The lines of all plans that were taken, with the reasons that they state."""
         self.packets: list[PacketView] = []
         """The acoustic packets among the lines that were taken."""
+        self.suspects: list[SuspectView] = []
+        """The aMussels that became suspect, among the lines that were taken. A suspicion lasts until the run ends."""
         self._pinged: set[int] = set()
         """The aMussels that a person pinged and that have not answered yet."""
         self.ended_by: str | None = None
@@ -138,6 +155,7 @@ class History:
         self._handlers: dict[str, Callable[[Line], None]] = {
             TruthChanged.kind: self._take_truth,
             BeliefChanged.kind: self._take_belief,
+            AMusselSuspected.kind: self._take_suspect,
             ProcessDied.kind: self._take_death,
             PresenceChanged.kind: self._take_presence,
             APadMoved.kind: self._take_apad,
@@ -192,6 +210,9 @@ class History:
 
     def _take_belief(self, line: Line) -> None:
         self.now.beliefs[line["id"]] = line
+
+    def _take_suspect(self, line: Line) -> None:
+        self.suspects.append(SuspectView(line["t"], line["id"], line["reason"]))
 
     def _take_death(self, line: Line) -> None:
         if line["gave_up"] is not None:

@@ -29,6 +29,7 @@ function takeSample(sample) {
     append(sample);
   }
   for (const name of ["trace", "plans", "packets"]) data[name].push(...sample[name]);
+  data.suspects = sample.suspects;
   if (performance.now() - legendMs > LEGEND_MS) { legendMs = performance.now(); showLegend(); }
   const surplus = data.packets.length - data.live.most_packets;
   if (surplus > 0) { data.packets.splice(0, surplus); data.earlier_packets += surplus; }

@@ -231,6 +231,15 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
   ctx.lineWidth = marked === agent.id ? 3 : isEmpty ? 2.5 : 1.5;
   ctx.strokeStyle = marked === agent.id ? INK : outline;
   ctx.stroke();
+  if (agent.suspicion) {
+    ctx.setLineDash([4, 3]);
+    ctx.strokeStyle = PAINT.bad;
+    ctx.lineWidth = 2;
+    ctx.beginPath();
+    ctx.arc(x, y, radius + 5, 0, 7);
+    ctx.stroke();
+    ctx.setLineDash([]);
+  }
   ctx.fillStyle = isEmpty ? outline : PAINT.card;
   ctx.font = "bold 10px system-ui, 'DejaVu Sans', sans-serif";
   ctx.textAlign = "center";

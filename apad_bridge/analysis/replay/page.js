@@ -51,6 +51,7 @@ function viewAt(ms, data) {
       secondary: agent.secondary[i],
       state: agent.state[i],
       heard: agent.heard ? agent.heard[i] : null,
+      suspicion: data.suspects.find(([since, id]) => id === agent.id && since <= ms) || null,
       believed: agent.believed && agent.believed[i],
       within: agent.low && agent.low[i] !== null ? [agent.low[i], agent.high[i]] : null,
       uptime: agent.uptime[i],
@@ -157,6 +158,7 @@ function planWords(plan) {
 
 // The time since its newest packet. What is believed of it ages as long; the supervisor suspects one that is silent too long.
 const ago = ({ heard }) => `${clock(Math.max(0, nowMs - 1000 * heard))} ago`;
+const suspectWords = ({ suspicion }) => (suspicion ? [`suspect since ${clock(suspicion[0])}: ${suspicion[2]}`] : []);
 const isSilent = ({ heard, dock }) => heard !== null && dock === null && nowMs - 1000 * heard > 1000 * data.silence_s;
 
 function showAgents({ agents }) {
@@ -168,7 +170,8 @@ function showAgents({ agents }) {
     item.classList.toggle("marked", marked() === agent.id);
     item.classList.toggle("selected", selected === agent.id);
     item.classList.toggle("silent", isSilent(agent));
-    const title = agent.heard === null ? "never heard" : `heard ${ago(agent)}`;
+    item.classList.toggle("suspect", agent.suspicion !== null);
+    const title = [agent.heard === null ? "never heard" : `heard ${ago(agent)}`, ...suspectWords(agent)].join("; ");
     if (item.title !== title) item.title = title;
   });
 }
@@ -326,7 +329,8 @@ function showLegend() {
   }
   for (const item of document.querySelectorAll("#legend li")) {
     const { status, fate: of } = item.dataset;
-    item.hidden = of ? !fates.has(of) : status !== "home" && !there.has(status);
+    if (status === "suspect") item.hidden = data.suspects.length === 0;
+    else item.hidden = of ? !fates.has(of) : status !== "home" && !there.has(status);
   }
 }
 
@@ -433,7 +437,7 @@ for (const id of ["map", "other-map"]) {
   hoverCanvas(id, (x, y) => {
     const shown = runs[0].differs ? [runs[id === "map" ? 0 : 1]] : runs, views = shown.map((it) => viewAt(nowMs, it));
     const found = musselAt(views, sizeOf($(id)), x, y), agent = views.flatMap((it) => it.agents).find((it) => it.id === found);
-    return agent ? `aMussel ${chargeWords(agent)}, ${STATUSES[agent.status]}${agent.heard === null ? "" : `, heard ${ago(agent)}`}` : "";
+    return agent ? [`aMussel ${chargeWords(agent)}`, STATUSES[agent.status], ...(agent.heard === null ? [] : [`heard ${ago(agent)}`]), ...suspectWords(agent)].join(", ") : "";
   });
 }
 

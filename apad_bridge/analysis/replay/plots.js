@@ -9,7 +9,7 @@ let STATUS_COLOURS, INK, SOFT, LINE, ACCENT, PAINT;
 function readColours() {
   STATUS_COLOURS = STATUSES.map(colour);
   [INK, SOFT, LINE, ACCENT] = ["ink", "soft", "line", "accent"].map(colour);
-  PAINT = Object.fromEntries(["card", "water", "shore", "contour", "fence", "grid", "track", "home", "way", "hull", "hull-line",
+  PAINT = Object.fromEntries(["card", "bad", "water", "shore", "contour", "fence", "grid", "track", "home", "way", "hull", "hull-line",
     "pale", "received", "collided", "half-duplex", "missed"].map((name) => [name, colour(name)]));
 }
 readColours();

@@ -175,6 +175,7 @@ class RunView:
             "events": [list(it) for it in self._history.events[events:]],
             "plans": [_reasons(it) for it in self._history.plans[plans:]],
             "packets": self._history.packets[packets:][-MAX_PACKETS:],
+            "suspects": self._history.suspects,
             "counts": self.counts,
         }
 
@@ -210,6 +211,7 @@ class RunView:
             "events": [list(it) for it in self._history.events],
             "plans": [_reasons(it) for it in self._history.plans],
             "packets": self._history.packets[-MAX_PACKETS:],
+            "suspects": self._history.suspects,
             "earlier_packets": max(0, len(self._history.packets) - MAX_PACKETS),
             "states": [state.name.lower().replace("_", " ") for state in State],
             "rails": [rail.name.lower().replace("_", " ") for rail in Rail],

@@ -120,7 +120,7 @@ def _parts(report: RunReport) -> Iterator[Part]:
         yield _belief_table(report)
         if report.scores.overall.rmse > _DRAWN:  # perfect knowledge has nothing to draw
             yield Picture(
-                belief_figure.figure_of(report.scores, "", figures.SIZE_INCHES),
+                belief_figure.figure_of(report.scores, "", figures.BELIEFS_INCHES),
                 "Beliefs: the error of the charge, and the share of true charges in the interval of 95 %.",
             )
     yield _trouble_table(report)
@@ -226,7 +226,7 @@ def _html_figure(picture: Picture, number: int) -> str:
     caption = escape(picture.caption)
     source = base64.b64encode(drawn.getvalue()).decode()
     return (
-        f'<figure><img src="data:image/svg+xml;base64,{source}" alt="{caption}">'
+        f'<figure><div class=wide><img src="data:image/svg+xml;base64,{source}" alt="{caption}"></div>'
         f"<figcaption>Figure {number}. {caption}</figcaption></figure>"
     )
 

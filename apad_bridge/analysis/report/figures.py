@@ -16,14 +16,20 @@ _LONGEST_MS = 48 * 3_600_000
 """Agent time: no course of a battery is drawn longer."""
 
 
-SIZE_INCHES = (7.1, 8.0)
-"""The largest figure: the width of an A4 page within its margins."""
+WIDTH_INCHES = 7.1
+"""The width of an A4 page within its margins."""
+BELIEFS_INCHES = (WIDTH_INCHES, 5.6)
+"""The figure of the beliefs, which shares a page with their table."""
+_MAP_INCHES = 4.9
+"""The greatest height of the map, which shares a page with the batteries."""
+_SMALL = 8
+"""Points: the least text, on paper and on a phone."""
 
 
 def _figure(height: float) -> Any:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(SIZE_INCHES[0], height), layout="constrained")
+    return Figure(figsize=(WIDTH_INCHES, height), layout="constrained")
 
 
 def activity(reports: Sequence[RunReport]) -> Any:
@@ -43,14 +49,14 @@ def activity(reports: Sequence[RunReport]) -> Any:
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)
     if axes.lines:
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=_SMALL)
     return figure
 
 
 def places(report: RunReport) -> Any:
     """The paper's Fig. 6: where the aMussels began, in their area, and the aPad's way."""
     data = report.data
-    figure = _figure(6.0)
+    figure = _figure(_MAP_INCHES)
     axes = figure.subplots()
     norths, easts = zip(*[*data["polygon"], data["polygon"][0]], strict=True)
     axes.fill(easts, norths, facecolor="#d9ecf7", edgecolor="#7fb2d3", linewidth=1.2)
@@ -65,7 +71,9 @@ def places(report: RunReport) -> Any:
         axes.plot(easts, norths, color=_MODEL, alpha=0.35, linewidth=0.8)
     for agent_id, (north, east) in data["homes"].items():
         axes.plot(east, north, "o", color="#2b9a57", markersize=6)
-        axes.annotate(str(agent_id), (east, north), xytext=(5, 4), textcoords="offset points", fontsize=7)
+        axes.annotate(
+            str(agent_id), (east, north), xytext=(5, 4), textcoords="offset points", fontsize=_SMALL
+        )
     axes.set_aspect("equal")
     axes.set(xlabel="east (m)", ylabel="north (m)")
     return figure
@@ -138,7 +146,7 @@ def _courses(report: RunReport, flow: Flow) -> Iterator[list[tuple[int, float]]]
 
 def energy(report: RunReport) -> Any:
     """Energy that each aMussel drew, in percent of a battery: by module, and by state."""
-    figure = _figure(3.6)
+    figure = _figure(4.2)
     columns: dict[str, Callable[[AgentEnergy], Mapping[str, float]]] = {
         "by module": lambda it: it.by_module,
         "by state": lambda it: it.by_state,
@@ -153,10 +161,10 @@ def energy(report: RunReport) -> Any:
         axes.set_xticks(
             places_ if few else [],
             [it.agent_id for it in report.energy] if few else [],
-            fontsize=7,
+            fontsize=_SMALL,
             rotation=90,
         )
         axes.set(xlabel="aMussel", ylabel="% of a battery", title=title)
         if len(axes.containers) > 1:
-            axes.legend(fontsize=6, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.25))
+            axes.legend(fontsize=_SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.25))
     return figure

@@ -68,6 +68,9 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
             (reason for flight in flights if (reason := flight["apad_energy_missing"]) is not None), None
         ),
         **{key: _combined(flights, key, _total) for key in _SUMS},
+        "latest_tick_s": max(
+            (it for flight in flights if (it := flight["latest_tick_s"]) is not None), default=None
+        ),
         "handed_on": handed_on,
         "excluded": _excluded(flights),
         "amussels": _amussels(flights),

@@ -64,11 +64,12 @@ def test_an_end_outlives_the_journal(reason: EndReason) -> None:
 
 
 class ClockThatStops:
-    """A simulated aPad's node confirms the first five seconds and nothing more."""
+    """A simulated aPad's node confirms the first five seconds, the third of them late, and nothing more."""
 
     behind_s = 0.0
 
     def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+        self.behind_s = {3000: 1.75, 4000: 0.5}.get(now_ms, 0.0)
         if now_ms > 5000:
             raise ClockLost("the node of /apad1 did not say within 60 s that it has come to 6 s")
 
@@ -86,6 +87,7 @@ def test_a_clock_that_is_lost_ends_the_mission_in_order_with_its_records(tmp_pat
     assert summary["ended_by"].startswith("loss of the clock: the node of /apad1 did not say")
     assert exit_of(EndReason(summary["end_reason"])) is Exit.PEER_FAILED
     assert json.loads(directory.summary.read_text()) == summary
+    assert summary["latest_tick_s"] == 1.75
     (end,) = [line for line in read_journal(directory.journal).lines if line["kind"] == "end"]
     assert (end["t"], end["end_reason"]) == (6000, "loss of the clock")
     with Reader(directory.bags[0]):

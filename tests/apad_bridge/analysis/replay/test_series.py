@@ -392,6 +392,19 @@ def test_packets_and_plans_are_those_of_the_journal():
     assert data["states"][data["agents"][0]["state"][-1]] == "active"
 
 
+def test_a_suspect_is_named_with_its_time_and_its_reason():
+    """To a page that is open already, too."""
+    suspect = {"t": 3000, "kind": "suspect", "id": 2, "reason": "its charge rose in the water"}
+    view = RunView(SCENARIO, JournalContents([run_line(1, 2)], 0))
+    view.sample(0)
+    assert view.data(None)["suspects"] == []
+    before = view.counts
+    view.add(JournalContents([suspect], 0))
+    view.sample(3000)
+    assert view.newest(before)["suspects"] == [(3000, 2, "its charge rose in the water")]
+    assert view.data(None)["suspects"] == view.newest(view.counts)["suspects"]
+
+
 def test_the_page_without_its_data_is_small():
     assert len(render([{"name": "x"}]).encode()) < 400_000
 

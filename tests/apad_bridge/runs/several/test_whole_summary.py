@@ -20,7 +20,14 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
         **{"theta": 30, "seed": 1, "agents": agents, "mission_s": 100.0, "ended_by": "mission time"},
         **{"uptime_paper": spread, "uptime_submerged": spread, "active_mean": agents * mean / 100},
         **{"end_reason": "mission time", "stopped_s": 0.0, "failed_docks": [1]},
-        **{"amussels_lost": 0, "emptied": 1, "dead_time_s": 5.0, "services": 4, "gave_up": 0},
+        **{
+            "amussels_lost": 0,
+            "emptied": 1,
+            "dead_time_s": 5.0,
+            "services": 4,
+            "gave_up": 0,
+            "latest_tick_s": None,
+        },
         **{
             "stopped_s": 0.0,
             "cost_m": 12.5,
