@@ -42,6 +42,7 @@ class Takeover:
         self._calls = calls
         self.now_ms = 0
         self._pose: tuple[float, float] | None = None
+        self._awaits_person = ""
         self._orders: list[Order] = []
         self._flying: EnergyExchange | ManualMission
         # A resumed flight goes on as it was flown, by hand or by the plan.
@@ -73,6 +74,7 @@ class Takeover:
         self._flying.docks_named(named)
 
     def await_person(self, reason: str) -> None:
+        self._awaits_person = reason
         self._flying.await_person(reason)
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
@@ -145,9 +147,10 @@ class Takeover:
     def give_back(self) -> str:
         """Refused while a docking is under way. The mission then tries aMussels again that it had left alone.
 
-        A stop stays in force, and the mission waits for its end.
+        A stop stays in force, and the mission waits for its end: the answer names it.
         """
-        return self._give_back(AllowMotion("person", ends=StopsEnded.NONE))
+        told = self._give_back(AllowMotion("person", ends=StopsEnded.NONE))
+        return told or (self._awaits_person and f"the mission waits: {self._awaits_person}")
 
     def _give_back(self, allowed: AllowMotion) -> str:
         manual = self.by_hand

@@ -76,10 +76,10 @@ from apad_bridge.vehicle.primitives import (
 from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 from firmware_model.packets.codec import Codec
 
-EMPTY_MS = 3000
-"""A battery that is empty all of a sudden ends the mission when its readings say so for this long."""
 SUDDEN = 0.05
 """A charge that falls by more of a full battery from one reading to the next may be a fault of the sensor."""
+DOUBTED_MS = 3000
+"""Such a fall, or a first reading that would end the mission, counts when the readings say so for this long."""
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
 
@@ -152,7 +152,10 @@ class Supervisor:
         self.pose: PoseReported | None = None
         self.battery: BatteryReported | None = None
         self.battery_at_start: BatteryReported | None = None
-        self._empty_since_ms: int | None = None
+        self._believed_fraction: float | None = None
+        """The aPad's charge by its readings, of which a sudden fall counts when it lasts."""
+        self._falls_since_ms: int | None = None
+        """The reading at which the charge fell in a way that does not count yet."""
         """The time from which on the battery is known to be at or below the charge that ends the mission."""
         self.dropped: Counter[str] = Counter()
         self._doubted: set[int] = set()
@@ -265,13 +268,8 @@ class Supervisor:
                 self.pose = fact
                 self.mission.moved(fact.north_m, fact.east_m)
             case BatteryReported():
-                before, self.battery = self.battery, fact
-                self.mission.battery_heard(fact.fraction)
-                if fact.fraction > self._end_at_apad_fraction:
-                    self._empty_since_ms = None
-                elif self._empty_since_ms is None:
-                    is_sudden = before is None or before.fraction - fact.fraction > SUDDEN
-                    self._empty_since_ms = fact.at_ms if is_sudden else fact.at_ms - EMPTY_MS
+                self.battery = fact
+                self._believe_battery(fact)
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
@@ -352,9 +350,30 @@ class Supervisor:
 
     @property
     def _battery_ends(self) -> EndReason | None:
-        battery, since_ms = self.battery, self._empty_since_ms
-        is_empty = battery is not None and since_ms is not None and battery.at_ms - since_ms >= EMPTY_MS
-        return EndReason.APAD_BATTERY if is_empty else None
+        return EndReason.APAD_BATTERY if self._is_empty else None
+
+    @property
+    def _is_empty(self) -> bool:
+        return self._believed_fraction is not None and self._believed_fraction <= self._end_at_apad_fraction
+
+    def _believe_battery(self, fact: BatteryReported) -> None:
+        """A sensor that says 0 % once ends no mission, and sends no aPad home."""
+        believed = self._believed_fraction
+        is_doubtful = (
+            fact.fraction <= self._end_at_apad_fraction
+            if believed is None
+            else believed - fact.fraction > SUDDEN
+        )
+        if is_doubtful and self._falls_since_ms is None:
+            self._falls_since_ms = fact.at_ms
+        if (
+            is_doubtful
+            and self._falls_since_ms is not None
+            and fact.at_ms - self._falls_since_ms < DOUBTED_MS
+        ):
+            return
+        self._believed_fraction, self._falls_since_ms = fact.fraction, None
+        self.mission.battery_heard(fact.fraction)
 
     # With several aPads: the aMussels that this one serves.
 
@@ -435,7 +454,8 @@ class Supervisor:
         if primitive is None:
             return []
         # Neither an aPad that waits for a person nor one that may be empty is broken down.
-        is_free = not self._gate.awaits_person and self._empty_since_ms is None
+        may_be_empty = self._is_empty or self._falls_since_ms is not None
+        is_free = not (self._gate.awaits_person or may_be_empty)
         if isinstance(primitive, GoToPoint) and is_free:
             self._stands_down.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):

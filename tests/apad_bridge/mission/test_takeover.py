@@ -15,7 +15,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.state import MissionState
-from apad_bridge.mission.takeover import Takeover
+from apad_bridge.mission.takeover import FLIES_ALREADY, Takeover
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
@@ -125,6 +125,22 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
     assert takeover.state.failed_tries == ((7, 5),)
     takeover.give_back()
     assert takeover.state.failed_tries == ()
+
+
+def test_an_apad_that_is_given_back_under_a_stop_stays_there_and_the_answer_names_the_stop(
+    pool: Scenario,
+) -> None:
+    flying = Flying(pool)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    assert asked(flying, Act.STOP)[0]
+    answers: list[str] = []
+    flying.call_mission(lambda mission: answers.append(mission.give_back()))
+    assert answers[0].startswith("the mission waits: stop 1 (hold")
+    flying.seconds(30)
+    assert flying.gate.stops.in_force is not None
+    assert asked(flying, Act.CONTINUE)[0]
+    flying.call_mission(lambda mission: answers.append(mission.give_back()))
+    assert answers[1] == FLIES_ALREADY
 
 
 def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> None:

@@ -141,6 +141,17 @@ def test_an_empty_battery_ends_a_flight_after_three_seconds_of_readings() -> Non
     assert str(supervisor.mission.state.ended_by) == "the aPad's battery"
 
 
+def test_a_sensor_that_says_nothing_is_left_once_sends_no_apad_home() -> None:
+    """The mission hears a sudden fall after three seconds of readings, and a fall that creeps at once."""
+    supervisor = parts.supervisor(flight_config(SCENARIO))
+    heard: list[float] = []
+    supervisor.mission.battery_heard = heard.append  # type: ignore[method-assign]
+    for at_s, fraction in enumerate((0.9, 0.0, 0.89, 0.3, 0.3, 0.3, 0.3, 0.27, 0.8), start=1):
+        supervisor.receive(BatteryReported(1000 * at_s, 12.0, fraction))
+        supervisor.advance(1000 * at_s)
+    assert heard == [0.9, 0.89, 0.3, 0.27, 0.8]
+
+
 def test_time_going_back_is_refused() -> None:
     supervisor = parts.supervisor(flight_config(SCENARIO))
     supervisor.advance(2000)
