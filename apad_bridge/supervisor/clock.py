@@ -126,7 +126,6 @@ class WallClock:
         start_ms, start_s = self._origin
         due_s = start_s + (now_ms - start_ms) / 1000 / self._speed
         if due_s > now_s:
-            self.behind_s = 0.0
             while due_s > now_s and not stopped.wait(
                 min(due_s - now_s, POLL_PERIOD_S) if between else due_s - now_s
             ):
@@ -135,6 +134,8 @@ class WallClock:
                 if between is not None and reached_ms < now_ms:
                     between(reached_ms)
                     now_s = self._clock()
+            # A busy machine wakes a process late.
+            self.behind_s = max(0.0, self._clock() - due_s)
             return
         self.behind_s = now_s - due_s
         if self.behind_s > self._bound_s:

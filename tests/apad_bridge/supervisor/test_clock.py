@@ -60,6 +60,15 @@ def test_a_little_late_it_catches_up() -> None:
     assert pace.slipped_s == 0.0
 
 
+def test_a_wait_that_ends_late_counts_as_late() -> None:
+    hand = Hand()
+    hand.stopped.wait = lambda timeout=None: hand._wait(timeout + 0.25)  # type: ignore[method-assign, operator]
+    pace = WallClock(1.0, clock=hand)
+    pace.reach(0, hand.stopped)
+    pace.reach(1000, hand.stopped)
+    assert pace.behind_s == pytest.approx(0.25)
+
+
 def test_far_behind_it_moves_its_schedule_and_says_by_how_much() -> None:
     hand = Hand()
     pace = WallClock(1.0, bound_s=5.0, clock=hand)
