@@ -113,6 +113,15 @@ def other_goal(it: Try) -> Case:
     return it.case(begun_s)
 
 
+def other_goal_after_a_guard(it: Try) -> Case:
+    """A guard has stopped the vehicle, its cause has gone, and another node drives it out: it is stopped again."""
+    it.flight.falsify("nan")
+    it.flight.pause(SHOWN_S)
+    it.flight.falsify("good")
+    it.flight.pause(AFTER_S)
+    return other_goal(it)
+
+
 def master_killed(it: Try) -> Case:
     pressed = it.flight.person("stop", "--by", "judge")
     it.flight.kill("master")
@@ -396,6 +405,7 @@ ROWS: dict[str, Row] = {
     ),
     "slow": Row("position at 0.2 Hz", falsified("slow", every_s=5.0), tries=_T),
     "other goal": Row("another node's goal outside the fence", other_goal, tries=_T, is_short=True),
+    "other goal, stopped": Row("another node's goal outside the fence, after NaN", other_goal_after_a_guard),
     "master killed": Row("master killed, then `stop`", master_killed, tries=_T, is_short=True),
     "master and supervisor": Row("master and supervisor killed", master_and_supervisor_killed, tries=_T),
     "wifi cut": Row("Wi-Fi cut for 25 s", wifi_cut, tries=_T, is_short=True),
