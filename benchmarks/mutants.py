@@ -118,6 +118,10 @@ EQUIVALENT = {
         "{PING_HEARD, IN(ACTIVE) | IN(EMPTY) | IN(SURFACING) | IN(SINKING), STAYS},",
         "{PING_HEARD, IN(ACTIVE) | IN(SURFACING) | IN(SINKING), STAYS},",
     ): _TEXT,
+    (
+        "by_timer = false; /* a charger was there for a moment */",
+        "by_timer = true; /* a charger was there for a moment */",
+    ): "a timer rings once, and whoever sets it again sets this, too",
     ("hal_motors(HAL_FLOAT, 0);", "hal_motors(HAL_FLOAT, 1);"): "a run to the surface has no depth",
     ("return true;", "return false;"): _TEXT,
     ("return;", ""): _TEXT,

@@ -151,6 +151,7 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
     if unknown := unknown_names(arguments.case, known):
         raise UserError(f"--case {unknown[0]}: there are {', '.join(case.name for case in known)}")
     chosen = [case for case in known if not arguments.case or case.name in arguments.case]
+    chosen = [case for case in chosen if not (arguments.cost and case.is_near_tie)]
     chosen += random_cases(arguments.random, arguments.seed, arguments.cost > 0, is_whole)
     return [case for case in chosen if not arguments.serial or lasts_ms(case.script) < _AT_THETA_1_MS]
 

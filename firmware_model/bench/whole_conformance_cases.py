@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from dataclasses import replace
 
 from firmware_model.bench.conformance import Case, PaperTime, Source, Whole
@@ -35,6 +36,20 @@ def _wifi(command: Command) -> str:
     return f"wifi:{command.encode().hex()}"
 
 
+def _version_9(command: Command) -> str:
+    """The command's bytes with another version, and the check of docs/packets.md for it."""
+    body = b"\x09" + command.encode()[1:-2]
+    return (body + crc_hqx(body, 0xFFFF).to_bytes(2, "little")).hex()
+
+
+_EVERY_COMMAND: tuple[Command, ...] = (
+    *(CommandPacket(kind, 1) for kind in (Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.HOVER)),
+    HoverAt(1, 1.25),
+    SleepSchedule(1, 60_000, 10_000),
+    SlotAssignment(1, 300_000, 3000, 500, 7, 0),
+    SetThreshold(1, Threshold.SAFE_LEVEL, 0.5),
+    Beacon(1, 3_595_000),
+)
 _SINK = _wifi(CommandPacket(Kind.SINK, 1))
 """Sound does not reach a modem in air."""
 _EACH_MINUTE = _sound(SleepSchedule(1, 60_000, 10_000))
@@ -58,8 +73,9 @@ def _case(
     primary: float = 1.0,
     paper: PaperTime | None = None,
     tolerance_ms: int = 20,
+    is_near_tie: bool = False,
 ) -> Case:
-    return Case(name, source, requirement, script, primary, tolerance_ms, whole, paper)
+    return Case(name, source, requirement, script, primary, tolerance_ms, whole, paper, is_near_tie)
 
 
 def _table_one(name: str, mode: str, script: str, whole: Whole, ends: str, *minutes: float) -> Case:
@@ -255,6 +271,12 @@ _PINGS = [
         f"10s {_sound(CommandPacket(Kind.PING, 2))} {_sound(CommandPacket(Kind.PERMISSION, 257))} 3min",
     ),
     _case(
+        "other-versions",
+        Source.PACKETS,
+        "a kind of an unknown version is dropped",
+        " ".join(["10s", *(f"sound:{_version_9(it)}" for it in _EVERY_COMMAND), "2h ping 1min"]),
+    ),
+    _case(
         "every-length",
         Source.PACKETS,
         "bytes that are no packet are dropped",
@@ -302,7 +324,14 @@ _TRAVEL = [
         "chatter-mostly-high",
         Source.STATES,
         "after 2 s of chatter the level of most of the time counts",
-        f"{_UP} chatter:30:10:100 rises 1h",
+        f"{_UP} chatter:30:10:52 {_SINK} rises 1h",
+    ),
+    _case(
+        "chatter-51-percent-high",
+        Source.STATES,
+        "the time up to the end of the 2 s counts, too",
+        f"{_UP} chatter:41:41:25 {_SINK} rises 1h",
+        is_near_tie=True,
     ),
     _case(
         "chatter-mostly-low",

@@ -19,10 +19,11 @@ _AT_ONCE = 4096
 Cable = Callable[[bytes], bytes]
 
 
-def compiled_for_serial(factory: pytest.TempPathFactory) -> Path:
-    """The board of the worst case with the serial line below its library, every warning an error."""
+def compiled_for_serial(factory: pytest.TempPathFactory, *, is_whole: bool = False) -> Path:
+    """A board with the serial line below its library, every warning an error."""
     board = factory.mktemp("serial") / "serial_board"
-    sources = [str(NATIVE / name) for name in ("worst_case.c", "musselbed.c", "serial_line.c")]
+    own = sorted((NATIVE / "whole").glob("*.c")) if is_whole else [NATIVE / "worst_case.c"]
+    sources = [*map(str, own), str(NATIVE / "musselbed.c"), str(NATIVE / "serial_line.c")]
     warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
     options = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", "-O2", *warnings, "-Wl,--wrap=read,--wrap=write"]
     subprocess.run(["cc", *options, "-o", str(board), *sources], check=True, timeout=_COMPILE_TIMEOUT_S)

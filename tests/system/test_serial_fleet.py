@@ -23,6 +23,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
+from apad_bridge.commands.main import main
 from firmware_model.packets import CommandPacket, Kind
 
 pytestmark = pytest.mark.system
@@ -138,3 +139,21 @@ def test_a_real_board_runs_and_is_judged_as_a_program_is(
         )
         ends.append(done.stdout if verb == "run" else [it["verdict"] for it in json.loads(done.stdout)])
     assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("options", [["--serial"], []], ids=["those of minutes", "all"])
+def test_a_real_whole_board_passes_its_cases(
+    tmp_path_factory: pytest.TempPathFactory,
+    tmp_path: Path,
+    options: list[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    rig = SerialRig(compiled_for_serial(tmp_path_factory, is_whole=True), tmp_path / "ttyUSB0")
+    try:
+        firmware = f"serial:{rig.device}"
+        assert main(["mu", "conform", firmware, "--profile", "mu", *options, "--json"]) == 0
+    finally:
+        rig.close()
+    results = json.loads(capsys.readouterr().out)
+    assert len(results) >= (10 if options else 110)
+    assert {it["verdict"] for it in results} == {"passed"}
