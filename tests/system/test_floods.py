@@ -202,39 +202,57 @@ def serving(page: str) -> int:
 
 
 def test_a_console_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path) -> None:
-    with flown(tmp_path) as run:
-        late = tmp_path / "late"
-        late.mkdir()
-        for name in ("scenario.yaml", "run.json"):
-            (late / name).write_bytes((run.path / name).read_bytes())
-        patience = (
-            "from apad_bridge.records import journal; journal._BEGINS_S = 0.1; "
-            "from apad_bridge.console import server; server._BEGUN_S = 0.1"
-        )
-        process = subprocess.Popen(
-            [
-                sys.executable,
-                "-c",
-                f"{patience}; from apad_bridge.commands.main import main; raise SystemExit(main())",
-                "console",
-                late,
-                "--json",
-            ],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+    with flown(tmp_path) as run, beside_a_late_flight(tmp_path, run.path, "console") as (late, process):
         assert process.stdout is not None and process.stderr is not None
-        try:
-            url = json.loads(process.stdout.readline())["url"]
+        url = json.loads(process.stdout.readline())["url"]
+        assert "no flight began" in process.stderr.readline()
+        assert "has not begun" in page_of(url)
+        (late / "journal.jsonl").write_bytes((run.path / "journal.jsonl").read_bytes())
+        wait_until(lambda: 'id="stop"' in page_of(url))
+
+
+def test_a_gateway_of_a_flight_that_begins_late_waits_for_it(tmp_path: Path) -> None:
+    with flown(tmp_path) as run, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
+        console.bind(("127.0.0.1", 0))
+        console.settimeout(PATIENCE_S)
+        asked = ("--port", "0", "--neptus", f"127.0.0.1:{console.getsockname()[1]}")
+        with beside_a_late_flight(tmp_path, run.path, "imc", *asked) as (late, process):
+            assert process.stderr is not None
             assert "no flight began" in process.stderr.readline()
-            assert "has not begun" in page_of(url)
             (late / "journal.jsonl").write_bytes((run.path / "journal.jsonl").read_bytes())
-            wait_until(lambda: 'id="stop"' in page_of(url))
-        finally:
-            process.terminate()
-            process.communicate(timeout=PATIENCE_S)
-        assert process.returncode == 0
+            assert console.recv(65_536)
+
+
+@contextmanager
+def beside_a_late_flight(
+    folder: Path, run: Path, command: str, *asked: str
+) -> Iterator[tuple[Path, subprocess.Popen[str]]]:
+    """A command that serves beside a flight, a copy of `run` without a journal, with little patience. It ends in order."""
+    late = folder / "late"
+    late.mkdir()
+    for name in ("scenario.yaml", "run.json"):
+        (late / name).write_bytes((run / name).read_bytes())
+    patience = (
+        "from apad_bridge.records import journal; journal._BEGINS_S = 0.1; "
+        "from apad_bridge.console import server; server._BEGUN_S = 0.1"
+    )
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            f"{patience}; from apad_bridge.commands.main import main; raise SystemExit(main())",
+            *(command, late, "--json", *asked),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield late, process
+    finally:
+        process.terminate()
+        process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0
 
 
 def page_of(url: str) -> str:
