@@ -13,18 +13,12 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any, cast
 
-from apad_bridge.planning.blend import BestOfPool, Blend
-from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.by_route import BestOfPool, Blend, Exact, ShortestOrder
 from apad_bridge.planning.charge_groups import ChargeGroups
 from apad_bridge.planning.costs import CostScales, Scales
-from apad_bridge.planning.earliest_deadline import EarliestDeadline
-from apad_bridge.planning.exact import Exact
-from apad_bridge.planning.greedy import Greedy
-from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
-from apad_bridge.planning.nearest_job_next import NearestJobNext
-from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.on_demand import EarliestDeadline, NearestJobNext
+from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 from apad_bridge.planning.rollout import FairRollout, Rollout
-from apad_bridge.planning.shortest_order import ShortestOrder
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.planning.triage import Triage

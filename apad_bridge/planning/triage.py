@@ -19,8 +19,8 @@ from __future__ import annotations
 from math import dist
 
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.cautious import Cautious
 from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
 

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 PATIENCE_S = 180.0
 STRATEGY = """
 import os, signal
-from apad_bridge.planning.greedy import Greedy
+from apad_bridge.planning.paper_strategies import Greedy
 
 class Waits(Greedy):
     plans_of_process = 0

@@ -36,7 +36,7 @@ from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
-from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.paper_strategies import NoCollection
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.firmware_config import charge_models

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from apad_bridge.mission.state import with_exchanged_homes
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.cautious import Cautious
 from apad_bridge.planning.exchange import exchanges, tour
+from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.solution import Solution, Step, StepKind
 
 COLLECT, DEPLOY = StepKind.COLLECT, StepKind.DEPLOY

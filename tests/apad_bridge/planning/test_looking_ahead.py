@@ -14,8 +14,8 @@ from scenario_files import POOL_FILE
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.cautious import Cautious
 from apad_bridge.planning.costs import CostScales
+from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution

@@ -12,16 +12,12 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.planning import registry
-from apad_bridge.planning.blend import BestOfPool, Blend
+from apad_bridge.planning.by_route import BestOfPool, Blend, Exact, ShortestOrder
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.cautious import Cautious
 from apad_bridge.planning.costs import CostScales, charging_demand, distance_m
-from apad_bridge.planning.earliest_deadline import EarliestDeadline
-from apad_bridge.planning.exact import Exact
-from apad_bridge.planning.greedy import Greedy
-from apad_bridge.planning.nearest_job_next import NearestJobNext
+from apad_bridge.planning.on_demand import EarliestDeadline, NearestJobNext
+from apad_bridge.planning.paper_strategies import Cautious, Greedy
 from apad_bridge.planning.routes import MOST_AT_ONCE, cheapest_choice
-from apad_bridge.planning.shortest_order import ShortestOrder
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
 from apad_bridge.scenario.loader import load
 

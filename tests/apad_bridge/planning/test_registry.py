@@ -10,10 +10,7 @@ import pytest
 from doc_blocks import file_of
 
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.cautious import Cautious
-from apad_bridge.planning.greedy import Greedy
-from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
-from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 from apad_bridge.planning.registry import collection, known_names, redeployment
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "first-strategy.md"

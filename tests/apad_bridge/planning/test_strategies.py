@@ -10,10 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.cautious import Cautious
-from apad_bridge.planning.greedy import Greedy
-from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
-from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
 from apad_bridge.planning.solution import Solution, Step, StepKind, check_solution
 
 metres = st.floats(-100, 100)

@@ -313,7 +313,7 @@ def test_a_strategy_of_a_package_is_flown_by_its_name(
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab\nVersion: 1\n")
     (info / "entry_points.txt").write_text("[musselbed.strategies]\nlast = lab:Last\n")
     (tmp_path / "lab.py").write_text(
-        "from apad_bridge.planning.greedy import Greedy\n\n\nclass Last(Greedy):\n    pass\n"
+        "from apad_bridge.planning.paper_strategies import Greedy\n\n\nclass Last(Greedy):\n    pass\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
