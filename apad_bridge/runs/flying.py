@@ -200,6 +200,8 @@ def fly(
             try:
                 prepared.flight.run()
             except RecordsFailed as failed:
+                # Told at once, because a vehicle may take seconds to come to rest.
+                progress.print_message(str(failed))
                 # Without records, but in order: a vehicle holds its place, and a mission gives up its orders.
                 prepared.flight.stop(MissionEnd(failed.reason))
                 prepared.flight.run()

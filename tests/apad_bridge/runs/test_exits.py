@@ -1,6 +1,7 @@
 """Why a mission ended decides the exit code, and is restored from records of any age."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,7 +18,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.journal import read_journal
-from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit, exit_of
 from apad_bridge.runs.flying import fly, in_process_context, journal_start, open_fleet
@@ -92,6 +93,39 @@ def test_a_clock_that_is_lost_ends_the_mission_in_order_with_its_records(tmp_pat
     assert (end["t"], end["end_reason"]) == (6000, "loss of the clock")
     with Reader(directory.bags[0]):
         pass
+
+
+class MessagesOfFlight:
+    """A display that keeps what it is told, with the time of the newest tick then."""
+
+    def __init__(self, removed: Path) -> None:
+        self.now_ms, self.told = 0, list[tuple[int, str]]()
+        self._removed = removed
+
+    def print_message(self, text: str) -> None:
+        self.told.append((self.now_ms, text))
+
+    def show_status(self, now_ms: int, status: object) -> None:
+        self.now_ms = now_ms
+        if now_ms == 20_000:
+            shutil.rmtree(self._removed)
+
+
+def test_a_directory_that_is_gone_is_told_at_the_next_tick_and_not_at_the_end(tmp_path: Path) -> None:
+    scenario = replace(load(POOL_FILE), duration_s=60)
+    scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
+    out = tmp_path / "run"
+    out.mkdir()
+    config, progress = flight_config(scenario), MessagesOfFlight(out)
+    recorder = Recorder(RunDirectory(out), scenario, config.ids)
+    journal_start(recorder, scenario, starts_of(scenario))
+    context = in_process_context(config, open_fleet(config, starts_of(scenario), tmp_path))
+    with pytest.raises(RecordsFailed, match="was deleted while the run flew"):
+        fly(config, context, recorder, progress)
+    recorder.close()
+    (told,) = [(now_ms, text) for now_ms, text in progress.told if "was deleted" in text]
+    assert told[0] <= 21_000
+    assert told[1].startswith(f"{out / 'journal.jsonl'} was deleted while the run flew: the run ends")
 
 
 def test_an_error_that_hides_a_lack_of_memory_is_known_by_the_space_that_is_used_up() -> None:
