@@ -12,16 +12,14 @@ from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.end_by import EndBy
+from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.home_stays import HomeStays
-from apad_bridge.mission.horizon import KnownEnd
 from apad_bridge.mission.manual import CommandSource, ManualMission
 from apad_bridge.mission.role import Mission
-from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.mission.sources import Allocation, BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry

@@ -13,7 +13,7 @@ from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
-from apad_bridge.scenario.id_ranges import in_ranges
+from apad_bridge.scenario.errors import in_ranges
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start

@@ -26,7 +26,7 @@ from apad_bridge.doctor.network import (
     route_address,
 )
 from apad_bridge.ros_names.names import in_full
-from apad_bridge.scenario.id_ranges import in_ranges
+from apad_bridge.scenario.errors import in_ranges
 
 _AT_ONCE = 16
 _AGAIN_S = 0.1

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.id_ranges import in_ranges
+from apad_bridge.scenario.errors import ScenarioError, in_ranges
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.schema import Scenario

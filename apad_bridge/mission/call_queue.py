@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from apad_bridge.events.event import Event
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import AllowMotion, Order
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.vehicle.primitives import GoToPoint
 

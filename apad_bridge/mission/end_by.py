@@ -1,10 +1,12 @@
-"""A mission that has to be home by a time: the time that bringing back its aMussels and the way home still take."""
+"""Rules of a mission that knows its end: the charge that lasts until then, and the time that the way home still takes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from apad_bridge.scenario.schema import Mission
 
 Point = tuple[float, float]
 SLOWER = 0.8
@@ -46,3 +48,33 @@ class EndBy:
 
     def _way_s(self, from_m: Point, to_m: Point) -> float:
         return math.dist(from_m, to_m) / (SLOWER * self.speed_m_s)
+
+
+LEAST_SERVICE = 0.2
+"""A service for less charge than this is taken as not worth its way."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownEnd:
+    """`end_s` is of mission time, and `drain_per_s` the charge that an aMussel at work spends in a second of it."""
+
+    end_s: float
+    drain_per_s: float
+
+    def lasting_charge(self, now_ms: int) -> float:
+        """The charge with which an aMussel works from now until the end."""
+        return max(0.0, self.drain_per_s * (self.end_s - now_ms / 1000))
+
+    def is_worth_a_service(self, now_ms: int) -> bool:
+        return self.lasting_charge(now_ms) >= LEAST_SERVICE
+
+    def rules(self, rules: Mission, now_ms: int) -> Mission:
+        """The mission's rules with no threshold above the charge that lasts."""
+        most = self.lasting_charge(now_ms)
+        return replace(
+            rules,
+            pool_threshold=min(rules.pool_threshold, most),
+            again_threshold=None if rules.again_threshold is None else min(rules.again_threshold, most),
+            full_threshold=min(rules.full_threshold, most),
+            charge_to=None if rules.charge_to is None else min(rules.charge_to, most),
+        )

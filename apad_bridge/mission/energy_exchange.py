@@ -24,17 +24,15 @@ from apad_bridge.mission.docking_routine import (
     OutOfReach,
     Progress,
 )
-from apad_bridge.mission.end_by import EndBy
-from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
-from apad_bridge.mission.horizon import KnownEnd
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.plans import plan_event, plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.state import MissionState, with_exchanged_homes, with_new_homes
+from apad_bridge.mission.state import MissionEnd, MissionState, with_exchanged_homes, with_new_homes
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange import exchanges, tour

@@ -17,13 +17,12 @@ from apad_bridge.events.mission import PRE_EMPTED, Phase, StepGivenUp
 from apad_bridge.events.persons import Overridden
 from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import AllowMotion, Order, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
-from apad_bridge.mission.state import MissionState, with_new_homes
+from apad_bridge.mission.state import MissionEnd, MissionState, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import Order
-from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.vehicle.primitives import Outcome
 
 

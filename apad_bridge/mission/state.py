@@ -10,11 +10,21 @@ from typing import Any, cast
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import MissionSnapshot, Phase
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.planning.solution import Solution
 from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.docks import Occupancy
 from firmware_model.state_groups import DOCKED
+
+
+@dataclass(frozen=True, slots=True)
+class MissionEnd:
+    """A reason, and the text for people where it says more than the reason; the text alone is `str(end)`."""
+
+    reason: EndReason
+    text: str = ""
+
+    def __str__(self) -> str:
+        return self.text or self.reason.value
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,10 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.mission import Phase
 from apad_bridge.events.persons import Overridden
 from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import AllowMotion, Order
-from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
 from apad_bridge.vehicle.guards.stops import StopsEnded

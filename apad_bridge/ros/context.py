@@ -16,7 +16,7 @@ from apad_bridge.doctor.finding import Status
 from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.events.event import Event
 from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
-from apad_bridge.mission.allocation import Allocation
+from apad_bridge.mission.sources import Allocation
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
@@ -68,7 +68,7 @@ from apad_bridge.supervisor.roster import NoRoster, Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.orders import Body
-from apad_bridge.vehicle.listening_link import ListeningLink
+from apad_bridge.vehicle.link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
 from firmware_model.packets.codec import load_codec
 from firmware_model.state_groups import UP_AND_UNDOCKED

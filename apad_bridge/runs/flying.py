@@ -26,9 +26,8 @@ from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.event import Event
 from apad_bridge.events.run import EndReason, RunBegan, RunEnded
 from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory

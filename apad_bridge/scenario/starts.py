@@ -13,8 +13,7 @@ from pathlib import Path
 from struct import Struct
 
 from agents.fleet import deviations_of
-from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.id_ranges import in_ranges
+from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario

@@ -19,8 +19,8 @@ from types import CodeType
 from typing import Any
 
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import ManualMission
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import read_text

@@ -24,7 +24,7 @@ from apad_bridge.beliefs.questions import (
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.values import Agent, Location, Refused, dock_of
-from apad_bridge.scenario.id_ranges import in_ranges
+from apad_bridge.scenario.errors import in_ranges
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scripting.arguments import checks_arguments

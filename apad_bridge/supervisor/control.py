@@ -25,8 +25,8 @@ from apad_bridge.events.guards import StopState
 from apad_bridge.events.persons import PersonOrdered, Remarked
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.mission.takeover import FLIES_ALREADY
 from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest

@@ -17,10 +17,8 @@ from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase, 
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import SamplesGone
 from apad_bridge.events.vehicle import DocksDisagree
-from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import StandDownRule
 from apad_bridge.mission.dock_witnesses import ON_BOTTOM
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
     Fact,
@@ -42,6 +40,8 @@ from apad_bridge.mission.orders import (
     TellClear,
 )
 from apad_bridge.mission.role import Mission
+from apad_bridge.mission.sources import Allocation
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (

@@ -38,7 +38,6 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import APadLeftWater, ProcessDied, Stimulated
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import LinksRead, ModemTold, RangeMeasured
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
     KeepSamples,
@@ -49,6 +48,7 @@ from apad_bridge.mission.events import (
     WifiHeard,
 )
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor

@@ -5,7 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from apad_bridge.vehicle.commands import DockClosed, DockOpened, DocksNamed, VehicleCommand, VehicleFact
+from apad_bridge.vehicle.commands import (
+    DockClosed,
+    DockOpened,
+    DocksNamed,
+    PoseReported,
+    VehicleCommand,
+    VehicleFact,
+)
 
 if TYPE_CHECKING:
     from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -90,3 +97,26 @@ class InProcessVehicle:
 
     def close(self) -> None:
         pass
+
+
+class ListeningLink:
+    """For a generation B aPad: only the bench tracks its docks, while somebody else's planner docks."""
+
+    def __init__(self, link: VehicleLink) -> None:
+        self._link = link
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        """The docks' contacts, and the aPad's position."""
+        facts: list[LinkFact] = []
+        for fact in self._link.advance(now_ms):
+            if isinstance(fact, PoseReported):
+                facts.append(APadSeen(fact.at_ms, fact.north_m, fact.east_m))
+            elif isinstance(fact, Carried | LetGo | APadSeen):
+                facts.append(fact)
+        return facts
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        raise RuntimeError("a fleet alone commands no vehicle")
+
+    def close(self) -> None:
+        self._link.close()

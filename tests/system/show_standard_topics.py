@@ -15,7 +15,7 @@ from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.mission.allocation import Allocation
+from apad_bridge.mission.sources import Allocation
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits

@@ -6,8 +6,7 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, hexadecimal, in_bag
-from apad_bridge.analysis.layouts.grid import grid_of
+from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, grid_of, hexadecimal, in_bag
 from apad_bridge.ros_names.names import DIAGNOSTICS, plain
 
 _MAX_LEGEND = 24

@@ -32,8 +32,8 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import Phase, StepGivenUp
-from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import PlacedSample
+from apad_bridge.mission.sources import Allocation
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.paper_strategies import NoCollection

@@ -11,12 +11,11 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.mission import Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
-from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.mission.end_by import KnownEnd
 from apad_bridge.mission.energy_exchange import DOCKINGS_PER_STEP, LEGS_PER_STEP, EnergyExchange
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
-from apad_bridge.mission.horizon import KnownEnd
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
-from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load

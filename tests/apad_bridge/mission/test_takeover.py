@@ -10,11 +10,10 @@ from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.events.mission import Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
-from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, TellClear
-from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.mission.takeover import FLIES_ALREADY, Takeover
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry

@@ -12,7 +12,7 @@ from apad_bridge.assembly.division import members
 from apad_bridge.events.mission import StepGivenUp
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.union import event_of
-from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory

@@ -16,8 +16,7 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.events.fleet import Presence, PresenceChanged
 from apad_bridge.events.mission import Phase
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.ending import MissionEnd
-from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder

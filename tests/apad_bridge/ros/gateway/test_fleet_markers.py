@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.mission.allocation import Allocation
+from apad_bridge.mission.sources import Allocation
 from apad_bridge.ros.gateway.fleet_markers import FleetMarkers
 from apad_bridge.supervisor.roster import PresenceRequest, Presences, Trigger
 from apad_bridge.vehicle.commands import PoseReported
