@@ -34,6 +34,27 @@ class DispatchRule(Protocol):
         """Returns the number of the pool to collect on the tour on which so many are released."""
 
 
+def worth_an_exchange(
+    pool: Sequence[Belief], leaving: Docked, config: Mission, watch: ChargingWatch
+) -> list[Belief]:
+    """Selects those of the pool for whom each of the `leaving` makes room; for one that leaves anyway, all of the pool.
+
+    The release looked at the lowest charge in the pool, and a strategy may prefer a neighbour. In the neighbour's place a
+    partly charged aMussel would bring less than its lead, so neighbours would take turns while others stood empty.
+    """
+    early = [
+        belief
+        for agent_id, belief in leaving.items()
+        if belief is not None and not is_full(belief, config) and not watch.has_given_up(agent_id)
+    ]
+
+    def is_worth_it(waiting: Belief) -> bool:
+        charge = counted_charge(waiting, config)
+        return all(makes_room(it, config, charge) and charge < counted_charge(it, config) for it in early)
+
+    return [it for it in pool if is_worth_it(it)]
+
+
 class BatchDispatch:
     """Collects when nobody is docked and a batch waits; releases all when all are charged, or given up."""
 

@@ -15,7 +15,7 @@ from apad_bridge.events.mission import BeyondReach, InReach, LeftAlone, Phase, S
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first
+from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first, worth_an_exchange
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -426,7 +426,8 @@ class EnergyExchange(OrderBook):
         """Has the docked aMussels take the places of others that are collected on the same tour; False if none is."""
         if self._config.places is not Places.EXCHANGED:
             return False
-        pool = self._candidates(now_ms)
+        leaving = {agent_id: beliefs[agent_id] for agent_id in agent_ids}
+        pool = worth_an_exchange(self._candidates(now_ms), leaving, self._config, self._charging)
         count = self._dispatch.to_exchange(pool, len(agent_ids))
         if not count:
             return False

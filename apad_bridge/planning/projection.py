@@ -77,7 +77,8 @@ class Projection:
             full_s = max(self._reaches_s(index, model.full) for index in docked)
             room_s = max(waits_s, self._room_s(docked, swimming, wanted))
             self._now_s = max(self._now_s, min(full_s, room_s))
-            if self._model.exchanges_places and wanted and waits_s <= self._now_s:
+            if model.exchanges_places and wanted and waits_s <= self._now_s:
+                enters_s = self._worth_an_exchange_s(swimming, enters_s, docked)
                 self._fly_tour(self._chosen(swimming, enters_s, wanted), self._fullest_first(docked))
             else:
                 self._fly_tour((), docked)
@@ -143,8 +144,9 @@ class Projection:
         if pool:
             room_s = self._room_s(docked, pool, 1)
             if room_s <= now_s:
-                count = 1 if model.exchanges_places else 0
-                self._fly_tour(self._chosen(swimming, enters_s, count), self._fullest_first(docked)[:1])
+                leaves, count = self._fullest_first(docked)[:1], 1 if model.exchanges_places else 0
+                enters_s = self._worth_an_exchange_s(swimming, enters_s, leaves)
+                self._fly_tour(self._chosen(swimming, enters_s, count), leaves)
                 return True
             events_s.append(room_s)
         else:
@@ -199,6 +201,24 @@ class Projection:
             max(at_s, urgent_s) if index in self._served else at_s
             for index, at_s in zip(swimming, low_s, strict=True)
         ]
+
+    def _worth_an_exchange_s(
+        self, swimming: Sequence[int], enters_s: Sequence[float], leaving: Sequence[int]
+    ) -> list[float]:
+        """When each enters the pool for an exchange: never for one for whom the leaving ones make no room now."""
+        model, now_s = self._model, self._now_s
+        early = [index for index in leaving if self._reaches_s(index, model.full) > now_s]
+        if not early:
+            return list(enters_s)
+        least = min(model.charged(self._charge[it], now_s - self._since_s[it]) for it in early)
+        # The time of a lead is a sum of floats.
+        led = (inf if least >= model.makes_room - 1e-9 else least - (model.charge_lead or 1.0)) + 1e-9
+
+        def is_worth_it(index: int) -> bool:
+            charge = max(0.0, self._charge[index] - model.drain_per_s * (now_s - self._since_s[index]))
+            return charge < least and charge <= led
+
+        return [at_s if is_worth_it(it) else inf for it, at_s in zip(swimming, enters_s, strict=True)]
 
     def _room_s(self, docked: Sequence[int], waiting: Sequence[int], wanted: int) -> float:
         """When the docked ones make room for the `wanted` lowest that wait: one by one the first of them, else all."""

@@ -33,7 +33,7 @@ from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Docked, Released
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import dispatch_of, fullest_first
+from apad_bridge.mission.dispatch import dispatch_of, fullest_first, worth_an_exchange
 from apad_bridge.mission.plans import plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.state import MissionState, with_exchanged_homes, with_new_homes
@@ -409,8 +409,10 @@ class Shadow:
         count = self._dispatch.to_collect(pool, docked, free)
         if released := list(self._dispatch.to_release(docked, lambda: pool)):
             known = [docked[it] or placeholder_belief(it, place_m) for it in released]
-            if exchanged := self._dispatch.to_exchange(pool, len(released)) if self._exchanges_places else 0:
-                return self._collection_steps(place_m, pool, exchanged, fullest_first(known))
+            leaving = {it: docked[it] for it in released}
+            led = worth_an_exchange(pool, leaving, self._mission, self._charging)
+            if exchanged := self._dispatch.to_exchange(led, len(released)) if self._exchanges_places else 0:
+                return self._collection_steps(place_m, led, exchanged, fullest_first(known))
             others = [it for it in self._beliefs.all() if it.agent_id not in released]
             situation = situation_of(self._state, place_m, known, held, now_ms, others, self._model)
             return self._steps(

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from scenario_files import POOL_FILE
@@ -997,7 +998,7 @@ def test_rules_that_change_in_flight_may_forget_the_end() -> None:
     assert len(bench.mission.state.plan.steps) == 1
 
 
-def exchanging(**changes: object) -> Bench:
+def exchanging(**changes: Any) -> Bench:
     """A mission that has 1 and 2 in its docks; 3 and 4 wait with less charge."""
     bench = Bench(
         agents=4, config=replace(MISSION, batch=2, charge_to=0.9, places=Places.EXCHANGED, **changes)
@@ -1037,6 +1038,52 @@ def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
     assert bench.mission.docks == (1, None, 4, None)
     homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
     assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
+
+
+def follows(bench: Bench, **changes: Any) -> None:
+    """One by one from now on, the nearest first."""
+    bench.mission.change_planning(
+        replace(bench.config, dispatch=Dispatch.ASYNCHRONOUS, **changes),
+        registry.collection("greedy"),
+        registry.redeployment("greedy-redeploy"),
+        None,
+    )
+
+
+def test_a_partly_charged_one_takes_the_place_of_one_that_it_leads_and_not_of_a_neighbour() -> None:
+    """By hand: 1 has 0.60 and leads 4 (0.10) by 0.50. It leads 3, which is nearer, by 0.10 alone."""
+    bench = exchanging()
+    follows(bench, charge_to=None, charge_lead=0.45)
+    for agent_id, state, charge in (
+        (1, State.CHARGING, 0.6),
+        (2, State.CHARGING, 0.3),
+        (3, State.ACTIVE, 0.5),
+        (4, State.ACTIVE, 0.1),
+    ):
+        bench.told.say(agent_id, bench.now_ms, state, charge)
+    bench.tick()
+    (note,) = bench.notes("plan")
+    assert note["exchanged"] == [{"released": 1, "collected": 4}]
+
+
+@pytest.mark.parametrize(
+    ("charge", "exchanged"), [(0.65, []), (1.0, [{"released": 1, "collected": 3}])], ids=["partly", "full"]
+)
+def test_one_that_makes_room_takes_the_place_of_a_fuller_one_only_when_it_is_full(
+    charge: float, exchanged: list[dict[str, int]]
+) -> None:
+    bench = exchanging()
+    follows(bench, charge_to=0.6)
+    for agent_id, state, level in (
+        (1, State.CHARGING, charge),
+        (2, State.CHARGING, 0.3),
+        (3, State.ACTIVE, 0.7),
+        (4, State.ACTIVE, 0.75),
+    ):
+        bench.told.say(agent_id, bench.now_ms, state, level)
+    bench.tick()
+    (note,) = bench.notes("plan")
+    assert note.get("exchanged", []) == exchanged
 
 
 def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
