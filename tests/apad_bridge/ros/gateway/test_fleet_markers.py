@@ -12,7 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.sources import Allocation
-from apad_bridge.ros.gateway.fleet_markers import FleetMarkers
+from apad_bridge.ros.gateway.standard_topics import FleetMarkers
 from apad_bridge.supervisor.roster import PresenceRequest, Presences, Trigger
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.packets import StatusPacket
