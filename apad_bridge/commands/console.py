@@ -6,15 +6,18 @@ import argparse
 import json
 import sys
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.vehicle.errors import PeerFailed
+
+if TYPE_CHECKING:
+    from apad_bridge.runs.beside import Service
 
 LOOPBACK = "127.0.0.1"
 _LAST_PAGE_S = 2.0
@@ -103,22 +106,32 @@ def _directory_of(arguments: argparse.Namespace) -> Iterator[Path]:
         yield copy
 
 
-@contextmanager
-def console_beside(directory: Path, tell: Callable[[str], None] = print) -> Iterator[str]:
-    """A console of the run in a process of its own while this is entered; yields the page's address.
+def add_console_argument(parser: argparse.ArgumentParser) -> None:
+    """The argument by which `musselbed run` has a console beside it."""
+    parser.add_argument(
+        "--console",
+        action="store_true",
+        help="serve a live page of the run to a browser on this machine, and print its address",
+    )
 
-    It is watched, and one that is started again has the same address. It ends after its pages have the run's summary, or
-    without that after `_LAST_PAGE_S`. UserError when it cannot start.
-    """
+
+def console_asked(arguments: argparse.Namespace) -> Service | None:
+    """The console that `musselbed run` was asked for; None for none."""
+    return console_service() if getattr(arguments, "console", False) else None
+
+
+def console_service() -> Service:
+    """A console beside a run; its address is the page's. It ends after its pages have the run's summary."""
     from apad_bridge.console.process import TOKEN_VARIABLE
-    from apad_bridge.runs.beside import Command, served_beside
+    from apad_bridge.runs.beside import Service
 
-    arguments = ["console", str(directory), "--json"]
+    def again(line: str) -> tuple[tuple[str, ...], dict[str, str]]:
+        url = urlsplit(_url(line))
+        return ("--port", str(url.port)), {TOKEN_VARIABLE: url.query.removeprefix("token=")}
 
-    def again(line: str) -> Command:
-        url = urlsplit(json.loads(line)["url"])
-        token = url.query.removeprefix("token=")
-        return Command("console", directory, [*arguments, "--port", str(url.port)], {TOKEN_VARIABLE: token})
+    return Service("console", ("--json",), _LAST_PAGE_S, again, _url, "live page: ")
 
-    with served_beside(Command("console", directory, arguments), again, tell, _LAST_PAGE_S) as line:
-        yield json.loads(line)["url"]
+
+def _url(line: str) -> str:
+    url: str = json.loads(line)["url"]
+    return url

@@ -23,4 +23,4 @@ def add_parser(commands: Any) -> None:
         ),
     )
     run_command.add_scenario_arguments(parser)
-    parser.set_defaults(run=run_command.run, part=Part.FLEET, strategy="none", console=False, check=False)
+    parser.set_defaults(run=run_command.run, part=Part.FLEET, strategy="none", check=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -14,9 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member, members
-from apad_bridge.commands.console import console_beside
-from apad_bridge.commands.foxglove import foxglove_beside
-from apad_bridge.commands.imc import imc_beside
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.commands.run_checks import check_run
 from apad_bridge.events.mission import PlanMade
@@ -35,6 +32,7 @@ from apad_bridge.scenario.starts import Start, read_starts, save_starts, starts_
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:
+    from apad_bridge.runs.beside import Service
     from apad_bridge.scripting.program import Program, ScriptSource
 
 
@@ -46,37 +44,14 @@ class Script:
     program: Program
 
 
-@dataclass(frozen=True, slots=True)
-class Live:
-    """The processes that follow the run beside it."""
-
-    console: bool = False
-    """A page for a browser."""
-    imc: tuple[str, ...] | None = None
-    """The arguments of a gateway to consoles that speak IMC; None for no gateway."""
-    foxglove_port: int | None = None
-    """The port at which Foxglove and Lichtblick see the run's topics; None for no such server."""
-
-    def refuse_several(self, scenario: Scenario) -> None:
-        """UserError for a scenario of several aPads: a page and a gateway follow one each."""
-        names = [name for name, asked in (("console", self.console), ("imc", self.imc is not None)) if asked]
-        if names and scenario.apads:
-            raise UserError(
-                f"--{names[0]} shows one aPad, and the scenario names several: start `musselbed {names[0]} RUN/NAME` "
-                "beside the run"
-            )
-
-    def open(self, stack: ExitStack, directory: Path, tell: Callable[[str], None]) -> None:
-        """Starts it; `stack` ends it, and `tell` takes the lines for a person."""
-        if self.console:
-            tell(f"live page: {stack.enter_context(console_beside(directory, tell))}")
-        if self.imc is not None:
-            tell(stack.enter_context(imc_beside(directory, self.imc, tell)))
-        if self.foxglove_port is not None:
-            tell(stack.enter_context(foxglove_beside(directory, self.foxglove_port, tell)))
-
-
-NOTHING_LIVE = Live()
+def _refuse_several(live: Sequence[Service], scenario: Scenario) -> None:
+    """UserError for a scenario of several aPads, where a service follows one of them."""
+    names = [it.name for it in live if not it.serves_several]
+    if names and scenario.apads:
+        raise UserError(
+            f"--{names[0]} shows one aPad, and the scenario names several: start `musselbed {names[0]} RUN/NAME` "
+            "beside the run"
+        )
 
 
 def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Start]]:
@@ -106,18 +81,18 @@ def fly(
     starts: Sequence[Start],
     out: Path | None,
     as_json: bool,
-    live: Live = NOTHING_LIVE,
+    live: Sequence[Service] = (),
     script: Script | None = None,
     *,
     check: bool = False,
 ) -> int:
     """Flies one aPad or several, and returns the exit code. UserError, or a line and its exit code, before anything starts.
 
-    A run of several aPads has a directory for each, below its own. `live` names the processes that follow the run.
+    A run of several aPads has a directory for each, below its own. `live` are the services beside the run.
     With `check` the records are checked at the end, and a broken rule decides the exit code. Of a fleet without `out`
     that ends in order its bag alone stays: the run is its mission's, perhaps on another machine.
     """
-    live.refuse_several(scenario)
+    _refuse_several(live, scenario)
     scenario = _with_end_by_in_seconds(scenario, options)
     with peers_may_fail():
         preflight = check_run(options, scenario, starts)
@@ -150,7 +125,9 @@ def fly(
             progress = stack.enter_context(
                 FlightProgress(title, round(scenario.duration_s * 1000), quiet=as_json)
             )
-            live.open(stack, whole.path, progress.print_message)
+            tell = progress.print_message
+            for service in live:
+                tell(service.title + stack.enter_context(service.beside(whole.path, tell)))
             flown = _fly(options, scenario, all_members, whole, progress, script)
         if not flown.summaries:
             raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))

@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
+
+if TYPE_CHECKING:
+    from apad_bridge.runs.beside import Service
 
 LOOPBACK = "127.0.0.1"
 _PORT = 8765
@@ -65,8 +66,8 @@ def add_foxglove_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def foxglove_port(arguments: argparse.Namespace) -> int | None:
-    """The port that `musselbed run` was asked for; None for none. UserError for a server that cannot be opened so."""
+def foxglove_asked(arguments: argparse.Namespace) -> Service | None:
+    """The server that `musselbed run` was asked for; None for none. UserError for a server that cannot be opened so."""
     port: int | None = getattr(arguments, "foxglove", None)
     if port is None:
         return None
@@ -76,7 +77,12 @@ def foxglove_port(arguments: argparse.Namespace) -> int | None:
         raise UserError(
             "--foxglove shows a flight over ROS, and --time asap flies without it: leave one of them out"
         )
-    return port
+    from apad_bridge.runs.beside import Service
+
+    def again(line: str) -> tuple[tuple[str, ...], dict[str, str]]:
+        return ("--port", line.rstrip().rpartition(":")[2]), {}
+
+    return Service("foxglove", ("--port", str(port)), _LAST_MESSAGES_S, again, serves_several=True)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -103,24 +109,6 @@ def run(arguments: argparse.Namespace) -> int:
     if has_ended:
         warn("the ROS master is gone: the run has ended")
     return Exit.DONE
-
-
-@contextmanager
-def foxglove_beside(directory: Path, port: int, tell: Callable[[str], None] = print) -> Iterator[str]:
-    """Such a server in a process of its own while this is entered; yields a line for people.
-
-    It is watched, and one that is started again has the same port. UserError when it cannot start.
-    """
-    from apad_bridge.runs.beside import Command, served_beside
-
-    def command(at: int) -> Command:
-        return Command("foxglove", directory, ["foxglove", str(directory), "--port", str(at)])
-
-    def again(line: str) -> Command:
-        return command(int(line.rpartition(":")[2]))
-
-    with served_beside(command(port), again, tell, _LAST_MESSAGES_S) as line:
-        yield line.rstrip("\n")
 
 
 def _refuse_port(option: str, port: int) -> None:

@@ -6,15 +6,16 @@ import argparse
 import ipaddress
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from apad_bridge.runs.beside import Service
 
 LOOPBACK = "127.0.0.1"
 NEPTUS_PORT = 6001
@@ -56,8 +57,8 @@ def add_imc_argument(parser: argparse.ArgumentParser) -> None:
     _add_gateway_arguments(group, "imc-")
 
 
-def imc_arguments(arguments: argparse.Namespace) -> tuple[str, ...] | None:
-    """The arguments of `musselbed imc` for what `musselbed run` was asked; None where it was asked for no gateway.
+def imc_asked(arguments: argparse.Namespace) -> Service | None:
+    """The gateway that `musselbed run` was asked for; None for none.
 
     UserError for a gateway that cannot be opened so.
     """
@@ -77,7 +78,7 @@ def imc_arguments(arguments: argparse.Namespace) -> tuple[str, ...] | None:
             raise UserError("--neptus, --imc-host, --imc-port and --imc-multicast need --imc")
         return None
     _require_imcpy()
-    return tuple(asked)
+    return imc_service(tuple(asked))
 
 
 def _add_gateway_arguments(parser: Any, prefix: str) -> None:
@@ -154,17 +155,11 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-@contextmanager
-def imc_beside(directory: Path, asked: tuple[str, ...], tell: Callable[[str], None] = print) -> Iterator[str]:
-    """A gateway of the run in a process of its own while this is entered; yields a line for people.
+def imc_service(asked: tuple[str, ...]) -> Service:
+    """A gateway beside a run, with these arguments of `musselbed imc`."""
+    from apad_bridge.runs.beside import Service
 
-    It is watched, and ends by itself with the run. UserError when it cannot start.
-    """
-    from apad_bridge.runs.beside import Command, served_beside
-
-    command = Command("imc", directory, ["imc", str(directory), *asked])
-    with served_beside(command, lambda _: command, tell, _LAST_PACKETS_S) as line:
-        yield line.rstrip("\n")
+    return Service("imc", asked, _LAST_PACKETS_S)
 
 
 def _console_text(console: Any) -> str:

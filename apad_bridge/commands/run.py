@@ -8,14 +8,21 @@ import re
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.foxglove import add_foxglove_argument, foxglove_port
+from apad_bridge.commands.console import add_console_argument, console_asked
+from apad_bridge.commands.foxglove import add_foxglove_argument, foxglove_asked
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.imc import add_imc_argument, imc_arguments
+from apad_bridge.commands.imc import add_imc_argument, imc_asked
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 
 SLOWEST, FASTEST = 0.01, 10_000.0
+_BESIDE = (
+    (add_console_argument, console_asked),
+    (add_foxglove_argument, foxglove_asked),
+    (add_imc_argument, imc_asked),
+)
+"""The services that a run may have beside it: the argument of each, and what was asked for by it."""
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of another master"""
 
@@ -44,17 +51,12 @@ def add_parser(commands: Any) -> None:
         help="wait for `musselbed resume`, or resume at once (default: wait)",
     )
     parser.add_argument(
-        "--console",
-        action="store_true",
-        help="serve a live page of the run to a browser on this machine, and print its address",
-    )
-    parser.add_argument(
         "--check",
         action="store_true",
         help="at the end, check that the records obey the rules that hold in every run (musselbed check)",
     )
-    add_foxglove_argument(parser)
-    add_imc_argument(parser)
+    for add_argument, _ in _BESIDE:
+        add_argument(parser)
     parser.set_defaults(run=run, part=Part.WHOLE)
 
 
@@ -224,8 +226,8 @@ def namespace_of_shell() -> str:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     # Imported here: a help, or a mistake in the options, needs none of the parts of a flight.
-    from apad_bridge.commands.flight import Live, fly, read_scenario
+    from apad_bridge.commands.flight import fly, read_scenario
 
     scenario, starts = read_scenario(arguments)
-    live = Live(arguments.console, imc_arguments(arguments), foxglove_port(arguments))
+    live = [service for _, asked in _BESIDE if (service := asked(arguments)) is not None]
     return fly(options, scenario, starts, arguments.out, arguments.json, live, check=arguments.check)

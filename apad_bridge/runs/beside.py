@@ -1,4 +1,5 @@
-"""Commands of ours that serve people or programs beside a run, each in a process of its own: a console, an IMC gateway.
+"""Commands of ours that serve people or programs beside a run, each in a process of its own: a console, an IMC gateway and
+a server for Foxglove.
 
 They are watched for as long as the run flies. The death of one is told on the terminal and in the journal, and another is
 started. One that dies again and again is left, which is told too.
@@ -12,7 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.hosting.link_protocol import readable
@@ -58,24 +59,43 @@ class Command:
         return child, line
 
 
-@contextmanager
-def served_beside(
-    command: Command, again: Callable[[str], Command], tell: Callable[[str], None], patience_s: float
-) -> Iterator[str]:
-    """Has the command serve the run while this is entered; yields its first line.
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A command of ours that a run has beside it, with what differs between such commands."""
 
-    `again` makes the command that follows a death from the first one's line, so that it serves at the same address. When
-    this is left, the command may say that it has seen the run's end, for `patience_s`, and is then ended. UserError when
-    it cannot start.
-    """
-    if not command.directory.is_dir():
-        raise UserError(f"{command.directory} is no run: it does not exist")
-    child, line = command.start()
-    watch = _Watch(child, again(line), tell)
-    try:
-        yield line
-    finally:
-        watch.end(patience_s)
+    name: str
+    arguments: tuple[str, ...]
+    """The arguments of `musselbed NAME RUN`."""
+    patience_s: float
+    """Wall seconds: for so long it may say, at the end of the run, that it has seen it."""
+    again: Callable[[str], tuple[tuple[str, ...], dict[str, str]]] | None = None
+    """Makes, from the first one's line, the further arguments and the environment of a start that follows a death, so that
+    it serves at the same address; None where each start is the same."""
+    address: Callable[[str], str] = str.rstrip
+    """The words for people in its first line."""
+    title: str = ""
+    """The words before them."""
+    serves_several: bool = False
+    """It serves a run of several aPads as a whole."""
+
+    @contextmanager
+    def beside(self, directory: Path, tell: Callable[[str], None] = print) -> Iterator[str]:
+        """Has it serve the run, in a process of its own, while this is entered; yields its address.
+
+        `tell` takes the lines about its deaths. UserError when it cannot start.
+        """
+        if not directory.is_dir():
+            raise UserError(f"{directory} is no run: it does not exist")
+        first = Command(self.name, directory, [self.name, str(directory), *self.arguments])
+        child, line = first.start()
+        further, environment = ((), {}) if self.again is None else self.again(line)
+        watch = _Watch(
+            child, replace(first, arguments=[*first.arguments, *further], environment=environment), tell
+        )
+        try:
+            yield self.address(line)
+        finally:
+            watch.end(self.patience_s)
 
 
 class _Watch:

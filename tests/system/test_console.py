@@ -26,7 +26,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 from stalled import stalled_s
 
 from apad_bridge.analysis.invariants import check_run
-from apad_bridge.commands.console import console_beside
+from apad_bridge.commands.console import console_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import UserError
@@ -134,7 +134,7 @@ def seconds(browser: webdriver.Chrome) -> float:
 
 
 def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Chrome, run_dir: Path) -> None:
-    with console_beside(run_dir) as url:
+    with console_service().beside(run_dir) as url:
         load_page(browser, url)
         assert "token" not in browser.current_url
         begun_s = seconds(browser)
@@ -210,7 +210,7 @@ def parent_of(pid: int) -> int:
 
 def test_a_person_orders_about_one_amussel(browser: webdriver.Chrome, shared_run: Path) -> None:
     run_dir = shared_run
-    with console_beside(run_dir) as url:
+    with console_service().beside(run_dir) as url:
         load_page(browser, url)
         browser.find_element(By.CSS_SELECTOR, "#agents [data-agent='6']").click()
         # The pool has no water to ping by; the aPad is simulated, so there are faults.
@@ -261,7 +261,7 @@ def journalled_first(run_dir: Path) -> float:
 
 def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) -> None:
     ordered = journalled(shared_run, "operator")
-    with console_beside(shared_run) as url:
+    with console_service().beside(shared_run) as url:
         base, token = url.split("/?token=")
         of_this_page = {"Origin": base, "Sec-Fetch-Site": "same-origin"}
         for path, headers in (
@@ -322,7 +322,7 @@ def test_a_page_of_another_port_gets_no_cookie_and_gives_no_order(
     """Cookies ignore ports, and so does SameSite: a page of another port sent a person's cookie along with its order."""
     ordered = journalled(shared_run, "operator")
     with (
-        console_beside(shared_run) as url,
+        console_service().beside(shared_run) as url,
         http.server.ThreadingHTTPServer(("127.0.0.1", 0), Stranger) as stranger,
     ):
         serving = threading.Thread(target=stranger.serve_forever)
@@ -379,7 +379,7 @@ def test_a_page_whose_console_stands_still_says_so_within_3_s(
 def test_a_console_of_what_is_no_run_does_not_start(tmp_path: Path) -> None:
     with (
         pytest.raises(UserError, match=r"no run: it has no scenario\.yaml"),
-        console_beside(tmp_path),
+        console_service().beside(tmp_path),
     ):
         pytest.fail("it started")
     answered = subprocess.run(

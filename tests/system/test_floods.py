@@ -25,8 +25,8 @@ from killing import kill_9
 from patient import PATIENCE_S
 from selenium.webdriver.support.wait import WebDriverWait
 
-from apad_bridge.commands.console import console_beside
-from apad_bridge.commands.imc import imc_beside
+from apad_bridge.commands.console import console_service
+from apad_bridge.commands.imc import imc_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.supervisor.control import SOCKET_NAME, listens
@@ -175,8 +175,8 @@ def test_what_serves_beside_a_run_is_started_again_when_it_dies_and_that_is_told
     with flown(tmp_path) as run:
         told: list[str] = []
         with (
-            console_beside(run.path, told.append) as page,
-            imc_beside(run.path, ("--port", "0"), told.append),
+            console_service().beside(run.path, told.append) as page,
+            imc_service(("--port", "0")).beside(run.path, told.append),
         ):
             own = wait_until(lambda: pid_beside(run.path, "imc"))
             kill_9(own)

@@ -18,7 +18,7 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.wait import WebDriverWait
 
-from apad_bridge.commands.console import console_beside
+from apad_bridge.commands.console import console_service
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import journal_start
@@ -116,7 +116,7 @@ def tap(browser: webdriver.Chrome, selector: str) -> None:
 def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
     phone: webdriver.Chrome, story: Story
 ) -> None:
-    with console_beside(story.path) as page:
+    with console_service().beside(story.path) as page:
         load_page(phone, page)
         assert not seen(phone, "stopped")
         assert phone.execute_script("return document.documentElement.scrollWidth") == PHONE["width"]
