@@ -27,6 +27,8 @@ class GraphListener:
         self._inbox: Inbox[RecordedMessage] = Inbox()
         self._connections: dict[tuple[str, str], RecordedConnection] = {}
         self._subscribers: dict[str, rospy.Subscriber] = {}
+        self._before_clock: dict[str, Any] = {}
+        """By topic: a latched message that came before the first time of a simulated clock. It does not come again."""
         for topic in topics:
             self.listen(topic)
 
@@ -53,9 +55,18 @@ class GraphListener:
         rospy.signal_shutdown("it has heard enough")
 
     def _put(self, message: Any, topic: str) -> None:
-        header, at_ns = message._connection_header, rospy.Time.now().to_nsec()
-        if at_ns == 0:
-            return  # a simulated clock that has not been heard yet
+        at_ns = rospy.Time.now().to_nsec()
+        if at_ns == 0:  # a simulated clock that has not been heard yet
+            if message._connection_header.get("latching") == "1":
+                self._before_clock[topic] = message
+            return
+        for early in list(self._before_clock):
+            if (latched := self._before_clock.pop(early, None)) is not None:  # by one of rospy's threads
+                self._hand_on(latched, early, at_ns)
+        self._hand_on(message, topic, at_ns)
+
+    def _hand_on(self, message: Any, topic: str, at_ns: int) -> None:
+        header = message._connection_header
         key = topic, header["md5sum"]
         if key not in self._connections:
             kind = header["type"].replace("/", "/msg/", 1)
