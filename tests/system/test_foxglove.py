@@ -8,6 +8,7 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,6 +28,8 @@ pytestmark = pytest.mark.system
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 PATIENCE_S = 180.0
 IDS = range(1, 121)
+LOOKS_S = 600.0
+"""A viewer gives up then, however many messages come."""
 NODE = "/musselbed_foxglove"
 BATTERY = "/amussel{}/battery_state"
 MESSAGE, TIME = 1, 2
@@ -41,9 +44,11 @@ class Viewer:
         self.refusals: list[str] = []
         self.time_ns = 0
         self._subscribed: dict[int, str] = {}
+        self._until_s = time.monotonic() + LOOKS_S
 
     def read(self) -> tuple[str, int, bytes] | None:
         """The next message as (topic, stamp in ns, bytes); None where something else came."""
+        assert time.monotonic() < self._until_s, "what is waited for did not come"
         opcode, data = self.link.recv_data()
         if opcode == websocket.ABNF.OPCODE_TEXT:
             told = json.loads(data)
