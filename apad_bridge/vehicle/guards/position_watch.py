@@ -67,6 +67,9 @@ _NOISE_WEIGHT = 0.05
 """The weight of the newest positions in the mean square of the noise."""
 _NEW_NOISES = 4
 """A receiver may become noisy at once: where the mean of so many newest squares is greater, it counts."""
+_SPEED_NOISES = 8
+"""For the least speed the second greatest of so many newest squares counts: a place that is off makes two or three great
+ones, a vehicle that changes its speed one."""
 NOISE_SPAN_MS = 4_000
 """Noise is learned from three samples within so long: a vehicle changes its speed in a longer time."""
 NOISE_ERRORS = 3.0
@@ -171,7 +174,7 @@ class PositionWatch:
         """Time under way with a position that stayed the same to the last bit."""
         self._noise_m2: float | None = None
         """The mean square of the step that noise alone makes between two positions."""
-        self._new_noises_m2: deque[float] = deque(maxlen=_NEW_NOISES)
+        self._new_noises_m2: deque[float] = deque(maxlen=_SPEED_NOISES)
         """The newest squares of it."""
         self._rest_m2: float | None = None
         """The mean square of the steps at rest."""
@@ -198,11 +201,15 @@ class PositionWatch:
 
     @property
     def least_speed_m_s(self) -> float:
-        """The speed that the vehicle makes at least, by the errors of places and times; 0 where it turns."""
+        """The speed that the vehicle makes at least, by the errors of places and times; 0 where it turns.
+
+        It is 0 also before anything is known of the noise of stamped positions, which takes three samples.
+        """
         last, samples = self._newest, self._samples
-        if last is None:
+        if last is None or (last.stamp_ms is not None and self._noise_m2 is None):
             return 0.0
-        error_m = max(PLACE_ERROR_M, NOISE_ERRORS * self._noise_m)
+        second_m2 = max(sorted(self._new_noises_m2)[:-1], default=0.0)
+        error_m = max(PLACE_ERROR_M, NOISE_ERRORS * max(self._noise_m, math.sqrt(second_m2)))
         least_m_s = 0.0
         for before in samples:
             span_ms = _span_ms(before, last)
@@ -217,7 +224,7 @@ class PositionWatch:
         """The root mean square of the step that noise alone makes, both directions together."""
         if self._noise_m2 is None:
             return 0.0
-        newest = self._new_noises_m2
+        newest = list(self._new_noises_m2)[-_NEW_NOISES:]
         newest_m2 = math.fsum(newest) / len(newest) if len(newest) == _NEW_NOISES else 0.0
         return math.sqrt(max(self._noise_m2, newest_m2))
 

@@ -185,6 +185,28 @@ def test_a_noisy_receiver_makes_no_vehicle_too_fast(noise_m: float) -> None:
         assert watch.least_speed_m_s < 0.8
 
 
+@pytest.mark.parametrize("begins_s", [0, 20])
+def test_noise_that_begins_at_once_makes_a_vehicle_too_fast_once_in_a_hundred_times_at_most(
+    begins_s: int,
+) -> None:
+    """At rest for 5 s, and then at 0.5 m/s: noise of 0.5 m on each axis begins, on waves of 0.3 m."""
+
+    def is_too_fast(seed: int) -> bool:
+        noise, watch = random.Random(seed), PositionWatch(LIMITS)
+        speeds = []
+        for n in range(60):
+            is_rough = n >= begins_s
+            wave_m = 0.3 * math.sin(2 * math.pi * n / 6 + seed) if is_rough else 0.0
+            north_m, east_m = (noise.gauss(0.0, 0.5 if is_rough else 0.0) for _ in range(2))
+            watch.take(
+                PoseReported(1_000 * n, 0.5 * max(0, n - 5) + north_m + wave_m, east_m, 0.0, 1_000 * n)
+            )
+            speeds.append(watch.least_speed_m_s)
+        return max(speeds) > 0.8
+
+    assert sum(map(is_too_fast, range(600))) <= 6
+
+
 def test_a_vehicle_that_is_too_fast_is_seen_through_a_good_receivers_noise() -> None:
     noise, watch = random.Random(7), PositionWatch(LIMITS)
     for n in range(60):
