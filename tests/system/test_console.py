@@ -115,6 +115,17 @@ def press(browser: webdriver.Chrome, selector: str) -> None:
     wait_until(lambda: browser.execute_script(script, selector))
 
 
+def is_aborted(browser: webdriver.Chrome) -> bool:
+    """Orders the end. A supervisor that did not answer in time is asked again, as a person would."""
+    if not text(browser, "warning").startswith("The run has ended"):
+        press(browser, "#abort")
+        press(browser, "#sure button[value=yes]")
+        wait_until(lambda: text(browser, "answer").startswith("abort: "))
+    return text(browser, "answer") == "abort: done" or text(browser, "warning").startswith(
+        "The run has ended"
+    )
+
+
 def warned(browser: webdriver.Chrome, beginning: str) -> list[tuple[str, bool, float]]:
     """(warning, a button takes orders, at s) of each warning since WATCH_WARNINGS that begins so."""
     rows = browser.execute_script("return window.warned")
@@ -193,8 +204,7 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         resumed_s = seconds(browser)
         wait_until(lambda: seconds(browser) > resumed_s + 10)
 
-        press(browser, "#abort")
-        press(browser, "#sure button[value=yes]")
+        wait_until(lambda: is_aborted(browser))
         wait_until(lambda: text(browser, "warning") == "The run has ended: a call: abort by console.")
         # The journal's last line comes before the summary.
         wait_until((run_dir / "summary.json").exists)
