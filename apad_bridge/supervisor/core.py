@@ -155,8 +155,7 @@ class Supervisor:
         self._believed_fraction: float | None = None
         """The aPad's charge by its readings, of which a sudden fall counts when it lasts."""
         self._falls_since_ms: int | None = None
-        """The reading at which the charge fell in a way that does not count yet."""
-        """The time from which on the battery is known to be at or below the charge that ends the mission."""
+        """The time of the reading at which the charge fell in a way that does not count yet."""
         self.dropped: Counter[str] = Counter()
         self._doubted: set[int] = set()
         """Docked aMussels whose own packets deny it."""
@@ -364,14 +363,11 @@ class Supervisor:
             if believed is None
             else believed - fact.fraction > SUDDEN
         )
-        if is_doubtful and self._falls_since_ms is None:
-            self._falls_since_ms = fact.at_ms
-        if (
-            is_doubtful
-            and self._falls_since_ms is not None
-            and fact.at_ms - self._falls_since_ms < DOUBTED_MS
-        ):
-            return
+        if is_doubtful:
+            if self._falls_since_ms is None:
+                self._falls_since_ms = fact.at_ms
+            if fact.at_ms - self._falls_since_ms < DOUBTED_MS:
+                return
         self._believed_fraction, self._falls_since_ms = fact.fraction, None
         self.mission.battery_heard(fact.fraction)
 

@@ -1040,29 +1040,25 @@ def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
     assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
 
 
-def follows(bench: Bench, **changes: Any) -> None:
-    """One by one from now on, the nearest first."""
+def plan_one_by_one(bench: Bench, *charges: float, **changes: Any) -> dict[str, Any]:
+    """The plan, the nearest first, where 1 and 2 charge, 3 and 4 are in the water, and have these charges."""
     bench.mission.change_planning(
         replace(bench.config, dispatch=Dispatch.ASYNCHRONOUS, **changes),
         registry.collection("greedy"),
         registry.redeployment("greedy-redeploy"),
         None,
     )
+    states = (State.CHARGING, State.CHARGING, State.ACTIVE, State.ACTIVE)
+    for agent_id, (state, charge) in enumerate(zip(states, charges, strict=True), start=1):
+        bench.told.say(agent_id, bench.now_ms, state, charge)
+    bench.tick()
+    (note,) = bench.notes("plan")
+    return note
 
 
 def test_a_partly_charged_one_takes_the_place_of_one_that_it_leads_and_not_of_a_neighbour() -> None:
     """By hand: 1 has 0.60 and leads 4 (0.10) by 0.50. It leads 3, which is nearer, by 0.10 alone."""
-    bench = exchanging()
-    follows(bench, charge_to=None, charge_lead=0.45)
-    for agent_id, state, charge in (
-        (1, State.CHARGING, 0.6),
-        (2, State.CHARGING, 0.3),
-        (3, State.ACTIVE, 0.5),
-        (4, State.ACTIVE, 0.1),
-    ):
-        bench.told.say(agent_id, bench.now_ms, state, charge)
-    bench.tick()
-    (note,) = bench.notes("plan")
+    note = plan_one_by_one(exchanging(), 0.6, 0.3, 0.5, 0.1, charge_to=None, charge_lead=0.45)
     assert note["exchanged"] == [{"released": 1, "collected": 4}]
 
 
@@ -1072,17 +1068,7 @@ def test_a_partly_charged_one_takes_the_place_of_one_that_it_leads_and_not_of_a_
 def test_one_that_makes_room_takes_the_place_of_a_fuller_one_only_when_it_is_full(
     charge: float, exchanged: list[dict[str, int]]
 ) -> None:
-    bench = exchanging()
-    follows(bench, charge_to=0.6)
-    for agent_id, state, level in (
-        (1, State.CHARGING, charge),
-        (2, State.CHARGING, 0.3),
-        (3, State.ACTIVE, 0.7),
-        (4, State.ACTIVE, 0.75),
-    ):
-        bench.told.say(agent_id, bench.now_ms, state, level)
-    bench.tick()
-    (note,) = bench.notes("plan")
+    note = plan_one_by_one(exchanging(), charge, 0.3, 0.7, 0.75, charge_to=0.6)
     assert note.get("exchanged", []) == exchanged
 
 

@@ -8,7 +8,8 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -259,9 +260,16 @@ def master_of(*ports: int) -> Any:
     )
 
 
+@dataclass(frozen=True)
+class Second:
+    """A second subscription to /heartbeat that runs, and the numbers that it hears."""
+
+    find: Callable[[Any], None]
+    heard: queue.Queue[float]
+
+
 @pytest.fixture
-def numbers(monkeypatch: pytest.MonkeyPatch) -> Iterator[queue.Queue[float]]:
-    """What a node hears over its second subscription to /heartbeat, which `find` has not looked for yet."""
+def second(monkeypatch: pytest.MonkeyPatch) -> Iterator[Second]:
     monkeypatch.setattr(WATCHDOG, "RENEWED_S", 0.3)
     ended = threading.Event()
     monkeypatch.setattr(WATCHDOG.rospy, "is_shutdown", ended.is_set)
@@ -271,26 +279,21 @@ def numbers(monkeypatch: pytest.MonkeyPatch) -> Iterator[queue.Queue[float]]:
         lambda port: SimpleNamespace(requestTopic=lambda *_: (1, "", ["TCPROS", "127.0.0.1", int(port)])),
     )
     heard: queue.Queue[float] = queue.Queue()
-    monkeypatch.setattr(
-        WATCHDOG,
-        "made",
-        WATCHDOG.SecondSubscription("/heartbeat", Float32, lambda it: heard.put(it.data)),
-        False,
-    )
-    thread = threading.Thread(target=WATCHDOG.made.run)
+    made = WATCHDOG.SecondSubscription("/heartbeat", Float32, lambda it: heard.put(it.data))
+    thread = threading.Thread(target=made.run)
     thread.start()
-    yield heard
+    yield Second(made.find, heard)
     ended.set()
     thread.join(PATIENCE_S)
     assert not thread.is_alive()
 
 
-def test_a_connection_that_falls_silent_without_a_word_is_begun_anew(numbers: queue.Queue[float]) -> None:
+def test_a_connection_that_falls_silent_without_a_word_is_begun_anew(second: Second) -> None:
     """The publisher has given it up, and the network has lost the word of that: rospy's own waits for minutes."""
     publisher = Publisher(0.5, -1.0)
     try:
-        WATCHDOG.made.find(master_of(publisher.port))
-        assert [numbers.get(timeout=PATIENCE_S) for _ in range(6)] == [0.5, -1.0] * 3
+        second.find(master_of(publisher.port))
+        assert [second.heard.get(timeout=PATIENCE_S) for _ in range(6)] == [0.5, -1.0] * 3
         header = publisher.headers.get()
         assert b"topic=/heartbeat" in header and b"_again" in header
     finally:
@@ -298,19 +301,19 @@ def test_a_connection_that_falls_silent_without_a_word_is_begun_anew(numbers: qu
 
 
 def test_without_a_master_the_kept_address_serves_and_a_publisher_that_starts_again_is_found(
-    numbers: queue.Queue[float],
+    second: Second,
 ) -> None:
-    first, second = Publisher(1.0), Publisher(2.0)
+    before, after = Publisher(1.0), Publisher(2.0)
     try:
-        WATCHDOG.made.find(master_of(first.port))
-        assert numbers.get(timeout=PATIENCE_S) == 1.0
-        WATCHDOG.made.find(master_of())  # nobody publishes, by a master that has started again
-        first.connections[-1].shutdown(socket.SHUT_RDWR)
-        assert numbers.get(timeout=PATIENCE_S) == 1.0
-        first.close()
-        WATCHDOG.made.find(master_of(second.port))
-        while numbers.get(timeout=PATIENCE_S) != 2.0:
+        second.find(master_of(before.port))
+        assert second.heard.get(timeout=PATIENCE_S) == 1.0
+        second.find(master_of())  # nobody publishes, by a master that has started again
+        before.connections[-1].shutdown(socket.SHUT_RDWR)
+        assert second.heard.get(timeout=PATIENCE_S) == 1.0
+        before.close()
+        second.find(master_of(after.port))
+        while second.heard.get(timeout=PATIENCE_S) != 2.0:
             pass
     finally:
-        first.close()
-        second.close()
+        before.close()
+        after.close()
