@@ -27,8 +27,8 @@ class GraphListener:
         self._inbox: Inbox[RecordedMessage] = Inbox()
         self._connections: dict[tuple[str, str], RecordedConnection] = {}
         self._subscribers: dict[str, rospy.Subscriber] = {}
-        self._before_clock: dict[str, Any] = {}
-        """By topic: a latched message that came before the first time of a simulated clock. It does not come again."""
+        self._before_clock: dict[tuple[str, str], Any] = {}
+        """By topic and publisher: a latched message from before the first time of a simulated clock. It comes once."""
         for topic in topics:
             self.listen(topic)
 
@@ -57,12 +57,13 @@ class GraphListener:
     def _put(self, message: Any, topic: str) -> None:
         at_ns = rospy.Time.now().to_nsec()
         if at_ns == 0:  # a simulated clock that has not been heard yet
-            if message._connection_header.get("latching") == "1":
-                self._before_clock[topic] = message
+            header = message._connection_header
+            if header.get("latching") == "1":
+                self._before_clock[topic, header["callerid"]] = message
             return
         for early in list(self._before_clock):
             if (latched := self._before_clock.pop(early, None)) is not None:  # by one of rospy's threads
-                self._hand_on(latched, early, at_ns)
+                self._hand_on(latched, early[0], at_ns)
         self._hand_on(message, topic, at_ns)
 
     def _hand_on(self, message: Any, topic: str, at_ns: int) -> None:

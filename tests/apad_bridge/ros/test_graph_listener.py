@@ -1,0 +1,48 @@
+"""What a listener hands on of a graph whose simulated clock begins late, without a graph."""
+
+from __future__ import annotations
+
+import pytest
+import rospy
+
+from apad_bridge.ros import graph_listener
+from apad_bridge.ros.graph_listener import GraphListener
+
+
+def message(publisher: str, data: bytes, *, is_latched: bool) -> rospy.AnyMsg:
+    made = rospy.AnyMsg()
+    made._buff = data
+    made._connection_header = {
+        "callerid": publisher,
+        "md5sum": "992ce8a1687cec8c8bd883ec73ca41d1",
+        "type": "std_msgs/String",
+        "message_definition": "string data",
+        "latching": "1" if is_latched else "0",
+    }
+    return made
+
+
+def test_what_comes_once_and_before_the_clock_is_handed_on_with_its_first_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of each publisher of a topic: /tf_static has several. What comes again is dropped until the clock is there."""
+    now_s = [0]
+    monkeypatch.setattr(rospy, "init_node", lambda *_, **__: None)
+    monkeypatch.setattr(graph_listener, "bound_handshakes", lambda: None)
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(now_s[0]))
+    listener = GraphListener((), "listener")
+    listener._put(message("/one", b"old", is_latched=True), "/tf_static")
+    listener._put(message("/one", b"new", is_latched=True), "/tf_static")
+    listener._put(message("/two", b"its own", is_latched=True), "/tf_static")
+    listener._put(message("/one", b"lost", is_latched=False), "/pose")
+    assert listener.take(0.0) == []
+    now_s[0] = 7
+    listener._put(message("/one", b"first", is_latched=False), "/pose")
+    listener._put(message("/one", b"second", is_latched=False), "/pose")
+    heard = [(it.connection.topic, it.data, it.stamp_ns) for it in listener.take(1.0)]
+    assert heard == [
+        ("/tf_static", b"new", 7 * 10**9),
+        ("/tf_static", b"its own", 7 * 10**9),
+        ("/pose", b"first", 7 * 10**9),
+        ("/pose", b"second", 7 * 10**9),
+    ]
