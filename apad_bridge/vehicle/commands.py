@@ -108,6 +108,8 @@ class PoseReported:
     """The node that published the position; empty where that is not known."""
     also_from: str = ""
     """Another node that published a position since the pose before; empty for none."""
+    heard_ms: int | None = None
+    """The time of arrival, by a clock that no late tick holds up: only differences count. None where `at_ms` is it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,8 @@ class PoseReceived:
     """The speed over ground that the message states; None for none."""
     publisher: str = ""
     """The node that published the message; empty where that is not known."""
+    heard_ms: int | None = None
+    """The time of arrival, by the clock of `PoseReported.heard_ms`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,6 +84,7 @@ class Readings:
                 message.speed_m_s,
                 message.publisher,
                 also_from,
+                message.heard_ms,
             )
 
     def _receive_battery(self, message: BatteryReceived) -> None:

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64
 
 from apad_bridge.ros.links.second_connection import FirstArrivals, SecondConnections
 from apad_bridge.ros.system.inbox import Inbox
-from apad_bridge.ros.system.ros_time import to_ms
+from apad_bridge.ros.system.ros_time import arrival_ms, to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
@@ -102,7 +102,10 @@ class LegacySubscribers:
         """Takes a position that came over the first connection (0) or the second (1)."""
         position, yaw, publisher = message.position, message.orientation.yaw, _publisher(message)
         stamp_ms = to_ms(message.header.stamp) or None  # 0 is no time
-        pose = PoseReceived(self._stamp(message), position.north, position.east, yaw, stamp_ms)
+        heard_ms = None if self._stamped else arrival_ms()
+        pose = PoseReceived(
+            self._stamp(message), position.north, position.east, yaw, stamp_ms, heard_ms=heard_ms
+        )
         sent = _POSE.pack(
             message.header.seq, message.header.stamp.to_nsec(), position.north, position.east, yaw
         )

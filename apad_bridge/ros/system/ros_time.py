@@ -7,6 +7,8 @@ in a run's bag have the same stamps; the bag's own times are mission time.
 
 from __future__ import annotations
 
+import time
+
 import genpy
 import rospy
 
@@ -21,6 +23,11 @@ def to_ros(at_ms: int) -> genpy.Time:
 def to_ms(stamp: genpy.Time) -> int:
     """Whole milliseconds, rounded down."""
     return int(stamp.secs * 1000 + stamp.nsecs // 1_000_000)
+
+
+def arrival_ms() -> int:
+    """The present time for differences, in ms: by the master's /clock, else by a wall clock that nobody sets."""
+    return round(1000 * time.monotonic()) if rospy.rostime.is_wallclock() else to_ms(rospy.get_rostime())
 
 
 def follow_master(now_ms: int) -> None:

@@ -93,17 +93,17 @@ class PositionLimits:
 
 
 class _VehicleClock:
-    """The clock of the vehicle's stamps, beside mission time."""
+    """The clock of the vehicle's stamps, beside the times of arrival."""
 
     def __init__(self) -> None:
         self._newest: PoseReported | None = None
         """The newest pose with a stamp."""
         self._since_ms = 0
         self._least_ms: int | None = None
-        """The least of mission time at arrival less the stamp, since `_since_ms`."""
+        """The least of the time of arrival less the stamp, since `_since_ms`."""
         self._least_before_ms: int | None = None
         self._rising: deque[tuple[int, int]] = deque()
-        """Mission time at arrival, and what it is after the stamp: of the newest positions, while the second rises."""
+        """The time of arrival, and what it is after the stamp: of the newest positions, while the second rises."""
 
     def stands_still(self, pose: PoseReported) -> bool:
         """Its stamp is the one before: such stamps are no times."""
@@ -115,7 +115,7 @@ class _VehicleClock:
         if newest is None or pose.stamp_ms is None:
             return False
         span_ms = _span_ms(newest, pose)
-        return span_ms < 0 or abs(span_ms - (pose.at_ms - newest.at_ms)) > CLOCK_SET_MS
+        return span_ms < 0 or abs(span_ms - (_heard_ms(pose) - _heard_ms(newest))) > CLOCK_SET_MS
 
     def step_ms(self, pose: PoseReported) -> int:
         """The step of the stamps beyond what delays explain: ahead above 0, back below 0."""
@@ -125,34 +125,37 @@ class _VehicleClock:
         if pose.stamp_ms < newest.stamp_ms - BACK_MS:
             return pose.stamp_ms - newest.stamp_ms
         known = [it for it in (self._least_ms, self._least_before_ms) if it is not None]
-        return max(0, min(known) - (pose.at_ms - pose.stamp_ms)) if known else 0
+        return max(0, min(known) - (_heard_ms(pose) - pose.stamp_ms)) if known else 0
 
     @property
     def grown_ms(self) -> int:
         """The growth of the delay over the newest positions; 0 where fewer than `GROWN_COUNT` rise."""
         return self._rising[-1][1] - self._rising[0][1] if len(self._rising) >= GROWN_COUNT else 0
 
-    def _look_if_it_grows(self, at_ms: int, offset_ms: int) -> None:
+    def _look_if_it_grows(self, heard_ms: int, offset_ms: int) -> None:
         if self._rising and offset_ms < self._rising[-1][1] + RISE_MS:
             self._rising.clear()
-        self._rising.append((at_ms, offset_ms))
-        while at_ms - self._rising[0][0] > GROWN_WITHIN_MS:
+        self._rising.append((heard_ms, offset_ms))
+        while heard_ms - self._rising[0][0] > GROWN_WITHIN_MS:
             self._rising.popleft()
 
     def take(self, pose: PoseReported) -> None:
         if pose.stamp_ms is None:
             return
         self._newest = pose
-        self._look_if_it_grows(pose.at_ms, pose.at_ms - pose.stamp_ms)
-        if pose.at_ms - self._since_ms >= LEAST_DELAY_MS:
-            self._since_ms, self._least_before_ms, self._least_ms = pose.at_ms, self._least_ms, None
-        offset_ms = pose.at_ms - pose.stamp_ms
+        heard_ms = _heard_ms(pose)
+        offset_ms = heard_ms - pose.stamp_ms
+        self._look_if_it_grows(heard_ms, offset_ms)
+        if heard_ms - self._since_ms >= LEAST_DELAY_MS:
+            self._since_ms, self._least_before_ms, self._least_ms = heard_ms, self._least_ms, None
         self._least_ms = offset_ms if self._least_ms is None else min(self._least_ms, offset_ms)
 
     def earliest_ms(self, pose: PoseReported) -> int:
         """The mission time at which this position would have come without more than the least delay."""
         known = [it for it in (self._least_ms, self._least_before_ms) if it is not None]
-        return pose.at_ms if pose.stamp_ms is None or not known else pose.stamp_ms + min(known)
+        if pose.stamp_ms is None or not known:
+            return pose.at_ms
+        return pose.at_ms - (_heard_ms(pose) - pose.stamp_ms - min(known))
 
 
 class PositionWatch:
@@ -414,8 +417,13 @@ def _learned(known: float | None, newest: float) -> float:
 
 def _span_ms(before: PoseReported, after: PoseReported) -> int:
     if before.stamp_ms is None or after.stamp_ms is None:
-        return after.at_ms - before.at_ms
+        return _heard_ms(after) - _heard_ms(before)
     return after.stamp_ms - before.stamp_ms
+
+
+def _heard_ms(pose: PoseReported) -> int:
+    """The time of arrival. A tick that is late takes positions that are newer than its own time."""
+    return pose.at_ms if pose.heard_ms is None else pose.heard_ms
 
 
 def _error_ms(before: PoseReported, after: PoseReported) -> int:

@@ -299,6 +299,21 @@ def test_a_delay_that_goes_on_growing_is_noticed_within_two_seconds() -> None:
     assert "its delay grows" in watch.fault(noticed_ms)
 
 
+@pytest.mark.parametrize("late_ms", [1_200, 4_000, 60_000])
+def test_a_tick_of_ours_that_is_late_is_no_step_of_the_vehicles_stamps(late_ms: int) -> None:
+    """Our machine is busy for a while, so that a late tick takes a position that is newer than its own time."""
+    watch = PositionWatch(PositionLimits(clock_step_ms=1_000, settled_ms=None))
+    for stamp_ms in range(200, 60_000, 200):
+        at_ms = stamp_ms if stamp_ms < 30_000 else stamp_ms - late_ms
+        if stamp_ms < 30_000 or at_ms >= 30_000:
+            heard_ms = 9_000_000 + stamp_ms
+            watch.take(PoseReported(at_ms, 0.0005 * stamp_ms, 0.0, 0.0, stamp_ms, heard_ms=heard_ms))
+            assert watch.fault(at_ms) == "", (stamp_ms, at_ms)
+    # The vehicle's own clock steps.
+    watch.take(PoseReported(60_000, 30.0, 0.0, 0.0, 64_000, heard_ms=9_060_000))
+    assert "its stamps went ahead by 4.0 s" in watch.fault(60_000)
+
+
 @pytest.mark.parametrize("creep_ppm", [-50, 0, 50])
 def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
     """Ten hours at 10 Hz: one packet in 20 is lost, each of its repetitions too, after 0.2, 0.4, 0.8 s, and order is kept.
