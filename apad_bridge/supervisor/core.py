@@ -76,10 +76,6 @@ from apad_bridge.vehicle.primitives import (
 from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 from firmware_model.packets.codec import Codec
 
-SUDDEN = 0.05
-"""A charge that falls by more of a full battery from one reading to the next may be a fault of the sensor."""
-DOUBTED_MS = 3000
-"""Such a fall, or a first reading that would end the mission, counts when the readings say so for this long."""
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
 
@@ -140,8 +136,8 @@ class Supervisor:
     ) -> None:
         """`stands_down` says when this aPad leaves its aMussels to others, instead of trying again, or ending.
 
-        `gate` is the vehicle's, which judges permissions to surface too. `end_by_ms` is the time by which the aPad should
-        be home.
+        `gate` is the vehicle's. It judges permissions to surface too, and says which readings of the battery count.
+        `end_by_ms` is the time by which the aPad should be home.
         """
         self.beliefs = learned.beliefs
         self.allocation = learned.allocation
@@ -152,10 +148,6 @@ class Supervisor:
         self.pose: PoseReported | None = None
         self.battery: BatteryReported | None = None
         self.battery_at_start: BatteryReported | None = None
-        self._believed_fraction: float | None = None
-        """The aPad's charge by its readings, of which a sudden fall counts when it lasts."""
-        self._falls_since_ms: int | None = None
-        """The time of the reading at which the charge fell in a way that does not count yet."""
         self.dropped: Counter[str] = Counter()
         self._doubted: set[int] = set()
         """Docked aMussels whose own packets deny it."""
@@ -268,7 +260,8 @@ class Supervisor:
                 self.mission.moved(fact.north_m, fact.east_m)
             case BatteryReported():
                 self.battery = fact
-                self._believe_battery(fact)
+                if self._gate.battery.take(fact):
+                    self.mission.battery_heard(fact.fraction)
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
@@ -353,23 +346,8 @@ class Supervisor:
 
     @property
     def _is_empty(self) -> bool:
-        return self._believed_fraction is not None and self._believed_fraction <= self._end_at_apad_fraction
-
-    def _believe_battery(self, fact: BatteryReported) -> None:
-        """A sensor that says 0 % once ends no mission, and sends no aPad home."""
-        believed = self._believed_fraction
-        is_doubtful = (
-            fact.fraction <= self._end_at_apad_fraction
-            if believed is None
-            else believed - fact.fraction > SUDDEN
-        )
-        if is_doubtful:
-            if self._falls_since_ms is None:
-                self._falls_since_ms = fact.at_ms
-            if fact.at_ms - self._falls_since_ms < DOUBTED_MS:
-                return
-        self._believed_fraction, self._falls_since_ms = fact.fraction, None
-        self.mission.battery_heard(fact.fraction)
+        believed = self._gate.battery.believed
+        return believed is not None and believed.fraction <= self._end_at_apad_fraction
 
     # With several aPads: the aMussels that this one serves.
 
@@ -450,7 +428,7 @@ class Supervisor:
         if primitive is None:
             return []
         # Neither an aPad that waits for a person nor one that may be empty is broken down.
-        may_be_empty = self._is_empty or self._falls_since_ms is not None
+        may_be_empty = self._is_empty or self._gate.battery.doubts
         is_free = not (self._gate.awaits_person or may_be_empty)
         if isinstance(primitive, GoToPoint) and is_free:
             self._stands_down.go_to_ended(outcome)

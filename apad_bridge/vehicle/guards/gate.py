@@ -26,6 +26,7 @@ from apad_bridge.vehicle.commands import (
     PoseReported,
     Stop,
 )
+from apad_bridge.vehicle.guards.battery_watch import BatteryWatch
 from apad_bridge.vehicle.guards.guards import GoodPosition, Guard, PersonsWord, SoundNumbers
 from apad_bridge.vehicle.guards.monitor import Monitor
 from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing, is_stop
@@ -50,8 +51,6 @@ PILOT_UNKNOWN = (
 )
 WAY_BACK_M = 5.0
 """The longest way back inside the fence on a person's word."""
-BATTERY_AGE_MS = 30_000
-"""An older reading of the battery tells nothing: it comes once a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +66,7 @@ class Gate:
         self._guards = tuple(guards)
         self._waters = waters or OpenWaters()
         self.watch = watch
+        self.battery = BatteryWatch()
         self.events: list[Event] = []
         self.stops = Stops(self.events)
         self.bodies: tuple[Body, ...] = ()
@@ -77,7 +77,6 @@ class Gate:
         """The reason why nothing may be ordered for a pilot's sake; empty where none steers."""
         self.goes_slowly = True
         """The vehicle obeys a speed. Another one is not sent back inside the fence from here."""
-        self._battery: BatteryReported | None = None
 
     @classmethod
     def without_guards(cls) -> Gate:
@@ -126,7 +125,7 @@ class Gate:
             if isinstance(fact, PoseReported):
                 self.watch.take(fact)
             elif isinstance(fact, BatteryReported):
-                self._battery = fact
+                self.battery.take(fact)
             elif isinstance(fact, PilotReported):
                 pilot = PILOT_UNKNOWN if fact.steers is None else PILOT_STEERS if fact.steers else ""
                 if pilot != self.pilot:
@@ -143,7 +142,7 @@ class Gate:
             self.watch.least_speed_m_s,
             self.watch.fault(now_ms),
             self._outside(),
-            self._battery_fraction(now_ms),
+            self.battery.fraction(now_ms),
             self.bodies,
             self.awaits_person,
         )
@@ -151,11 +150,6 @@ class Gate:
     def _outside(self) -> str:
         place_m = self.watch.place_m
         return "" if place_m is None else self._waters.fault_of_place(place_m)
-
-    def _battery_fraction(self, now_ms: int) -> float | None:
-        """The charge that was reported last; None where that is old."""
-        battery = self._battery
-        return None if battery is None or now_ms - battery.at_ms > BATTERY_AGE_MS else battery.fraction
 
     def refusal(self, order: GuardedOrder, now_ms: int, *, is_persons: bool = False) -> Refusal | None:
         """The first guard's refusal; None for an order that may go out, as every stop may where no pilot steers.

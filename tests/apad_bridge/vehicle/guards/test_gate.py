@@ -46,7 +46,13 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.guards.fenced_waters import FencedWaters
 from apad_bridge.vehicle.guards.gate import Gate, Safety
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.vehicle.guards.guards import GoodPosition, InWaters, PersonsWord, SoundNumbers
+from apad_bridge.vehicle.guards.guards import (
+    BatteryForHome,
+    GoodPosition,
+    InWaters,
+    PersonsWord,
+    SoundNumbers,
+)
 from apad_bridge.vehicle.guards.monitor import (
     CanStopInWaters,
     EndsInTime,
@@ -386,6 +392,16 @@ def test_a_charge_that_was_told_more_than_30_s_ago_is_not_known() -> None:
     bench.at(5.0, 5.0)
     assert bench.vehicle.gate.situation(30_000).battery_fraction == 0.9
     assert bench.vehicle.gate.situation(30_001).battery_fraction is None
+
+
+def test_a_sensor_that_says_nothing_is_left_once_refuses_no_leg() -> None:
+    gate = Gate([BatteryForHome((0.0, 0.0), reserve=0.2, fraction_per_m=0.001)], PositionWatch(LIMITS))
+    leg = GoTo(1, 10.0, 0.0, 0.5, 1.0)
+    refused = []
+    for at_s, fraction in enumerate((0.9, 0.0, 0.89, 0.0, 0.0, 0.0, 0.0), start=1):
+        gate.observe([PoseReported(1000 * at_s, 0.0, 0.0, 0.0), BatteryReported(1000 * at_s, 12.0, fraction)])
+        refused.append(gate.refusal(leg, 1000 * at_s) is not None)
+    assert refused == [False] * 6 + [True]
 
 
 def test_off_tells_at_once_and_every_ten_seconds_where_the_vehicle_drifts() -> None:
