@@ -46,6 +46,13 @@ class Suspicion(NamedTuple):
     """A dock has held it since, so that a person could look at it."""
 
 
+class CapacityLeft(NamedTuple):
+    """The share of its capacity that an aged battery still has: the interval that holds it with 95 %, in [0, 1]."""
+
+    low: float
+    high: float
+
+
 EXACT_CLOCK = Clock()
 EXACT = (0.0, 0.0, 0.0)
 
@@ -81,6 +88,8 @@ class Belief:
     """None for an aMussel whose packets can all be true."""
     parts: tuple[Part, ...] = ()
     """The primary charge as a mixture, not yet clamped to 0 and 1; empty for one Gaussian."""
+    capacity_left: CapacityLeft | None = None
+    """Both batteries age alike. None for an estimator that learns no ageing."""
     estimator_state: object = field(default=None, compare=False, repr=False)
     """Private to the estimator."""
 

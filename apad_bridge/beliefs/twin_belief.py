@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY
+from apad_bridge.beliefs.belief import Belief, CapacityLeft, Source
+from apad_bridge.beliefs.charge_state import PRIMARY, RATE, SECONDARY
 from apad_bridge.beliefs.mixture import Part, below, clamped
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import TwinParameters
@@ -14,6 +14,7 @@ from apad_bridge.beliefs.twin_state import TwinState, in_dock, load_of_all, obey
 from firmware_model.states import State
 
 _CERTAIN = 1e-9
+_SDS_OF_95 = 1.959964
 
 
 def belief_from_state(
@@ -70,8 +71,23 @@ def belief_from_state(
         silent_timeslots,
         twin_state.suspicion,
         parts,
+        _capacity_left(twin_state, parameters),
         twin_state,
     )
+
+
+def _capacity_left(twin_state: TwinState, parameters: TwinParameters) -> CapacityLeft | None:
+    """From the charging rate, which is 1 / capacity on the scale of voltage, within the range that the twin is told."""
+    if parameters.untold is None:
+        return None
+    least, mean, square = 1 - parameters.untold.ageing, 0.0, 0.0
+    for weight, its_mean, cov in twin_state.anchors:
+        mean += weight * float(its_mean[RATE])
+        square += weight * (float(cov[RATE, RATE]) + float(its_mean[RATE]) ** 2)
+    aside = _SDS_OF_95 * math.sqrt(max(0.0, square - mean**2))
+    # A rate at or below 1 is that of a battery without age, whatever the scatter of the readings made of it.
+    low, high = (1 / max(1.0, mean + aside), 1 / max(1.0, mean - aside))
+    return CapacityLeft(max(least, low), max(least, high))
 
 
 def _moments(parts: tuple[Part, ...]) -> tuple[float, float]:

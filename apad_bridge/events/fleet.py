@@ -78,6 +78,17 @@ class BeliefChanged(Event):
 
 
 @dataclass(frozen=True)
+class CapacityLearned(Event):
+    kind = "capacity"
+    when = "a twin knows better, by a hundredth, how much of its capacity an aMussel's batteries have left"
+    counted = Uncounted("an estimate; the plans and orders that follow from it count")
+
+    id: AMussel
+    low: Annotated[float, Meaning("begin of the interval of 95 % of the share that is left", "0 to 1")]
+    high: Annotated[float, Meaning("end of that interval", "0 to 1")]
+
+
+@dataclass(frozen=True)
 class Stimulated(Event):
     kind = "stimulus"
     when = "something reached an aMussel: a contact, a packet, its place in a dock"

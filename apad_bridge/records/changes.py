@@ -6,8 +6,8 @@ from dataclasses import replace
 from math import cos, hypot, isnan, radians
 
 from agents.mussel.outputs import Truth
-from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.fleet import BeliefChanged
+from apad_bridge.beliefs.belief import Belief, CapacityLeft
+from apad_bridge.events.fleet import BeliefChanged, CapacityLearned
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.samples import APadSample
 
@@ -17,6 +17,7 @@ APAD_TURNED_COS = cos(radians(5))
 APAD_BATTERY = 0.005
 APAD_PERIOD_MS = 60_000
 BELIEVED_CHARGE = 0.01
+CAPACITY_LEFT = 0.01
 HEARD_AGAIN_MS = 60_000
 """A carried belief is journaled again when its newest packet is newer by this."""
 
@@ -87,6 +88,27 @@ class BeliefChanges:
         if before is belief or (before is not None and not _differs(before, belief)):
             return False
         self._last[belief.agent_id] = belief
+        return True
+
+
+class CapacityChanges:
+    """Journals what is left of a capacity when an end of its interval moved by a hundredth."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, CapacityLeft] = {}
+
+    def events(self, beliefs: list[Belief]) -> list[CapacityLearned]:
+        return [
+            CapacityLearned(belief.agent_id, round(now.low, 4), round(now.high, 4))
+            for belief in beliefs
+            if (now := belief.capacity_left) is not None and self._is_new(belief.agent_id, now)
+        ]
+
+    def _is_new(self, agent_id: int, now: CapacityLeft) -> bool:
+        before = self._last.get(agent_id)
+        if before is not None and max(abs(now.low - before.low), abs(now.high - before.high)) < CAPACITY_LEFT:
+            return False
+        self._last[agent_id] = now
         return True
 
 

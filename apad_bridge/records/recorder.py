@@ -25,7 +25,13 @@ from apad_bridge.events.run import EndReason, RunResumed, TickPassed
 from apad_bridge.events.sound import PacketPassed
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
-from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
+from apad_bridge.records.changes import (
+    APadChanges,
+    BeliefChanges,
+    CapacityChanges,
+    differs_in_kind,
+    has_moved,
+)
 from apad_bridge.records.checkpoint import Checkpoint
 from apad_bridge.records.digest import RunDigest
 from apad_bridge.records.journal import Journal, JournalContents, JournalDamaged, Line, read_journal
@@ -138,6 +144,7 @@ class Recorder:
         self._services: Counter[int] = Counter()
         self._apad_changes = APadChanges()
         self._belief_changes = BeliefChanges()
+        self._capacity_changes = CapacityChanges()
         self._sampled_ms: int | None = None
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
         self._checkpoint: Checkpoint | None = None
@@ -272,6 +279,8 @@ class Recorder:
             self._journal.append(now_ms, moved)
         for changed in self._belief_changes.events(list(beliefs)):
             self._journal.append(now_ms, changed)
+        for learned in self._capacity_changes.events(list(beliefs)):
+            self._journal.append(now_ms, learned)
         if self._is_sampled(now_ms):
             belief_samples = [belief_sample(belief, now_ms) for belief in beliefs]
             self._bag.sample(now_ms, self.truths_at(now_ms), belief_samples, apad)

@@ -18,7 +18,7 @@ from selenium import webdriver
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import build_replay
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.mission import MissionChanged, Phase, PlanMade, PrimitiveChanged, PrimitivePhase
 from apad_bridge.events.run import RunEnded
@@ -66,10 +66,20 @@ def truth(at_s: int, agent_id: int, charge: float, *, docked: bool = False, seco
 
 
 def estimate(now_ms: int) -> Belief:
-    """Of the first, which holds 0.95: 0.8 with a deviation of 0.05."""
+    """Of the first, which holds 0.95: 0.8 with a deviation of 0.05. From 30 s on its twin knows the batteries' age."""
     modes = tuple(float(mode is Mode.IDLE) for mode in Mode)
     return Belief(
-        1, now_ms, State.ACTIVE, 0.8, 1.0, 5.0, 5.0, 0, (0.0025, 0.0, 0.0), mode_probabilities=modes
+        1,
+        now_ms,
+        State.ACTIVE,
+        0.8,
+        1.0,
+        5.0,
+        5.0,
+        0,
+        (0.0025, 0.0, 0.0),
+        mode_probabilities=modes,
+        capacity_left=None if now_ms < 30_000 else CapacityLeft(0.7149, 0.8611),
     )
 
 
@@ -381,6 +391,17 @@ def test_a_selected_one_shows_its_state_and_both_batteries(page: Path, browser: 
     dom = browse(browser, page, at="#t=100&aMussel=4")
     assert 'id="one-now">4: active; primary 0.0 %, secondary 0.0 %; never heard<' in dom
     assert re.search(r'id="one-card" hidden', browse(browser, page, at="#t=100"))
+
+
+def test_the_age_of_batteries_that_a_twin_has_learned_stands_at_its_aMussel(
+    page: Path, browser: webdriver.Chrome
+) -> None:
+    words = "71 to 86 % of its capacity left"
+    for at_s, is_known in ((29, False), (31, True)):
+        browse(browser, page, at=f"#t={at_s}&aMussel=1")
+        titles = "return [...document.querySelectorAll('#agents li')].map((it) => it.title)"
+        assert [words in it for it in browser.execute_script(titles)] == [is_known, False, False, False]
+        assert (words in browser.execute_script("return $('one-now').textContent")) is is_known
 
 
 def test_the_address_shows_the_same_moment_to_somebody_else(page: Path, browser: webdriver.Chrome) -> None:

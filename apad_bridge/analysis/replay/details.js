@@ -179,12 +179,12 @@ function showSelected(view) {
   const secondary = now.secondary === null ? "unknown" : percent(now.secondary);
   const taken = agent.taken && agent.taken[view.i];
   $("one-now").textContent = `${selected}: ${state}; primary ${now.charge === null ? "unknown" : percent(now.charge)}, secondary ${secondary}`
-    + (now.heard === null ? "; never heard" : `; heard ${ago(now)}`) + suspectWords(now).map((it) => `; ${it}`).join("")
+    + (now.heard === null ? "; never heard" : `; heard ${ago(now)}`) + [...ageWords(now), ...suspectWords(now)].map((it) => `; ${it}`).join("")
     + (taken ? `; ${taken} samples taken, ${agent.acknowledged[view.i]} uploaded` : "");
   const times = data.times_ms, key = [times.length, data.packets.length].join(), shape = [data.run_name, selected].join();
   const asPercent = (value) => Math.round(100 * value) + " %";
   drawChart("one", shape, key, () => ({
-    min: 0, max: 1, format: asPercent, exact: percent,
+    min: 0, max: 1, format: asPercent, exact: percent, isAboveRows: true,
     lines: [
       { name: "primary", times, values: agent.charge, stroke: () => colour("above"), width: 2 },
       { name: "secondary", times, values: agent.secondary, stroke: () => colour("charging"), width: 2, dash: [5, 3] },

@@ -13,6 +13,7 @@ from apad_bridge.events.event import Category
 from apad_bridge.events.fleet import (
     AMusselSuspected,
     BeliefChanged,
+    CapacityLearned,
     Presence,
     PresenceChanged,
     ProcessDied,
@@ -68,6 +69,8 @@ class RunState:
 
     truths: dict[int, Truth] = field(default_factory=dict)
     beliefs: dict[int, Line] = field(default_factory=dict)
+    capacities: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """The interval of what is believed to be left of each aMussel's capacity."""
     gone: set[int] = field(default_factory=set)
     apad: Line | None = None
     docks: tuple[int | None, ...] = ()
@@ -155,6 +158,7 @@ class History:
         self._handlers: dict[str, Callable[[Line], None]] = {
             TruthChanged.kind: self._take_truth,
             BeliefChanged.kind: self._take_belief,
+            CapacityLearned.kind: self._take_capacity,
             AMusselSuspected.kind: self._take_suspect,
             ProcessDied.kind: self._take_death,
             PresenceChanged.kind: self._take_presence,
@@ -210,6 +214,9 @@ class History:
 
     def _take_belief(self, line: Line) -> None:
         self.now.beliefs[line["id"]] = line
+
+    def _take_capacity(self, line: Line) -> None:
+        self.now.capacities[line["id"]] = (line["low"], line["high"])
 
     def _take_suspect(self, line: Line) -> None:
         self.suspects.append(SuspectView(line["t"], line["id"], line["reason"]))

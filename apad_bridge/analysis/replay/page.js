@@ -52,6 +52,7 @@ function viewAt(ms, data) {
       state: agent.state[i],
       heard: agent.heard ? agent.heard[i] : null,
       suspicion: data.suspects.find(([since, id]) => id === agent.id && since <= ms) || null,
+      capacity: agent.capacity && agent.capacity[i],
       believed: agent.believed && agent.believed[i],
       within: agent.low && agent.low[i] !== null ? [agent.low[i], agent.high[i]] : null,
       uptime: agent.uptime[i],
@@ -159,6 +160,8 @@ function planWords(plan) {
 // The time since its newest packet. What is believed of it ages as long; the supervisor suspects one that is silent too long.
 const ago = ({ heard }) => `${clock(Math.max(0, nowMs - 1000 * heard))} ago`;
 const suspectWords = ({ suspicion }) => (suspicion ? [`suspect since ${clock(suspicion[0])}: ${suspicion[2]}`] : []);
+// What its twin has learned of its batteries' age, in whole percent.
+const ageWords = ({ capacity }) => (capacity ? [`${capacity.map((it) => Math.round(100 * it)).join(" to ")} % of its capacity left`] : []);
 const isSilent = ({ heard, dock }) => heard !== null && dock === null && nowMs - 1000 * heard > 1000 * data.silence_s;
 
 function showAgents({ agents }) {
@@ -171,7 +174,7 @@ function showAgents({ agents }) {
     item.classList.toggle("selected", selected === agent.id);
     item.classList.toggle("silent", isSilent(agent));
     item.classList.toggle("suspect", agent.suspicion !== null);
-    const title = [agent.heard === null ? "never heard" : `heard ${ago(agent)}`, ...suspectWords(agent)].join("; ");
+    const title = [agent.heard === null ? "never heard" : `heard ${ago(agent)}`, ...ageWords(agent), ...suspectWords(agent)].join("; ");
     if (item.title !== title) item.title = title;
   });
 }
@@ -437,7 +440,7 @@ for (const id of ["map", "other-map"]) {
   hoverCanvas(id, (x, y) => {
     const shown = runs[0].differs ? [runs[id === "map" ? 0 : 1]] : runs, views = shown.map((it) => viewAt(nowMs, it));
     const found = musselAt(views, sizeOf($(id)), x, y), agent = views.flatMap((it) => it.agents).find((it) => it.id === found);
-    return agent ? [`aMussel ${chargeWords(agent)}`, STATUSES[agent.status], ...(agent.heard === null ? [] : [`heard ${ago(agent)}`]), ...suspectWords(agent)].join(", ") : "";
+    return agent ? [`aMussel ${chargeWords(agent)}`, STATUSES[agent.status], ...(agent.heard === null ? [] : [`heard ${ago(agent)}`]), ...ageWords(agent), ...suspectWords(agent)].join(", ") : "";
   });
 }
 

@@ -16,6 +16,7 @@ readColours();
 const DARK = matchMedia("(prefers-color-scheme: dark)");
 const themeNow = () => document.documentElement.dataset.theme || (DARK.matches ? "dark" : "light");
 DARK.addEventListener("change", () => { readColours(); show(nowMs); });
+const ROW_NAMES = 124;
 const FONT = "11px system-ui, 'DejaVu Sans', sans-serif";
 
 // The sizes of elements, so that a frame need not ask the page's layout for them.
@@ -111,7 +112,8 @@ function fit(plot) {
 
 // Draws a chart. `shape` names what it has, `key` its values: it is built anew or filled anew only when these change.
 // `of` gives {lines: [{times, values, stroke, width, dash, step}], min, max, format, rows, under, over}; null is a gap. The
-// values on the left are those of `format`, or the names in `rows`. `under` and `over` draw below and above the lines.
+// values on the left are those of `format`, or the names in `rows`; one that stands above rows has their times below each other
+// (`isAboveRows`). `under` and `over` draw below and above the lines.
 function drawChart(id, shape, key, of) {
   const element = $(id), size = sizeOf(element), whole = [key, endMs, themeNow()].join();
   let chart = charts.get(id);
@@ -157,8 +159,8 @@ function chartOptions(chart, { width, height }) {
   const axis = { font: FONT, stroke: () => SOFT, ticks: { show: false } };
   const rows = () => chart.content.rows;
   const left = chart.content.rows
-    ? { grid: { show: false }, size: 124, splits: () => rows().map((_, n) => n + 0.5), values: () => rows() }
-    : { grid: { stroke: () => LINE, width: 1 }, size: 44, space: 24, values: (plot, splits) => splits.map((it) => chart.content.format(it)) };
+    ? { grid: { show: false }, size: ROW_NAMES, splits: () => rows().map((_, n) => n + 0.5), values: () => rows() }
+    : { grid: { stroke: () => LINE, width: 1 }, size: chart.content.isAboveRows ? ROW_NAMES : 44, space: 24, values: (plot, splits) => splits.map((it) => chart.content.format(it)) };
   const lines = chart.content.lines.length ? chart.content.lines : [{ width: 0, stroke: LINE }];
   return {
     width, height, padding: [6, 22, 0, 0], legend: { show: false },

@@ -80,6 +80,8 @@ class _Agent:
     """Those of them whose receipt it knows."""
     heard: list[int | None]
     """Mission seconds of its newest packet."""
+    capacity: list[list[float] | None]
+    """The believed interval of the share of its capacity that is left, where a twin learns it."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[MissionMs]:
@@ -296,6 +298,8 @@ class _Sampler:
         agent.taken.append(truth.physical.samples if truth is not None and has_log else None)
         agent.acknowledged.append(truth.physical.acknowledged if truth is not None and has_log else None)
         agent.heard.append(None if belief is None else belief["heard"] // 1000)
+        left_of = now.capacities.get(agent_id)
+        agent.capacity.append(None if left_of is None else [round(it, 2) for it in left_of])
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:
@@ -350,7 +354,7 @@ class _Sampler:
         }
 
 
-_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard")
+_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity")
 COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "secondary", "state")
 """An aMussel's columns, by their names on the page."""
 
@@ -419,7 +423,7 @@ def _timeslots(scenario: Scenario) -> dict[str, int] | None:
     return None if found is None else {"frame_ms": found.frame_ms, "slot_ms": found.slot_ms}
 
 
-def _unless_empty(column: list[float | None]) -> list[float | None] | None:
+def _unless_empty(column: list[Any]) -> list[Any] | None:
     return None if all(value is None for value in column) else column
 
 

@@ -46,6 +46,8 @@ PARAMETERS = TwinParameters(
     untold=Untold(0.4, 0.2, 0.05),
 )
 TWIN = Twin(PARAMETERS, {1: Schedule((0,), (Mode.ASLEEP,))})
+SURE = Twin(replace(PARAMETERS, untold=None), {1: Schedule((0,), (Mode.ASLEEP,))})
+"""It is told its board, and learns none."""
 
 
 def heard(at_ms: int, charge: float, state: State = State.SLEEPING) -> Heard:
@@ -112,6 +114,10 @@ def test_readings_that_no_board_of_its_kind_can_state_are_told_with_their_reason
 def test_an_old_or_thirsty_or_badly_calibrated_board_contradicts_nothing(
     ageing: float, load: float, bias: float
 ) -> None:
+    assert told(*half_a_day_after_a_day(ageing, load, bias)).suspicion is None
+
+
+def half_a_day_after_a_day(ageing: float, load: float, bias: float) -> list[Measurement]:
     """A day in the water and twelve hours in a dock, by equations (1) and (2) step by step."""
     left, charge, at_ms = 1 - ageing, 0.85, 0
     measurements: list[Measurement] = []
@@ -130,7 +136,21 @@ def test_an_old_or_thirsty_or_badly_calibrated_board_contradicts_nothing(
         else:
             coil = 0.001045 if charge <= 0.16197 else 0.00223 if charge <= 0.5634 else 0.002911
             charge = min(1.0, charge + (1.2435 * coil - 0.6 * ASLEEP * load) / left)
-    assert told(*measurements).suspicion is None
+    return measurements
+
+
+@pytest.mark.parametrize("ageing", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("load", [0.8, 1.2])
+def test_a_dock_tells_what_is_left_of_a_capacity(ageing: float, load: float) -> None:
+    """After a day in the water alone, whose slope is load and age together, the interval is still wide."""
+    measurements = half_a_day_after_a_day(ageing, load, 0.0)
+    docked_at = next(n for n, it in enumerate(measurements) if isinstance(it, Docked))
+    before, after = told(*measurements[:docked_at]).capacity_left, told(*measurements).capacity_left
+    assert before is not None and after is not None
+    assert before.high - before.low > 2 * (after.high - after.low)
+    assert after.high - after.low < 0.08
+    assert after.low - 0.01 <= 1 - ageing <= after.high + 0.01
+    assert told(*measurements, twin=SURE).capacity_left is None
 
 
 def test_a_codec_that_takes_0_3_off_is_told_when_its_aMussel_is_full_and_its_interval_then_covers() -> None:
@@ -173,8 +193,7 @@ def test_a_dock_in_between_explains_a_rise() -> None:
 
 
 def test_a_twin_that_learns_nothing_of_its_board_suspects_nobody() -> None:
-    sure = Twin(replace(PARAMETERS, untold=None), {1: Schedule((0,), (Mode.ASLEEP,))})
-    assert told(*asleep(0.5, -0.02, 8), twin=sure).suspicion is None
+    assert told(*asleep(0.5, -0.02, 8), twin=SURE).suspicion is None
 
 
 def test_a_suspicion_outlives_the_supervisor() -> None:

@@ -21,7 +21,7 @@ from agents.mussel.physical import Physical
 from agents.time_scale import TimeScale
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, CapacityLeft
 from apad_bridge.events.fleet import ProcessDied
 from apad_bridge.events.mission import LegBegan
 from apad_bridge.events.persons import ScriptTold
@@ -269,6 +269,17 @@ def test_the_aPad_is_journaled_when_it_matters(recorder):
         )
     assert [line["t"] for line in lines_of(recorder, "apad")] == [0, 2000, 4000, 6000, 7000, 8000, 68_000]
     assert lines_of(recorder, "apad")[-1]["docks"] == [3, -1, -1, -1]
+
+
+def test_what_a_twin_learns_of_a_capacity_is_journaled_when_an_end_moved_by_a_hundredth(recorder):
+    """A line each tick would outgrow all others of a long run."""
+    learned = [None, (0.6, 1.0), (0.6, 0.995), (0.605, 0.991), (0.6, 0.99), (0.61, 0.99), (0.61, 0.99)]
+    for tick, ends in enumerate(learned):
+        left = None if ends is None else CapacityLeft(*ends)
+        belief = Belief(3, 0, State.ACTIVE, 0.5, 0.75, 4.0, 6.0, capacity_left=left)
+        recorder.tick(1000 * tick, [belief], None, None, "none", FREE)
+    lines = [(it["t"], it["id"], it["low"], it["high"]) for it in lines_of(recorder, "capacity")]
+    assert lines == [(1000, 3, 0.6, 1.0), (4000, 3, 0.6, 0.99), (5000, 3, 0.61, 0.99)]
 
 
 def test_a_belief_is_journaled_when_its_charge_moved_or_its_state_changed(recorder):

@@ -10,6 +10,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import (
+    COLUMNS,
     MAX_SAMPLES,
     MAX_TRACE,
     MAX_VALUES,
@@ -403,6 +404,25 @@ def test_a_suspect_is_named_with_its_time_and_its_reason():
     view.sample(3000)
     assert view.newest(before)["suspects"] == [(3000, 2, "its charge rose in the water")]
     assert view.data(None)["suspects"] == view.newest(view.counts)["suspects"]
+
+
+def test_what_a_twin_learned_of_a_capacity_holds_until_it_knows_better():
+    """To a page that is open already, too; a run without twins has no such column."""
+    view = RunView(SCENARIO, JournalContents([run_line(1, 2)], 0))
+    view.sample(0)
+    assert [it["capacity"] for it in view.data(None)["agents"]] == [None, None]
+    learned = [
+        {"t": 1000, "kind": "capacity", "id": 2, "low": 0.6, "high": 1.0},
+        {"t": 3000, "kind": "capacity", "id": 2, "low": 0.7312, "high": 0.8188},
+    ]
+    view.add(JournalContents(learned, 0))
+    for now_ms in (1000, 2000, 3000):
+        view.sample(now_ms)
+    assert [it["capacity"] for it in view.data(None)["agents"]] == [
+        None,
+        [None, [0.6, 1.0], [0.6, 1.0], [0.73, 0.82]],
+    ]
+    assert view.newest(view.counts)["agents"][1][COLUMNS.index("capacity")] == [0.73, 0.82]
 
 
 def test_the_page_without_its_data_is_small():
