@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from apad_bridge.vehicle.commands import CloseDock, CommandFailed, OpenDock, PoseReported, VehicleCommand
-from apad_bridge.vehicle.link import APadSeen, Carried, LetGo, LinkFact, VehicleLink
+from apad_bridge.vehicle.commands import CloseDock, CommandFailed, OpenDock, PoseReported
+from apad_bridge.vehicle.link import APadSeen, Carried, Cleared, LetGo, LinkFact, VehicleLink
 
 
 class FaultyLink:
@@ -19,14 +19,14 @@ class FaultyLink:
         """The reported place lies so far north of the true one."""
         self.jammed_docks: frozenset[int] = frozenset()
         self._facts: list[LinkFact] = []
-        self._commands: list[VehicleCommand] = []
+        self._commands: list[Cleared] = []
         self.close = link.close
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         if not self.is_frozen and self._commands:
             commands, self._commands = self._commands, []
-            for command in commands:
-                self._pass_on(command, now_ms)
+            for cleared in commands:
+                self._pass_on(cleared, now_ms)
         facts = self._link.advance(now_ms)
         if self.north_error_m:
             facts = [self._shifted(it) for it in facts]
@@ -42,15 +42,16 @@ class FaultyLink:
             return replace(fact, north_m=fact.north_m + self.north_error_m)
         return fact
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
+    def command(self, cleared: Cleared, now_ms: int) -> None:
         if self.is_frozen:
-            self._commands.append(command)
+            self._commands.append(cleared)
         else:
-            self._pass_on(command, now_ms)
+            self._pass_on(cleared, now_ms)
 
-    def _pass_on(self, command: VehicleCommand, now_ms: int) -> None:
+    def _pass_on(self, cleared: Cleared, now_ms: int) -> None:
+        command = cleared.command
         if isinstance(command, CloseDock | OpenDock) and command.dock_index in self.jammed_docks:
             reason = f"dock {command.dock_index + 1} is jammed"
             self._facts.append(CommandFailed(now_ms, command.command_id, reason))
         else:
-            self._link.command(command, now_ms)
+            self._link.command(cleared, now_ms)

@@ -49,8 +49,9 @@ from apad_bridge.vehicle.generation_b.messages import (
     StopOrder,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,
@@ -103,6 +104,13 @@ def scenario(
     )
 
 
+def cleared(command: VehicleCommand) -> Cleared:
+    """The command as a gate without guards lets it out."""
+    let_out = Gate.without_guards().clear(command, 0)
+    assert isinstance(let_out, Cleared)
+    return let_out
+
+
 class StackLink(Protocol):
     """A VehicleLink to a simulated vehicle, with an observer on the wire."""
 
@@ -131,7 +139,7 @@ class StackLink(Protocol):
 
     def advance(self, now_ms: int) -> list[LinkFact]: ...
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None: ...
+    def command(self, cleared: Cleared, now_ms: int) -> None: ...
 
     def close(self) -> None: ...
 
@@ -181,8 +189,8 @@ class LinkToA:
         self._switch_off(now_ms)
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
-        if (order := self._core.command(command, now_ms)) is not None:  # type: ignore[arg-type]
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        if (order := self._core.command(cleared.command, now_ms)) is not None:  # type: ignore[arg-type]
             self._send(order, now_ms)
         self._switch_off(now_ms)
 
@@ -303,8 +311,8 @@ class LinkToB:
         self._send(now_ms)
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
-        self._core.command(command, now_ms)
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        self._core.command(cleared.command, now_ms)
         self._send(now_ms)
 
     def close(self) -> None:

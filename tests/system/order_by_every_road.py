@@ -30,7 +30,8 @@ from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.scenario import loader
 from apad_bridge.vehicle.commands import CommandFailed, DockClosed, DockOpened, GoTo, Hold
-from apad_bridge.vehicle.guards.gate import plain_safety
+from apad_bridge.vehicle.guards.gate import Gate, plain_safety
+from apad_bridge.vehicle.link import Cleared
 from apad_bridge.vehicle.simulated.misses import Misses
 
 use_generated_messages()
@@ -129,6 +130,11 @@ class Bench:
         self._client = ActionClient("/apad1/go2point", GoToPointAction)
         assert self._client.wait_for_server()
         wait_until_connected("/apad1_simulated", "/apad1/eventString", "/apad1/go2point/feedback")
+
+    def command(self, command: GoTo | Hold) -> None:
+        cleared = Gate.without_guards().clear(command, self.now_ms)
+        assert isinstance(cleared, Cleared)
+        self.link.command(cleared, self.now_ms)
 
     def feedback(self, goal: Goal, count: int) -> list[tuple[float, float]]:
         """Distance and bearing in the feedback of a goal, when there are `count` of them, or after the time-out."""
@@ -275,7 +281,7 @@ def main() -> None:
     outcomes["missions"] = {}
     for command_id, road in ((1, "simple"), (2, "action"), (3, "stop")):
         bench.facts.clear()
-        bench.link.command(GoTo(command_id, north_m + 90, east_m, 0.5, 0.5), bench.now_ms)
+        bench.command(GoTo(command_id, north_m + 90, east_m, 0.5, 0.5))
         bench.run(3)
         if road == "simple":
             call("go2point", Go2pointService, point=point, speed=0.5)
@@ -290,7 +296,7 @@ def main() -> None:
             bench.run(1)
         outcomes["missions"][road] = failed
     held_m = bench.place_m()
-    bench.link.command(Hold(4, *held_m), bench.now_ms)
+    bench.command(Hold(4, *held_m))
     bench.run(2)
     near = bench.goal(held_m[0] + 5, held_m[1]).begun()
     bench.run(60)

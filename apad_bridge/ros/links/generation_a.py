@@ -28,7 +28,7 @@ from apad_bridge.ros.types.live_types import differing_listeners, unreadable_top
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
-from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
+from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
@@ -42,7 +42,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 )
 from apad_bridge.vehicle.generation_a.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Sight
 
@@ -235,7 +235,8 @@ class GenerationALink(LegacyLink[GenerationACore]):
             self._inquiry.ask()
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        command = cleared.command
         assert not isinstance(command, MoveArm), "the stack has no such order, as its capabilities state"
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms

@@ -35,7 +35,7 @@ from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import PAPER_DOCKS, Docking, DockingProfile, Scenario
-from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
+from apad_bridge.vehicle.commands import MoveArm
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
@@ -58,7 +58,7 @@ from apad_bridge.vehicle.generation_b.messages import (
 )
 from apad_bridge.vehicle.generation_b.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Sight
@@ -226,7 +226,8 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         self._send()
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        command = cleared.command
         if isinstance(command, MoveArm):
             arm = arms(command.dock_index if command.is_open else None)
             self._arms.publish(Float32MultiArray(data=[float(it) for it in arm.is_open]))

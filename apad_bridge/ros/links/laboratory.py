@@ -22,8 +22,8 @@ from apad_bridge.scenario.lab_interface.messages import (
 )
 from apad_bridge.scenario.lab_interface.names import Names
 from apad_bridge.supervisor.packet_relay import Outcome, Outlet, RelayedPacket, Source
-from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
-from apad_bridge.vehicle.link import LinkFact, VehicleLink
+from apad_bridge.vehicle.commands import DockClosed, DockOpened
+from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import Codec
 
@@ -132,8 +132,8 @@ class LaboratoryLink:
                 laboratory.publishers.publish(what, fact.agent_id, now_ms, dock_index=fact.dock_index)
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
-        self._vehicle.command(command, now_ms)
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        self._vehicle.command(cleared, now_ms)
 
     def close(self) -> None:
         self._vehicle.close()

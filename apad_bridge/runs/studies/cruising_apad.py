@@ -25,9 +25,8 @@ from apad_bridge.vehicle.commands import (
     PilotLeft,
     PoseReported,
     Stop,
-    VehicleCommand,
 )
-from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
+from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.apad import BATTERY_EMPTY, ArrivalWatch
 from apad_bridge.vehicle.simulated.charger import Charger
 from apad_bridge.vehicle.simulated.docks import Docks
@@ -96,7 +95,8 @@ class CruisingAPad:
             ]
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        command = cleared.command
         self._battery.settle(now_ms)
         if self._battery.is_empty and not isinstance(command, MoveArm):
             self._facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))

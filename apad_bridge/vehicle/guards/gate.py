@@ -25,6 +25,7 @@ from apad_bridge.vehicle.commands import (
     PilotReported,
     PoseReported,
     Stop,
+    VehicleCommand,
 )
 from apad_bridge.vehicle.guards.battery_watch import BatteryWatch
 from apad_bridge.vehicle.guards.guards import GoodPosition, Guard, PersonsWord, SoundNumbers
@@ -33,7 +34,7 @@ from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situati
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import Stops
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 
 NAMES: dict[type, str] = {
     GoTo: "go to point",
@@ -51,6 +52,15 @@ PILOT_UNKNOWN = (
 )
 WAY_BACK_M = 5.0
 """The longest way back inside the fence on a person's word."""
+
+
+WAY_BACK_M_S = 0.3
+RETURN_RADIUS_M = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _LetOut(Cleared):
+    command: VehicleCommand
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +177,29 @@ class Gate:
             return None
         found = ((guard.name, guard.refusal(order, situation)) for guard in self._guards)
         return next((Refusal(name, reason) for name, reason in found if reason), None)
+
+    def clear(self, command: VehicleCommand, now_ms: int) -> Cleared | Refusal:
+        return self.refusal(command, now_ms) or _LetOut(command)
+
+    def clear_stop(self, stop: Hold | Stop) -> Cleared:
+        """A stop of the guards or of a person, whose owner has asked who has the vehicle and whether it may hold."""
+        return _LetOut(stop)
+
+    def clear_way_back(self, command_id: int, now_ms: int) -> Cleared | None:
+        """The way back inside the fence, which a person has ordered; None where there is no such way."""
+        (north_m, east_m), why_not = self.way_back(now_ms)
+        return None if why_not else _LetOut(GoTo(command_id, north_m, east_m, WAY_BACK_M_S, RETURN_RADIUS_M))
+
+    def clear_return(self, command_id: int, speed_m_s: float) -> Cleared | None:
+        """The way of a simulated vehicle to the nearest place inside its waters; None where there is none."""
+        place_m = self.watch.place_m
+        inside_m = None if place_m is None else self._waters.nearest_inside(place_m)
+        return None if inside_m is None else _LetOut(GoTo(command_id, *inside_m, speed_m_s, RETURN_RADIUS_M))
+
+    def take_from_pilot(self, command_id: int) -> Cleared:
+        """A person says that the pilot has left the vehicle."""
+        self.pilot = ""
+        return _LetOut(PilotLeft(command_id))
 
     def passes(self, order: GuardedOrder, now_ms: int) -> bool:
         """False, and a line in the journal, for an order that a guard refuses."""

@@ -33,7 +33,6 @@ from apad_bridge.vehicle.commands import (
     Hold,
     MoveArm,
     OpenDock,
-    PilotLeft,
     PilotReported,
     PoseReported,
     Stop,
@@ -43,11 +42,9 @@ from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
 from apad_bridge.vehicle.guards.monitor import Finding, UnderWay
 from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
 from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopsEnded
-from apad_bridge.vehicle.link import LinkFact, VehicleLink
+from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
 
 _Answer = CommandAccepted | Arrived | CommandFailed
-RETURN_RADIUS_M = 1.0
-WAY_BACK_M_S = 0.3
 PILOT_HAD_IT = "a pilot has steered the aPad: continue, or take it over"
 REST_M = 0.5
 REST_MS = 3_000
@@ -84,8 +81,8 @@ class GuardedVehicle:
         """Commands of the guards' own have ids below 0, which no port uses."""
         self._looked_ms = -1
         self._looked_between_ms = -1
-        self._way_back: GoTo | None = None
-        """The way back inside the fence, which a person allowed."""
+        self._way_back: int | None = None
+        """The id of the way back inside the fence, which a person allowed."""
         self._rest: tuple[int, Point] | None = None
         """Since when, and where, the vehicle has been at one place."""
         self._drift_ms: int | None = None
@@ -137,15 +134,17 @@ class GuardedVehicle:
             else:
                 self._facts.append(CommandFailed(now_ms, command.command_id, stop.text()))
             return
-        refusal = self.gate.refusal(command, now_ms)
-        if refusal is None and not (isinstance(command, Hold) and self.gate.awaits_person):
-            self._send(command, now_ms)
-        elif refusal is None or self.gate.awaits_person or self.gate.pilot:
-            self._note_refusal(command, refusal or Refusal("person", self.gate.awaits_person), now_ms)
+        cleared = self.gate.clear(command, now_ms)
+        if isinstance(cleared, Cleared) and isinstance(command, Hold) and self.gate.awaits_person:
+            cleared = Refusal("person", self.gate.awaits_person)
+        if isinstance(cleared, Cleared):
+            self._send(cleared, now_ms)
+        elif self.gate.awaits_person or self.gate.pilot:
+            self._note_refusal(command, cleared, now_ms)
         elif isinstance(command, Hold) and is_meant_as_stop(command, situation):
             self._stop_here(command, now_ms)
         else:
-            self._note_refusal(command, refusal, now_ms)
+            self._note_refusal(command, cleared, now_ms)
             if self._under_way is not None:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
 
@@ -174,8 +173,7 @@ class GuardedVehicle:
         From then on its position is believed.
         """
         if pilot_left:
-            self.gate.pilot = ""
-            self._link.command(PilotLeft(self._take_id()), now_ms)
+            self._link.command(self.gate.take_from_pilot(self._take_id()), now_ms)
         self.gate.others = ""
         if not self._stops.may_end(ends):
             return
@@ -185,12 +183,12 @@ class GuardedVehicle:
 
     def go_back_in(self, by: str, lookout: str, now_ms: int) -> None:
         """Goes straight back inside the fence on a person's word, with a lookout, and then holds."""
-        goal_m, why_not = self.gate.way_back(now_ms)
-        if why_not:
+        cleared = self.gate.clear_way_back(self._take_id(), now_ms)
+        if cleared is None:
             return  # the person was told already
         self.gate.events.append(SentBackIn(by, lookout))
-        self._way_back = GoTo(self._take_id(), *goal_m, WAY_BACK_M_S, RETURN_RADIUS_M)
-        self._send(self._way_back, now_ms)
+        self._way_back = cleared.command.command_id
+        self._send(cleared, now_ms)
 
     # The link's facts.
 
@@ -205,7 +203,7 @@ class GuardedVehicle:
                 self._stop_failed(reason, now_ms)
             case Arrived(_, command_id) | CommandFailed(_, command_id):
                 self._note_end(command_id)
-                if self._way_back is not None and command_id == self._way_back.command_id:
+                if command_id == self._way_back:
                     self._way_back = None
                     self._send_stop(now_ms)
             case CommandedByOthers(_, client):
@@ -276,18 +274,19 @@ class GuardedVehicle:
         situation = self.gate.situation(now_ms)
         if may_hold(situation) and situation.place_m is not None:
             here = replace(command, north_m=situation.place_m[0], east_m=situation.place_m[1])
-            self._send(here, now_ms)
+            self._send(self.gate.clear_stop(here), now_ms)
         else:
-            self._send(Stop(command.command_id), now_ms)
+            self._send(self.gate.clear_stop(Stop(command.command_id)), now_ms)
 
-    def _send(self, command: VehicleCommand, now_ms: int) -> None:
+    def _send(self, cleared: Cleared, now_ms: int) -> None:
+        command = cleared.command
         if not isinstance(command, MoveArm):
             self._mechanism = command if isinstance(command, CloseDock | OpenDock) else self._mechanism
             self._under_way = UnderWay(command) if isinstance(command, GoTo) else None
             self._ordered = command if isinstance(command, GoTo | Hold) else None
             if self._ordered is None:
                 self.gate.watch.note_goal(None)
-        self._link.command(command, now_ms)
+        self._link.command(cleared, now_ms)
 
     def _take_id(self) -> int:
         self._own_id -= 1
@@ -328,9 +327,10 @@ class GuardedVehicle:
         command_id = self._take_id()
         self._stops.sent(command_id, now_ms)
         if stop is not None and stop.kind is StopKind.HOLD and situation.place_m is not None:
-            self._send(Hold(command_id, *situation.place_m, pre_empts=True), now_ms)
+            here = Hold(command_id, *situation.place_m, pre_empts=True)
+            self._send(self.gate.clear_stop(here), now_ms)
         else:
-            self._send(Stop(command_id), now_ms)
+            self._send(self.gate.clear_stop(Stop(command_id)), now_ms)
 
     def _send_again(self, reason: str, now_ms: int) -> None:
         """Sends the stop in force to a vehicle that moves in spite of it: it comes before other clients."""
@@ -446,16 +446,12 @@ class GuardedVehicle:
     def _react_simulated(self, finding: Finding, now_ms: int) -> None:
         """A simulated vehicle goes on by itself when the danger is over."""
         self._fail_present(finding.reason, now_ms)
-        if finding.reaction is Reaction.RETURN and (back := self._goal_inside()) is not None:
+        back = None
+        if finding.reaction is Reaction.RETURN:
+            back = self.gate.clear_return(self._take_id(), self._safety.return_speed_m_s)
+        if back is not None:
             self._send(back, now_ms)
         elif finding.reaction is Reaction.STOP:
-            self._send(Stop(self._take_id()), now_ms)
+            self._send(self.gate.clear_stop(Stop(self._take_id())), now_ms)
         else:
             self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
-
-    def _goal_inside(self) -> GoTo | None:
-        place_m = self.gate.watch.place_m
-        inside_m = None if place_m is None else self._safety.waters.nearest_inside(place_m)
-        if inside_m is None:
-            return None
-        return GoTo(self._take_id(), *inside_m, self._safety.return_speed_m_s, RETURN_RADIUS_M)

@@ -253,7 +253,7 @@ class SeenFromAfar:
     def advance(self, now_ms: int) -> list[Any]:
         return [APadSeen(now_ms, *APAD_M)]
 
-    def command(self, command: object, now_ms: int) -> None:
+    def command(self, cleared: object, now_ms: int) -> None:
         raise AssertionError("a fleet alone commands no vehicle")
 
     def close(self) -> None:

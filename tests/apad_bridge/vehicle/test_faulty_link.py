@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from stack_benches import cleared
+
 from apad_bridge.vehicle.commands import (
     CloseDock,
     CommandFailed,
@@ -11,7 +13,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.faulty_link import FaultyLink
-from apad_bridge.vehicle.link import Carried, LinkFact
+from apad_bridge.vehicle.link import Carried, Cleared, LinkFact
 
 
 class Vehicle:
@@ -23,8 +25,8 @@ class Vehicle:
     def advance(self, now_ms: int) -> list[LinkFact]:
         return [PoseReported(now_ms, 1.0, 2.0, 0.0), Carried(now_ms, 3, 1.0, 2.0)]
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
-        self.commands.append(command)
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        self.commands.append(cleared.command)
 
     def close(self) -> None:
         pass
@@ -36,7 +38,7 @@ GO = GoTo(1, 5.0, 5.0, 0.5, 1.0)
 def test_a_healthy_link_passes_everything() -> None:
     vehicle = Vehicle()
     link = FaultyLink(vehicle)
-    link.command(GO, 0)
+    link.command(cleared(GO), 0)
     assert link.advance(1000) == vehicle.advance(1000) and vehicle.commands == [GO]
 
 
@@ -44,7 +46,7 @@ def test_a_frozen_vehicle_says_and_does_nothing_until_it_heals_and_loses_nothing
     vehicle = Vehicle()
     link = FaultyLink(vehicle)
     link.is_frozen = True
-    link.command(GO, 1000)
+    link.command(cleared(GO), 1000)
     assert [type(it) for it in link.advance(1000)] == [Carried]  # the docks hold all the same
     assert vehicle.commands == []
     link.is_frozen = False
@@ -64,7 +66,7 @@ def test_a_jammed_dock_fails_its_orders_and_the_others_move() -> None:
     vehicle = Vehicle()
     link = FaultyLink(vehicle)
     link.jammed_docks = frozenset([2])
-    link.command(CloseDock(7, 2, 3), 0)
-    link.command(OpenDock(8, 1, 4), 0)
+    link.command(cleared(CloseDock(7, 2, 3)), 0)
+    link.command(cleared(OpenDock(8, 1, 4)), 0)
     assert CommandFailed(0, 7, "dock 3 is jammed") in link.advance(0)
     assert vehicle.commands == [OpenDock(8, 1, 4)]

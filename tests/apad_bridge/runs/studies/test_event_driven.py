@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
+from stack_benches import cleared
 
 from agents.mussel.body import drift_step_um
 from apad_bridge.assembly import parts
@@ -286,7 +287,7 @@ def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
     for number, goal in enumerate(goals, start=1):
         command = GoTo(number, *goal, speed_m_s, radius_m)
         stepped.receive(command, now_ms)
-        cruising.command(command, now_ms)
+        cruising.command(cleared(command), now_ms)
         second_ms = cruising.advance_until(now_ms + 900_000, 0.0)
         arrived = [fact for fact in cruising.advance(second_ms) if isinstance(fact, Arrived)]
         facts = stepped.advance(second_ms)
@@ -305,9 +306,9 @@ def test_the_cruising_apad_arrives_when_and_where_the_simulated_one_does(
 def test_a_dock_lets_an_amussel_go_where_the_apad_is() -> None:
     apad = CruisingAPad(POOL.apad, parts.misses(POOL))
     apad.advance(0)
-    apad.command(CloseDock(1, 2, 7), 0)
+    apad.command(cleared(CloseDock(1, 2, 7)), 0)
     closed = apad.advance(0)
-    apad.command(OpenDock(2, 2, 7), 0)
+    apad.command(cleared(OpenDock(2, 2, 7)), 0)
     assert [type(fact).__name__ for fact in closed] == ["DockClosed", "Carried"]
     assert [type(fact).__name__ for fact in apad.advance(0)] == ["Carried", "DockOpened", "LetGo"]
 

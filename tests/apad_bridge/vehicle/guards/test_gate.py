@@ -65,7 +65,7 @@ from apad_bridge.vehicle.guards.monitor import (
 )
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import StopsEnded
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 from apad_bridge.vehicle.simulated.motion import Coast, Steer
 from apad_bridge.vehicle.stack_messages import PoseReceived
@@ -88,7 +88,8 @@ class Wire:
         facts, self.facts = self.facts, []
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        command = cleared.command
         self.out.append(command)
         if isinstance(command, GoTo | Hold | Stop) and self.takes:
             self.facts.append(CommandAccepted(now_ms, command.command_id))

@@ -15,7 +15,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, CommandAccepted, GoTo, PoseReported, VehicleCommand
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 
 SCENARIOS = Path(__file__).parents[4] / "launch_scripts" / "scenarios"
 TOP_M_S, ACCELERATION_M_S2, STEPS = 6.0, 2.0, 10
@@ -45,7 +45,8 @@ class Proportional:
         told = [PoseReported(now_ms, *self.place_m, 0.0, now_ms), BatteryReported(now_ms, 15.0, 0.9)]
         return [*facts, *told]
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
+    def command(self, cleared: Cleared, now_ms: int) -> None:
+        command = cleared.command
         self.taken.append(command)
         if isinstance(command, GoTo):
             self.goal_m = command.north_m, command.east_m
