@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.mussel.firmware_failure import FirmwareFailed
-from apad_bridge.commands.mu_program import our_rig, rig_of
+from apad_bridge.commands.firmware.mu_program import our_rig, rig_of
 from benchmarks.rows import told
 from firmware_model.bench.conformance import Case, Source, Verdict, judged, random_cases
 from firmware_model.bench.conformance_cases import CASES

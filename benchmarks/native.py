@@ -27,7 +27,7 @@ from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import launch_nursery, prepare
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.commands.mu_program import bench_of
+from apad_bridge.commands.firmware.mu_program import bench_of
 from benchmarks.fleet import cost_row, kernel_kb, processor_s, serve, wait_for_merging
 from benchmarks.rows import told
 from firmware_model.bench import Bench

@@ -34,7 +34,7 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.check import broken_rules
+from apad_bridge.commands.look.check import broken_rules
 from benchmarks.console import Clients, Flight, end_program
 from benchmarks.rows import told
 

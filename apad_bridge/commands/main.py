@@ -97,6 +97,13 @@ GROUPS = {
 COMMANDS = {name: line for group in GROUPS.values() for name, line in group.items()}
 """A module is loaded for its own command alone."""
 
+_FOLDERS = {
+    "order": "fly",
+    "look into a run": "look",
+    "real hardware": "hardware",
+    "logs of real hardware": "hardware",
+}
+"""The folder of a group's modules where it does not have the group's name."""
 _OF_CONTROL = ("order", "stop", "hands", "continue", "back-in", "abort", "remark")
 """The commands of the module `control`; each other module has the command of its own name."""
 _NS = "__ns:="
@@ -139,8 +146,9 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
             commands.add_parser(name)
         return top
     module = "control" if named in _OF_CONTROL else named
+    group = next(title for title, group in GROUPS.items() if named in group)
     try:
-        import_module(f"apad_bridge.commands.{module}").add_parser(commands)
+        import_module(f"apad_bridge.commands.{_FOLDERS.get(group, group)}.{module}").add_parser(commands)
     except ImportError as error:
         # A package that shadows ours must not keep the doctor from reporting it.
         _add_unloadable(commands, named, error)

@@ -26,7 +26,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 from stalled import stalled_s
 
 from apad_bridge.analysis.invariants import check_run
-from apad_bridge.commands.console import console_service
+from apad_bridge.commands.look.console import console_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import UserError

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands.run_checks import tell_docks_in_use
+from apad_bridge.commands.fly.run_checks import tell_docks_in_use
 from apad_bridge.doctor import network
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.scenario.loader import load

@@ -25,8 +25,8 @@ from killing import kill_9
 from patient import PATIENCE_S
 from selenium.webdriver.support.wait import WebDriverWait
 
-from apad_bridge.commands.console import console_service
-from apad_bridge.commands.imc import imc_service
+from apad_bridge.commands.look.console import console_service
+from apad_bridge.commands.look.imc import imc_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.supervisor.control import SOCKET_NAME, listens

@@ -17,7 +17,7 @@ from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 from two_machines import Link, Machine, Programs, interrupt, master_uri, two_machines, why_no_two_machines
 
-from apad_bridge.commands.preflight_checks import recording_commands
+from apad_bridge.commands.prepare.preflight_checks import recording_commands
 from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.loader import load
 

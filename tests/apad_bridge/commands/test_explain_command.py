@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.commands import explain
 from apad_bridge.commands.help_text import mission_seconds
+from apad_bridge.commands.look import explain
 from apad_bridge.mission.plans import plan_event
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Candidate, Situation

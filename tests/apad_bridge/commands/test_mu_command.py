@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from apad_bridge.commands.firmware.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.commands.main import main
-from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.runs.exits import Exit
 from firmware_model.bench.state_diagram import blocks
 

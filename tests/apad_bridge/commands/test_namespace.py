@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.commands import main as commands
-from apad_bridge.commands.run import options_of
+from apad_bridge.commands.fly.run import options_of
 from apad_bridge.ros.system.route import environment_for
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.run_options import RunOptions

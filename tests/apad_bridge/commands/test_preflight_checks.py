@@ -9,8 +9,15 @@ from pathlib import Path
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands import preflight_checks
-from apad_bridge.commands.preflight_checks import Report, accepted_by, now, proofs, refuse_red, report_path
+from apad_bridge.commands.prepare import preflight_checks
+from apad_bridge.commands.prepare.preflight_checks import (
+    Report,
+    accepted_by,
+    now,
+    proofs,
+    refuse_red,
+    report_path,
+)
 from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok
 from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN
 from apad_bridge.runs.exits import UserError

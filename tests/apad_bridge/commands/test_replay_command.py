@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands import replay
+from apad_bridge.commands.look import replay
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import UserError

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from imc_codec import Codec, inner, name_of
 
-from apad_bridge.commands.imc import NEPTUS_PORT
+from apad_bridge.commands.look.imc import NEPTUS_PORT
 from apad_bridge.imc.messages import stamped
 from apad_bridge.imc.orders import MOST_PLANS, Order, Orders, Unfit
 from apad_bridge.imc.systems import amussel_system, apad_number, apad_system

@@ -127,7 +127,7 @@ def test_capacity_says_that_its_bound_is_no_promise_and_from_where_it_is_reached
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("apad_bridge.runs.studies.capacity_diagram.MEAN_CHARGES", (0.2, 0.8))
-    monkeypatch.setattr("apad_bridge.commands.capacity._SEEDS", (1,))
+    monkeypatch.setattr("apad_bridge.commands.compare.capacity._SEEDS", (1,))
     arguments = ["capacity", "pool-12", "--theta", "1"]
     assert main(arguments) == 0
     assert "15.2 is a bound and no promise: more than 11.9 aMussels" in capsys.readouterr().out

@@ -94,7 +94,7 @@ def test_a_run_needs_no_package_of_studies_and_prints_what_nobody_can_exceed(
 def test_without_pyarrow_a_study_says_how_to_get_it_before_it_flies(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("apad_bridge.commands.study.find_spec", lambda name: None)
+    monkeypatch.setattr("apad_bridge.commands.compare.study.find_spec", lambda name: None)
     assert main(["study", "table2", "--out", str(tmp_path / "out")]) == 2
     assert (
         "pyarrow, which writes the results, is missing" in capsys.readouterr().err

@@ -20,7 +20,7 @@ from apad_bridge.scenario.starts import Start
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:
-    from apad_bridge.commands.preflight_checks import Report
+    from apad_bridge.commands.prepare.preflight_checks import Report
 
 
 def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) -> Report | None:
@@ -46,7 +46,7 @@ def check_run(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) 
 
 def _preflight(options: RunOptions, scenario: Scenario, starts: Sequence[Start]) -> Report:
     """Looks at everything that needs no order, and refuses to start on red."""
-    from apad_bridge.commands.preflight_checks import (
+    from apad_bridge.commands.prepare.preflight_checks import (
         Report,
         accepted_by,
         findings_of,

@@ -19,8 +19,8 @@ from apad_bridge.analysis.battery_fit.battery_log import (
     read_log,
 )
 from apad_bridge.analysis.battery_fit.figure import draw
-from apad_bridge.commands.beliefs import FIGURE_ENDINGS
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.look.beliefs import FIGURE_ENDINGS
 from apad_bridge.runs.exits import Exit, UserError
 
 

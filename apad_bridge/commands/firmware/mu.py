@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.commands.firmware.mu_conform import add_conform
+from apad_bridge.commands.firmware.mu_program import BOARDS, WORST_CASE, is_program, run_program
+from apad_bridge.commands.firmware.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.mu_conform import add_conform
-from apad_bridge.commands.mu_program import BOARDS, WORST_CASE, is_program, run_program
-from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench.state_diagram import blocks

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member, members
+from apad_bridge.commands.fly.run_checks import check_run
 from apad_bridge.commands.outcome import print_plan, report
-from apad_bridge.commands.run_checks import check_run
 from apad_bridge.events.mission import PlanMade
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import read_journal
@@ -115,7 +115,7 @@ def fly(
         if only_bags:
             print("at the end its bag alone stays; --out DIR keeps all of it", flush=True)
         if options.apad is APadKind.ROS and options.part is not Part.FLEET:
-            from apad_bridge.commands.preflight_checks import recording_commands
+            from apad_bridge.commands.prepare.preflight_checks import recording_commands
 
             for command in recording_commands(scenario, options.namespace):
                 print(f"on the vehicle's computer: {command}", flush=True)
@@ -149,7 +149,7 @@ def fly(
 
 def _checked(whole: RunDirectory, code: int) -> int:
     """Checks the records, with lines on stderr; a broken rule is a bug, whatever else the code says."""
-    from apad_bridge.commands.check import broken_rules, exit_of_rules, print_rules
+    from apad_bridge.commands.look.check import broken_rules, exit_of_rules, print_rules
 
     broken = broken_rules(whole.path)
     print_rules(broken, sys.stderr)

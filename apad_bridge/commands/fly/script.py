@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands import run as run_command
+from apad_bridge.commands.fly import run as run_command
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part
@@ -48,7 +48,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.commands.flight import Script, fly, read_scenario
+    from apad_bridge.commands.fly.flight import Script, fly, read_scenario
     from apad_bridge.scripting.program import ScriptError, as_program
 
     file: Path = arguments.file

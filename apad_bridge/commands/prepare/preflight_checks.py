@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from apad_bridge.assembly.division import members
-from apad_bridge.commands.doctor import check_machine, check_ros
+from apad_bridge.commands.prepare.doctor import check_machine, check_ros
 from apad_bridge.doctor.finding import Finding, Status, run_check
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable

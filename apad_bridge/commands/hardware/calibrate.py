@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.run import namespace_of_shell
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from apad_bridge.commands import run as run_command
+from apad_bridge.commands.fly import run as run_command
 from apad_bridge.commands.help_text import ending
 from apad_bridge.scenario.run_options import Part
 

@@ -8,10 +8,10 @@ import re
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.console import add_console_argument, console_asked
-from apad_bridge.commands.foxglove import add_foxglove_argument, foxglove_asked
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.imc import add_imc_argument, imc_asked
+from apad_bridge.commands.look.console import add_console_argument, console_asked
+from apad_bridge.commands.look.foxglove import add_foxglove_argument, foxglove_asked
+from apad_bridge.commands.look.imc import add_imc_argument, imc_asked
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
@@ -226,7 +226,7 @@ def namespace_of_shell() -> str:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     # Imported here: a help, or a mistake in the options, needs none of the parts of a flight.
-    from apad_bridge.commands.flight import fly, read_scenario
+    from apad_bridge.commands.fly.flight import fly, read_scenario
 
     scenario, starts = read_scenario(arguments)
     live = [service for _, asked in _BESIDE if (service := asked(arguments)) is not None]

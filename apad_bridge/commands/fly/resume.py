@@ -37,9 +37,9 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a help, or a mistake in the options, needs none of the parts of a flight.
-    from apad_bridge.commands.flight import failure_text, flown_by_whom
+    from apad_bridge.commands.fly.flight import failure_text, flown_by_whom
+    from apad_bridge.commands.fly.run_checks import check_real_vehicle
     from apad_bridge.commands.outcome import report
-    from apad_bridge.commands.run_checks import check_real_vehicle
     from apad_bridge.records.journal import FORMAT_VERSION, format_of
     from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
     from apad_bridge.runs import parent

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting import started
+from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.run import namespace_of_shell
 from apad_bridge.ros.system.route import environment_for, somebodys_master
 from apad_bridge.runs.exits import peers_may_fail
 from apad_bridge.scenario.choices import Generation

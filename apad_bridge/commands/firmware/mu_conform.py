@@ -16,8 +16,8 @@ from rich.progress import track
 from rich.table import Table
 
 from agents.mussel.firmware_failure import FirmwareFailed
+from apad_bridge.commands.firmware.mu_program import BOARDS, WHOLE, WORST_CASE, command_of, our_rig, rig_of
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.mu_program import BOARDS, WHOLE, WORST_CASE, command_of, our_rig, rig_of
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml

@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.hosting.started import PYTHON
-from apad_bridge.commands import run as run_command
-from apad_bridge.commands.flight import read_scenario
+from apad_bridge.commands.fly import run as run_command
+from apad_bridge.commands.fly.flight import read_scenario
 from apad_bridge.commands.help_text import ending
-from apad_bridge.commands.preflight_checks import (
+from apad_bridge.commands.prepare.preflight_checks import (
     PROOFS,
     Report,
     accepted_by,
