@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from apad_bridge.events.guards import Reaction
-from apad_bridge.scenario.fence import fence_of
+from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside
 from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
 from apad_bridge.vehicle.generation_b.messages import PULL_BACK_M_S, PULL_BACK_MS, SERVO_MS

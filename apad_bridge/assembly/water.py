@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agents.water.patches import CALM, Patch, Waters
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.water import Fields
+from apad_bridge.scenario.water.options import Fields
 
 
 def waters_config(fields: Fields) -> dict[str, Waters]:

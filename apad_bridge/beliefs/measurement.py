@@ -1,11 +1,12 @@
 """Everything that an aPad can know of one aMussel: packets received or missed, its own actions, and position fixes.
 
-Stamps are mission milliseconds. There is no measurement of truth.
+Stamps are mission milliseconds. There is no measurement of truth. A measurement may become a row of plain data, and back.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from typing import Any
 
 from agents.time_scale import AgentMs, MissionMs
 from firmware_model.packets import StatusPacket
@@ -95,3 +96,59 @@ Measurement = Heard | HeardShort | TimeslotSilent | Permitted | Docked | Release
 
 class Rejected(ValueError):
     """A measurement is not believed; the text is the reason, and the belief stays as it was."""
+
+
+# As a row of plain data, and back: [kind, aMussel, mission ms, number, ...].
+
+_KINDS: dict[str, type[Any]] = {
+    "silent": TimeslotSilent,
+    "permitted": Permitted,
+    "docked": Docked,
+    "released": Released,
+    "fixed": Fixed,
+    "ranged": Ranged,
+    "clock set": ClockSet,
+}
+_NAMES = {kind: name for name, kind in _KINDS.items()}
+_STATUS = "heard"
+_SHORT = "short"
+
+
+def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
+    """The row of a measurement: its numbers unchanged, in the order of the fields; a packet's without its id."""
+    if isinstance(measurement, Heard):
+        it = measurement.packet
+        fields = (
+            it.sequence,
+            int(it.state),
+            it.primary,
+            it.secondary,
+            it.north_m,
+            it.east_m,
+            it.depth_m,
+            it.agent_ms,
+        )
+        return [_STATUS, agent_id, measurement.at_ms, *fields]
+    if isinstance(measurement, HeardShort):
+        return [
+            _SHORT,
+            agent_id,
+            measurement.at_ms,
+            int(measurement.state),
+            measurement.primary,
+            measurement.secondary,
+        ]
+    return [_NAMES[type(measurement)], agent_id, *astuple(measurement)]
+
+
+def measurement_of(row: list[Any]) -> tuple[int, Measurement]:
+    """The inverse of `measurement_row`; KeyError, TypeError or ValueError for anything else."""
+    kind, agent_id, at_ms, *numbers = row
+    if kind == _STATUS:
+        sequence, state, *rest = numbers
+        return agent_id, Heard(at_ms, StatusPacket(agent_id, sequence, State(state), *rest))
+    if kind == _SHORT:
+        state, primary, secondary = numbers
+        return agent_id, HeardShort(at_ms, State(state), primary, secondary)
+    measurement: Measurement = _KINDS[kind](at_ms, *numbers)
+    return agent_id, measurement

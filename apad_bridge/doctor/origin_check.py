@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok
 from apad_bridge.doctor.network import Unreachable, call, call_for_reply
-from apad_bridge.scenario.local_frame import LocalFrame, OriginLike
+from apad_bridge.scenario.area.local_frame import LocalFrame, OriginLike
 
 _SAME_M = 1.0
 """About a victory radius; parameters that are printed with six decimals are 0.1 m off."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok, warn
+from apad_bridge.scenario.area.clearance import stopping_room
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.clearance import stopping_room
 from apad_bridge.scenario.guard_options import LOOK_MS
 
 if TYPE_CHECKING:
-    from apad_bridge.scenario.fence import Fence
+    from apad_bridge.scenario.area.fence import Fence
     from apad_bridge.scenario.guard_options import GuardOptions
 
 NEVER_OVERRIDDEN = frozenset({"fence", "position", "pilot", "stop"})
@@ -152,7 +152,7 @@ def check_reserve(guards: GuardOptions, apad: str) -> Finding:
 
 
 def check_clearance(guards: GuardOptions, apad: str, speed_m_s: float, what: str) -> Finding:
-    """The fence's clearance holds the room of a stop (`scenario/clearance.py`) at this speed, which `what` names."""
+    """The fence's clearance holds the room of a stop (`scenario/area/clearance.py`) at this speed, which `what` names."""
     check, room = f"{apad} clearance", stopping_room(guards)
     if isinstance(room, list):
         return cannot_tell(

@@ -25,9 +25,9 @@ from apad_bridge.imc.systems import System, amussel_system, apad_system
 from apad_bridge.imc.wire import Address, Console, Received, Wire
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control
 

@@ -16,7 +16,7 @@ from apad_bridge.imc.picture import AMusselView, APadView, Picture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import NOBODY, System, amussel_system
 from apad_bridge.records.journal import Line
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from firmware_model.power.charge import EMPTY_MV, FULL_MV
 
 MOST_ANNOUNCED = 50

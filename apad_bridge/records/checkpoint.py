@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Measurement
-from apad_bridge.beliefs.measurement_rows import measurement_of, measurement_row
+from apad_bridge.beliefs.measurement import Measurement, measurement_of, measurement_row
 from apad_bridge.records.line_file import LineFile, read_lines
 
 FORMAT = 3

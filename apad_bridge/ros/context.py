@@ -44,9 +44,9 @@ from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, Stamp
 from apad_bridge.ros.system.route import why_gone
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock

@@ -28,8 +28,8 @@ from apad_bridge.ros.types.wire_probe import (
 from apad_bridge.ros.types.workspace_services import service_by_text
 from apad_bridge.ros.vehicle_probe import battery_percent, positions
 from apad_bridge.ros_names.names import AMUSSEL, in_full
+from apad_bridge.scenario.area.local_frame import OriginLike
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.local_frame import OriginLike
 from apad_bridge.scenario.schema import LIMITS, Scenario
 from apad_bridge.vehicle.generation_a.messages import RELEASE
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS

@@ -40,8 +40,8 @@ from apad_bridge.ros.doctor_apad_checks import check_held, named_like
 from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5
 from apad_bridge.ros.vehicle_probe import charge, clock_offset_s, heard_bool, heard_text, positions
 from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, of_apad
+from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start

@@ -10,22 +10,22 @@ from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
 from agents.mussel.board_link import serial_line
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
-from apad_bridge.scenario.chart import chart_of
+from apad_bridge.scenario.area.chart import chart_of
+from apad_bridge.scenario.area.fence import Fence, fence_of
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.choices import Hosting
-from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.scenario.fence import Fence, fence_of
 from apad_bridge.scenario.firmware_config import can_fill, grains_of_milliwatts
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.names import load_names
-from apad_bridge.scenario.links import problem_with_links
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import DriftMode, FirmwareProgram, FullWhen, HearingMode, Scenario, Suspects
 from apad_bridge.scenario.surface import doubt_about_legs
 from apad_bridge.scenario.timed_faults import TimedFault
-from apad_bridge.scenario.water import Water
+from apad_bridge.scenario.water.currents import problem_with_current
+from apad_bridge.scenario.water.links import problem_with_links
+from apad_bridge.scenario.water.options import Water
 from firmware_model.power.rails import Rail
 
 Contradiction = tuple[str, str]

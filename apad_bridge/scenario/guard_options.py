@@ -22,7 +22,7 @@ class GuardOptions:
     """Limits that are left out are none."""
 
     clearance_m: NotNegative = 2.0
-    """The least distance of a way to the fence and to keep-out zones; `scenario/clearance.py` has the need of a stop."""
+    """The least distance of a way to the fence and to keep-out zones; `area/clearance.py` has the need of a stop."""
     position_error_m: Positive | None = None
     """The aPad lies within it of the place that it tells, in 95 % of all cases."""
     hull_m: Positive | None = None

@@ -13,9 +13,9 @@ from pathlib import Path
 from struct import Struct
 
 from agents.fleet import deviations_of
+from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.area.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
-from apad_bridge.scenario.local_frame import LocalFrame
-from apad_bridge.scenario.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
 from apad_bridge.scenario.starts_table import Row, read_table, table_of
 from apad_bridge.scenario.text_file import write_atomically

@@ -14,8 +14,8 @@ from difflib import get_close_matches
 from math import hypot, isfinite
 from pathlib import Path
 
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.text_file import read_text
 
 STARTS_NAME = "starts.csv"

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agents.water.stream import CurrentConfig, Stream, Tide
-from apad_bridge.scenario.currents import current_text, steady_text
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import APad, Scenario
-from apad_bridge.scenario.water import Current
+from apad_bridge.scenario.water.currents import current_text, steady_text
+from apad_bridge.scenario.water.options import Current
 
 Vector = tuple[float, float]
 LEAST_M_S = 0.5 / 60

@@ -21,7 +21,7 @@ from typing import Any
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.state import MissionEnd
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import read_text
 from apad_bridge.scripting.api import Api

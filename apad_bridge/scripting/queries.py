@@ -24,8 +24,8 @@ from apad_bridge.beliefs.questions import (
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.values import Agent, Location, Refused, dock_of
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import in_ranges
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scripting.arguments import checks_arguments
 from apad_bridge.scripting.rendezvous import Do, Rendezvous, Wait

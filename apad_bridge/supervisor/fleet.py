@@ -24,7 +24,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import HeardRow, PacketPassed
 from apad_bridge.mission.events import Send
 from apad_bridge.mission.state import MissionEnd
-from apad_bridge.scenario.links import read_links
+from apad_bridge.scenario.water.links import read_links
 from firmware_model.config import Timeslots
 from firmware_model.packets.wire import EVERYONE
 

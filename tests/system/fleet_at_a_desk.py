@@ -28,8 +28,8 @@ from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.links.packet_topics import PacketTopics
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import from_data, load, resolve
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock

@@ -21,7 +21,7 @@ from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets import StatusPacket

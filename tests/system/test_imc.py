@@ -20,7 +20,7 @@ import yaml
 from imc_codec import Codec, header_of, name_of
 
 from apad_bridge.records.journal import read_journal
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]

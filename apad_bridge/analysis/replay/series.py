@@ -17,8 +17,8 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.events.run import RunBegan
 from apad_bridge.records.journal import JournalContents, Line
-from apad_bridge.scenario.chart import chart_of
-from apad_bridge.scenario.fence import fence_of
+from apad_bridge.scenario.area.chart import chart_of
+from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import Area, Scenario
 from firmware_model.power.charge import fraction

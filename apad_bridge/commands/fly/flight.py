@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,9 +23,8 @@ from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirector
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.summary import Flown, combined_summary
-from apad_bridge.scenario.end_by import with_end_by_in_seconds
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts, starts_of
@@ -272,3 +271,21 @@ def _allocation_text(all_members: Sequence[Member]) -> str:
         f"{member.name} serves aMussels {', '.join(map(str, member.scenario.fleet.ids))}"
         for member in all_members
     )
+
+
+def with_end_by_in_seconds(scenario: Scenario, now: datetime, speed: float = 1.0) -> Scenario:
+    """The scenario with `mission.end_by` in seconds of mission time, which passes `speed` times as fast as the clock's.
+
+    `now` is local. ScenarioError for a time that has passed today.
+    """
+    end_by = scenario.mission.end_by
+    if not isinstance(end_by, str):
+        return scenario
+    hour, minute = map(int, end_by.split(":"))
+    seconds = (datetime.combine(now.date(), time(hour, minute)) - now.replace(tzinfo=None)).total_seconds()
+    if seconds <= 0:
+        raise ScenarioError([f"mission.end_by: it is {now:%H:%M}, and {end_by} has passed today"])
+    # A fast mission's begin is not known better than to a second.
+    data = resolve(scenario)
+    data["mission"]["end_by"] = float(max(1, int(seconds * speed)))
+    return from_data(data, "mission.end_by")

@@ -22,7 +22,7 @@ from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publis
 from apad_bridge.ros.system.ros_time import stamp, to_ms
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 
 use_generated_messages()
 

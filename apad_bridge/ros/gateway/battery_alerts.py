@@ -15,7 +15,7 @@ from apad_bridge.beliefs.modes import LIKELY
 from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import BATTERY_ALERT, amussel_in_full
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
 

@@ -21,7 +21,7 @@ from apad_bridge.mission.values import Refused
 from apad_bridge.ros.gateway.primitive_actions import PrimitiveActions, docking_act
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 

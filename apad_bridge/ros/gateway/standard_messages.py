@@ -16,8 +16,8 @@ from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros_names.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
-from apad_bridge.scenario.local_frame import LocalFrame
-from apad_bridge.scenario.polygon import bounding_box
+from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.area.polygon import bounding_box
 from apad_bridge.scenario.schema import Area
 from apad_bridge.vehicle.commands import BatteryReported
 from firmware_model.power.charge import EMPTY_MV, FULL_MV

@@ -32,7 +32,7 @@ from apad_bridge.ros.gateway.fleet_diagnostics import Limits, diagnose
 from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.ros_names.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros_names.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
 

@@ -19,7 +19,7 @@ from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.workspace_services import service_to_offer
 from apad_bridge.ros_names.names import of_apad, ours
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_b import messages
 from apad_bridge.vehicle.generation_b.messages import (

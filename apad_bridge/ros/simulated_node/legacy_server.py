@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED, of_apad
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated_stack import SimulatedStack

@@ -13,7 +13,7 @@ import shapely.ops
 from shapely.geometry import LineString, Polygon
 from shapely.geometry import Point as PlanePoint
 
-from apad_bridge.scenario.fence import Fence
+from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.vehicle.guards.orders import Point
 
 _EPSILON_M = 1e-6

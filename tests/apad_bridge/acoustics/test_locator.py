@@ -7,7 +7,7 @@ import math
 import pytest
 
 from apad_bridge.acoustics.locator import Locator, PositionFix, RangeTaken
-from apad_bridge.scenario.water import Localisation
+from apad_bridge.scenario.water.options import Localisation
 
 CONFIG = Localisation(deviation_m=0.1, memory_s=600.0, apart_m=2.0)
 TRUE = (30.0, 40.0, 10.0)

@@ -16,8 +16,7 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.beliefs.measurement import ClockSet, Permitted
-from apad_bridge.beliefs.measurement_rows import measurement_of, measurement_row
+from apad_bridge.beliefs.measurement import ClockSet, Permitted, measurement_of, measurement_row
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.checkpoint import Checkpoint, restore
 from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel

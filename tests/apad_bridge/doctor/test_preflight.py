@@ -37,8 +37,8 @@ from apad_bridge.doctor.preflight import (
     check_watchdog,
     red_keys,
 )
+from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.fence import Fence
 from apad_bridge.scenario.guard_options import GuardOptions
 
 APAD = "/apad1"

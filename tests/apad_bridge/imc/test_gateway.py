@@ -22,8 +22,8 @@ from apad_bridge.imc.protocol import packed
 from apad_bridge.imc.systems import amussel_system
 from apad_bridge.imc.wire import Console
 from apad_bridge.records.journal import read_journal
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.local_frame import LocalFrame
 
 APAD = 0x2A01
 

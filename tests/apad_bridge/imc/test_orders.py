@@ -17,7 +17,7 @@ from apad_bridge.commands.look.imc import NEPTUS_PORT
 from apad_bridge.imc.messages import stamped
 from apad_bridge.imc.orders import MOST_PLANS, Order, Orders, Unfit
 from apad_bridge.imc.systems import amussel_system, apad_number, apad_system
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.control import Act, Answer
 
 FRAME = LocalFrame(43.9330937, 15.4443468)

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
+from apad_bridge.commands.fly.flight import with_end_by_in_seconds
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.end_by import MARGIN_S, EndBy
 from apad_bridge.runs.in_memory import open_flight
-from apad_bridge.scenario.end_by import with_end_by_in_seconds
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

@@ -14,7 +14,7 @@ from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.cross_checks import contradictions, warnings
 from apad_bridge.scenario.schema import DriftMode, Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scenario.water import Current, Water, Wind
+from apad_bridge.scenario.water.options import Current, Water, Wind
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Hold
 

@@ -13,10 +13,10 @@ from scenario_files import POOL_FILE, SCENARIO_FILES
 
 from apad_bridge.analysis.replay.series import page_data
 from apad_bridge.records.journal import JournalContents
-from apad_bridge.scenario.chart import chart_of
+from apad_bridge.scenario.area.chart import chart_of
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_resolved
-from apad_bridge.scenario.local_frame import LocalFrame
 
 ORIGIN = load(POOL_FILE).area.origin
 FRAME = LocalFrame.about(ORIGIN)

@@ -13,12 +13,12 @@ from agents.mussel.body import Body
 from agents.water.stream import parse_stream
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.scenario.currents import current_text, problem_with_current, read_current
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
-from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.water.currents import current_text, problem_with_current, read_current
 
 netCDF4 = pytest.importorskip("netCDF4")
 FRAME = LocalFrame(43.93, 15.44)

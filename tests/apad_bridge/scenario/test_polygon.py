@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.scenario.polygon import Point, area_m2, bounding_box, contains, is_simple
+from apad_bridge.scenario.area.polygon import Point, area_m2, bounding_box, contains, is_simple
 
 SQUARE = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
 # A U, open to the north: 4 x 4 with a gap of 2 x 2 in the middle of its northern side.
@@ -54,7 +54,7 @@ def test_the_box() -> None:
 INTERRUPTED_IN_NUMPY = """
 import signal, sys
 from agents.hosting.interrupts import interruptible
-from apad_bridge.scenario.polygon import area_m2
+from apad_bridge.scenario.area.polygon import area_m2
 
 class Finder:
     def find_spec(self, name, path, target=None):

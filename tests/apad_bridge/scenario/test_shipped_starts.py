@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from apad_bridge.scenario.area.polygon import contains
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.polygon import contains
 from apad_bridge.scenario.starts import starts_of
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
+from apad_bridge.scenario.area.local_frame import LocalFrame
+from apad_bridge.scenario.area.polygon import contains
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
-from apad_bridge.scenario.local_frame import LocalFrame
-from apad_bridge.scenario.polygon import contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario, Spread
 from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID

@@ -11,7 +11,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.gateway.battery_alerts import Falls, alert
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 

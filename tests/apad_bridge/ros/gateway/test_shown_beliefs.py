@@ -22,8 +22,8 @@ from apad_bridge.ros.gateway.standard_messages import (
     fix,
 )
 from apad_bridge.ros_names.frames import ellipse_95
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.local_frame import LocalFrame
 from firmware_model.states import State
 
 

@@ -25,8 +25,8 @@ from apad_bridge.events.guards import (
     StopKind,
     StopState,
 )
+from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.fence import Fence
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import (
     Arrived,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.scenario.fence import Fence
+from apad_bridge.scenario.area.fence import Fence
 from apad_bridge.vehicle.commands import (
     BatteryReported,
     CloseDock,

@@ -13,7 +13,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from agents.water.stream import STILL, CurrentConfig, Tide
-from apad_bridge.scenario.currents import steady_text
 from apad_bridge.scenario.schema import APad
 from apad_bridge.scenario.surface import (
     Flow,
@@ -25,6 +24,7 @@ from apad_bridge.scenario.surface import (
     made_good_m_s,
     resistance_n,
 )
+from apad_bridge.scenario.water.currents import steady_text
 from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from apad_bridge.scenario.local_frame import LocalFrame, OriginLike
-from apad_bridge.scenario.polygon import Point, area_m2, is_simple
+from apad_bridge.scenario.area.local_frame import LocalFrame, OriginLike
+from apad_bridge.scenario.area.polygon import Point, area_m2, is_simple
 from apad_bridge.scenario.text_file import read_text
 
 Corners = tuple[Point, ...]

@@ -12,7 +12,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 
 NORTH_NAMES = ("north_m_s", "vo", "v", "northward_sea_water_velocity", "sea_water_y_velocity")
 EAST_NAMES = ("east_m_s", "uo", "u", "eastward_sea_water_velocity", "sea_water_x_velocity")

@@ -5,7 +5,7 @@ Places are (north, east) in metres of a scenario of that area, so they need no f
 
 from __future__ import annotations
 
-from apad_bridge.scenario.polygon import Point
+from apad_bridge.scenario.area.polygon import Point
 
 PAPER_CHARTS: dict[str, tuple[tuple[float | None, tuple[Point, ...]], ...]] = {
     "paper-pool": ((None, ((-1.5, -1.5), (29.5, -1.5), (29.5, 22.5), (-1.5, 22.5), (-1.5, -1.5))),),

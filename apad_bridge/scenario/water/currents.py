@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from agents.water.stream import Stream, parse_stream
-from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.text_file import read_text
 
 _SUFFIXES = (".nc", ".nc4", ".cdf")
@@ -23,7 +23,7 @@ def current_text(path: Path, frame: LocalFrame) -> str:
         return read_text(path)
     try:
         # Imported here: most scenarios have no such file, and their processes no other need of numpy.
-        from apad_bridge.scenario.netcdf import csv_of
+        from apad_bridge.scenario.water.netcdf import csv_of
     except ImportError:
         raise ValueError("NetCDF needs the package netCDF4: pip install netCDF4") from None
     return csv_of(path, frame)

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from apad_bridge.scenario.local_frame import LocalFrame, OriginLike
-from apad_bridge.scenario.paper_charts import PAPER_CHARTS
-from apad_bridge.scenario.polygon import Point
+from apad_bridge.scenario.area.local_frame import LocalFrame, OriginLike
+from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
+from apad_bridge.scenario.area.polygon import Point
 from apad_bridge.scenario.text_file import read_text
 
 _NESTING = {"LineString": 0, "MultiLineString": 1, "Polygon": 1, "MultiPolygon": 2}
