@@ -54,14 +54,13 @@ def test_a_master_whose_clock_has_not_begun_gives_no_time(master: list[genpy.Tim
     assert ros_time.stamp(5000) == ros_time.stamp(4000) == genpy.Time()
 
 
-def test_an_arrival_is_told_by_the_masters_clock_where_there_is_one_and_else_by_one_that_nobody_sets() -> (
-    None
-):
+def test_an_arrival_is_told_by_the_masters_clock_where_there_is_one_and_else_by_one_that_nobody_sets(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A vehicle on a simulator's /clock stamps its positions by it, and that clock may run at any rate."""
+    rostime = ros_time.rospy.rostime
     before_ms = math.floor(1000 * time.monotonic())
     assert before_ms <= ros_time.arrival_ms() <= math.ceil(1000 * time.monotonic())
-    ros_time.rospy.rostime._set_rostime(genpy.Time(12, 500_000_000))
-    try:
-        assert ros_time.arrival_ms() == 12_500
-    finally:
-        ros_time.rospy.rostime.switch_to_wallclock()
+    monkeypatch.setattr(rostime, "_rostime_initialized", True)
+    monkeypatch.setattr(rostime, "_rostime_current", rostime.Time(12, 500_000_000))
+    assert ros_time.arrival_ms() == 12_500
