@@ -9,6 +9,7 @@ from apad_bridge.events.mission import PlanMade
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.link import Cleared, VehicleLink
 
 
@@ -19,7 +20,7 @@ class _UncommandedVehicle:
         self.advance = vehicle.advance
         self.close = vehicle.close
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         pass
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from apad_bridge.vehicle.commands import CloseDock, CommandFailed, OpenDock, PoseReported
+from apad_bridge.vehicle.commands import CloseDock, CommandFailed, OpenDock, PoseReported, VehicleCommand
 from apad_bridge.vehicle.link import APadSeen, Carried, Cleared, LetGo, LinkFact, VehicleLink
 
 
@@ -19,7 +19,7 @@ class FaultyLink:
         """The reported place lies so far north of the true one."""
         self.jammed_docks: frozenset[int] = frozenset()
         self._facts: list[LinkFact] = []
-        self._commands: list[Cleared] = []
+        self._commands: list[Cleared[VehicleCommand]] = []
         self.close = link.close
 
     def advance(self, now_ms: int) -> list[LinkFact]:
@@ -42,14 +42,14 @@ class FaultyLink:
             return replace(fact, north_m=fact.north_m + self.north_error_m)
         return fact
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         if self.is_frozen:
             self._commands.append(cleared)
         else:
             self._pass_on(cleared, now_ms)
 
-    def _pass_on(self, cleared: Cleared, now_ms: int) -> None:
-        command = cleared.command
+    def _pass_on(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command = cleared.order
         if isinstance(command, CloseDock | OpenDock) and command.dock_index in self.jammed_docks:
             reason = f"dock {command.dock_index + 1} is jammed"
             self._facts.append(CommandFailed(now_ms, command.command_id, reason))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from apad_bridge.vehicle.commands import (
     DockClosed,
@@ -47,15 +47,18 @@ class APadSeen:
 LinkFact = VehicleFact | Carried | LetGo | APadSeen
 
 
-class Cleared(ABC):
-    """A command that the gate has let out.
+Order = TypeVar("Order")
+
+
+class Cleared(ABC, Generic[Order]):
+    """What the gate has let out: a vehicle's command, or what goes on the wire for one.
 
     Only `Gate` has a class that can be made, and a link takes nothing else: so a type check finds a road around the guards.
     """
 
     @property
     @abstractmethod
-    def command(self) -> VehicleCommand: ...
+    def order(self) -> Order: ...
 
 
 class VehicleLink(Protocol):
@@ -67,7 +70,7 @@ class VehicleLink(Protocol):
         """
         ...
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         """Passes the command on; a later `advance` returns its consequences."""
         ...
 
@@ -104,8 +107,8 @@ class InProcessVehicle:
         self._named = held
         return link_facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        self._facts += self.apad.receive(cleared.command, now_ms)
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        self._facts += self.apad.receive(cleared.order, now_ms)
 
     def close(self) -> None:
         pass
@@ -127,7 +130,7 @@ class ListeningLink:
                 facts.append(fact)
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")
 
     def close(self) -> None:

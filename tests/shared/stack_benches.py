@@ -104,7 +104,7 @@ def scenario(
     )
 
 
-def cleared(command: VehicleCommand) -> Cleared:
+def cleared(command: VehicleCommand) -> Cleared[VehicleCommand]:
     """The command as a gate without guards lets it out."""
     let_out = Gate.without_guards().clear(command, 0)
     assert isinstance(let_out, Cleared)
@@ -139,7 +139,7 @@ class StackLink(Protocol):
 
     def advance(self, now_ms: int) -> list[LinkFact]: ...
 
-    def command(self, cleared: Cleared, now_ms: int) -> None: ...
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None: ...
 
     def close(self) -> None: ...
 
@@ -184,14 +184,14 @@ class LinkToA:
         self._now_ms = now_ms
         self._receive(self._vehicle.advance(now_ms), now_ms)
         facts = self._core.advance(now_ms)
-        for order in self._core.take_orders():
-            self._send(order, now_ms)
+        for it in self._core.take_orders():
+            self._send(it.order, now_ms)
         self._switch_off(now_ms)
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        if (order := self._core.command(cleared.command, now_ms)) is not None:  # type: ignore[arg-type]
-            self._send(order, now_ms)
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        if (sent := self._core.command(cleared.order, now_ms)) is not None:  # type: ignore[arg-type]
+            self._send(sent.order, now_ms)
         self._switch_off(now_ms)
 
     def others_go(self, north_m: float, east_m: float) -> None:
@@ -213,7 +213,7 @@ class LinkToA:
             self._receive(self._vehicle.cancel(key, now_ms), now_ms)
         self._receive(self._vehicle.enable_velocity_control(False, now_ms), now_ms)
         self._receive(self._vehicle.enable_position_control(False, now_ms), now_ms)
-        self._tell(OffAnswered(now_ms, off.number, None), now_ms)
+        self._tell(OffAnswered(now_ms, off.order.number, None), now_ms)
 
     def close(self) -> None:
         pass
@@ -311,15 +311,16 @@ class LinkToB:
         self._send(now_ms)
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        self._core.command(cleared.command, now_ms)
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        self._core.command(cleared.order, now_ms)
         self._send(now_ms)
 
     def close(self) -> None:
         pass
 
     def _send(self, now_ms: int) -> None:
-        for call in self._core.take_calls():
+        for cleared in self._core.take_calls():
+            call = cleared.order
             if self.is_lost:
                 continue
             match call.order:

@@ -17,7 +17,7 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.vehicle.capabilities import published_docks
-from apad_bridge.vehicle.commands import PoseReported
+from apad_bridge.vehicle.commands import PoseReported, VehicleCommand
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import DocksReceived, GoalStatusReceived, HeldPositionReceived
 from apad_bridge.vehicle.generation_a.server_watch import ServerWatch
@@ -112,7 +112,7 @@ class ContactsLink:
         """A fleet alone stops no vehicle, and whoever commands the vehicle has the watchdog's ear."""
         return False
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")
 
     def close(self) -> None:

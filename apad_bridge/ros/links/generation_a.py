@@ -28,7 +28,7 @@ from apad_bridge.ros.types.live_types import differing_listeners, unreadable_top
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
-from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock
+from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
@@ -195,21 +195,22 @@ class GenerationALink(LegacyLink[GenerationACore]):
         except CallFailed as failed:
             self._inbox.drop(f"controllers cannot be switched off: {failed}")
 
-    def _send(self, order: GoalOrder) -> None:
+    def _send(self, cleared: Cleared[GoalOrder]) -> None:
+        order = cleared.order
         for key in order.ends:
             self._cancels.publish(GoalID(id=key))
         self._goals.publish(_goal_message(order))
 
     def _switch_off(self) -> None:
         """Cancels every client's goal, then ends the thrust, then the controller that would ask for it."""
-        if (off := self._core.take_off_order()) is None:
+        if (cleared := self._core.take_off_order()) is None:
             return
         self._cancels.publish(GoalID())
         request = EnableControl._request_class(enable=False)
         thrust, controller = self._switches
 
         def controller_is_off(_: Any, refused: str | None) -> None:
-            self._inbox.put(OffAnswered(UNSTAMPED, off.number, refused), always=True)
+            self._inbox.put(OffAnswered(UNSTAMPED, cleared.order.number, refused), always=True)
 
         def thrust_is_off(_: Any, refused: str | None) -> None:
             if refused is not None:
@@ -235,8 +236,8 @@ class GenerationALink(LegacyLink[GenerationACore]):
             self._inquiry.ask()
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        command = cleared.command
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command = cleared.order
         assert not isinstance(command, MoveArm), "the stack has no such order, as its capabilities state"
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms

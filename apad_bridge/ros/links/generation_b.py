@@ -35,7 +35,7 @@ from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import PAPER_DOCKS, Docking, DockingProfile, Scenario
-from apad_bridge.vehicle.commands import MoveArm
+from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
@@ -226,8 +226,8 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         self._send()
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        command = cleared.command
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command = cleared.order
         if isinstance(command, MoveArm):
             arm = arms(command.dock_index if command.is_open else None)
             self._arms.publish(Float32MultiArray(data=[float(it) for it in arm.is_open]))
@@ -274,7 +274,8 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         return ["goto_status"] if silent else []
 
     def _send(self) -> None:
-        for call in self._core.take_calls():
+        for cleared in self._core.take_calls():
+            call = cleared.order
             if isinstance(call.order, StopOrder):
                 request = Trigger._request_class()
                 self._calls.send(self._stop_service, Trigger, request, self._answer_to(call), is_stop=True)

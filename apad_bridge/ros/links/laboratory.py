@@ -22,7 +22,7 @@ from apad_bridge.scenario.lab_interface.messages import (
 )
 from apad_bridge.scenario.lab_interface.names import Names
 from apad_bridge.supervisor.packet_relay import Outcome, Outlet, RelayedPacket, Source
-from apad_bridge.vehicle.commands import DockClosed, DockOpened
+from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
 from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import Codec
@@ -132,7 +132,7 @@ class LaboratoryLink:
                 laboratory.publishers.publish(what, fact.agent_id, now_ms, dock_index=fact.dock_index)
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         self._vehicle.command(cleared, now_ms)
 
     def close(self) -> None:

@@ -21,6 +21,7 @@ from apad_bridge.events.event import Event
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
@@ -111,7 +112,7 @@ class LegacyLink(ABC, Generic[Core]):
         """Facts up to `now_ms`."""
 
     @abstractmethod
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         """Passes the command on to the vehicle."""
 
     @abstractmethod

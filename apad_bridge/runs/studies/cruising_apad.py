@@ -25,6 +25,7 @@ from apad_bridge.vehicle.commands import (
     PilotLeft,
     PoseReported,
     Stop,
+    VehicleCommand,
 )
 from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.apad import BATTERY_EMPTY, ArrivalWatch
@@ -95,8 +96,8 @@ class CruisingAPad:
             ]
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        command = cleared.command
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command = cleared.order
         self._battery.settle(now_ms)
         if self._battery.is_empty and not isinstance(command, MoveArm):
             self._facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))

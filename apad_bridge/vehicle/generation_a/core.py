@@ -57,7 +57,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 )
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS, ServerWatch
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import (
     FAR_M,
@@ -172,7 +172,7 @@ class GenerationACore:
         """Keys of the unfinished goals to docking mechanisms."""
         return [key for key, sent in self._goals.items() if isinstance(sent.command, CloseDock | OpenDock)]
 
-    def command(self, command: Command | Stop | PilotLeft, now_ms: int) -> GoalOrder | None:
+    def command(self, command: Command | Stop | PilotLeft, now_ms: int) -> Cleared[GoalOrder] | None:
         """The goal to send; None for a stop, and for a perch or release from afar, which the vehicle would call done."""
         if isinstance(command, PilotLeft):
             return None  # nothing but a pilot's own goals tells of a pilot here
@@ -198,12 +198,13 @@ class GenerationACore:
             return None
         self._now_ms = now_ms
         order = self._send(f"{self._nonce}-{command.command_id}", command, now_ms)
-        return order if self._goes_out(order) else None
+        return self._let_out(order)
 
-    def _goes_out(self, order: GoalOrder) -> bool:
+    def _let_out(self, order: GoalOrder) -> Cleared[GoalOrder] | None:
         """Asks the gate about each goal, whoever wants it. A command whose goal it refuses has failed."""
-        if self._gate.passes(_as_command(order), self._now_ms):
-            return True
+        cleared = self._gate.clear_for_wire(order, _as_command(order), self._now_ms)
+        if cleared is not None:
+            return cleared
         sent = self._goals.pop(order.key, None)
         if sent is not None:
             if isinstance(sent.command, CloseDock):
@@ -211,7 +212,7 @@ class GenerationACore:
             self._facts.append(
                 CommandFailed(self._now_ms, sent.command.command_id, "a guard refused its goal")
             )
-        return False
+        return None
 
     def _send(self, key: str, command: Command, now_ms: int) -> GoalOrder:
         progress = None
@@ -233,7 +234,7 @@ class GenerationACore:
         self._latest_key = key
         return order
 
-    def take_orders(self) -> list[GoalOrder]:
+    def take_orders(self) -> list[Cleared[GoalOrder]]:
         """The goals that nobody commanded just now, returned once.
 
         They are a goal to repeat, because the vehicle was silent when it was sent; a hold after another party's order; and
@@ -245,12 +246,12 @@ class GenerationACore:
             name = f"{self._object_prefix}{agent_id}"
             self._orders.append(GoalOrder(self._own_key(), RELEASE, name=name, agent_id=agent_id))
         orders, self._orders = self._orders, []
-        return [order for order in orders if self._goes_out(order)]
+        return [it for it in map(self._let_out, orders) if it is not None]
 
-    def take_off_order(self) -> OffOrder | None:
+    def take_off_order(self) -> Cleared[OffOrder] | None:
         """The order that switches the controllers off, once each time that it must be sent."""
         order = self._off.take_order()
-        return order if order is not None and self._gate.passes(Stop(0), self._now_ms) else None
+        return None if order is None else self._gate.clear_for_wire(order, Stop(0), self._now_ms)
 
     def take_question(self) -> bool:
         """True, once, when the vehicle should be asked what it holds (`check_docking_availability`)."""

@@ -33,7 +33,7 @@ from apad_bridge.vehicle.generation_b.messages import (
 from apad_bridge.vehicle.generation_b.stack import dock_places
 from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, Sight, SilenceWatch
@@ -93,12 +93,13 @@ class GenerationBCore:
     def silent_topics(self, now_ms: int) -> list[str]:
         return ["position"] if self.readings.position_ms < now_ms else []
 
-    def take_calls(self) -> list[Call]:
+    def take_calls(self) -> list[Cleared[Call]]:
         """Asks the gate about each call, whoever wants it. A call that it refuses fails as if the aPad refused it."""
         calls = []
         for call in self._tasks.calls.take():
-            if self._gate.passes(_as_command(call.order), self._now_ms):
-                calls.append(call)
+            cleared = self._gate.clear_for_wire(call, _as_command(call.order), self._now_ms)
+            if cleared is not None:
+                calls.append(cleared)
                 if isinstance(call.order, GoToOrder):
                     self._own_goals_m.append((call.order.north_m, call.order.east_m))
             else:

@@ -34,7 +34,7 @@ from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situati
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import Stops
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
-from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact, Order
 
 NAMES: dict[type, str] = {
     GoTo: "go to point",
@@ -59,8 +59,8 @@ RETURN_RADIUS_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class _LetOut(Cleared):
-    command: VehicleCommand
+class _LetOut(Cleared[Order]):
+    order: Order
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,25 +178,29 @@ class Gate:
         found = ((guard.name, guard.refusal(order, situation)) for guard in self._guards)
         return next((Refusal(name, reason) for name, reason in found if reason), None)
 
-    def clear(self, command: VehicleCommand, now_ms: int) -> Cleared | Refusal:
+    def clear(self, command: VehicleCommand, now_ms: int) -> Cleared[VehicleCommand] | Refusal:
         return self.refusal(command, now_ms) or _LetOut(command)
 
-    def clear_stop(self, stop: Hold | Stop) -> Cleared:
+    def clear_for_wire(self, sent: Order, command: GuardedOrder, now_ms: int) -> Cleared[Order] | None:
+        """What a link is about to send for this command, maybe by itself again; None, and a line, if a guard refuses it."""
+        return _LetOut(sent) if self.passes(command, now_ms) else None
+
+    def clear_stop(self, stop: Hold | Stop) -> Cleared[VehicleCommand]:
         """A stop of the guards or of a person, whose owner has asked who has the vehicle and whether it may hold."""
         return _LetOut(stop)
 
-    def clear_way_back(self, command_id: int, now_ms: int) -> Cleared | None:
+    def clear_way_back(self, command_id: int, now_ms: int) -> Cleared[VehicleCommand] | None:
         """The way back inside the fence, which a person has ordered; None where there is no such way."""
         (north_m, east_m), why_not = self.way_back(now_ms)
         return None if why_not else _LetOut(GoTo(command_id, north_m, east_m, WAY_BACK_M_S, RETURN_RADIUS_M))
 
-    def clear_return(self, command_id: int, speed_m_s: float) -> Cleared | None:
+    def clear_return(self, command_id: int, speed_m_s: float) -> Cleared[VehicleCommand] | None:
         """The way of a simulated vehicle to the nearest place inside its waters; None where there is none."""
         place_m = self.watch.place_m
         inside_m = None if place_m is None else self._waters.nearest_inside(place_m)
         return None if inside_m is None else _LetOut(GoTo(command_id, *inside_m, speed_m_s, RETURN_RADIUS_M))
 
-    def take_from_pilot(self, command_id: int) -> Cleared:
+    def take_from_pilot(self, command_id: int) -> Cleared[VehicleCommand]:
         """A person says that the pilot has left the vehicle."""
         self.pilot = ""
         return _LetOut(PilotLeft(command_id))

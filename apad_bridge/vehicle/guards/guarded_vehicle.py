@@ -187,7 +187,7 @@ class GuardedVehicle:
         if cleared is None:
             return  # the person was told already
         self.gate.events.append(SentBackIn(by, lookout))
-        self._way_back = cleared.command.command_id
+        self._way_back = cleared.order.command_id
         self._send(cleared, now_ms)
 
     # The link's facts.
@@ -278,8 +278,8 @@ class GuardedVehicle:
         else:
             self._send(self.gate.clear_stop(Stop(command.command_id)), now_ms)
 
-    def _send(self, cleared: Cleared, now_ms: int) -> None:
-        command = cleared.command
+    def _send(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command = cleared.order
         if not isinstance(command, MoveArm):
             self._mechanism = command if isinstance(command, CloseDock | OpenDock) else self._mechanism
             self._under_way = UnderWay(command) if isinstance(command, GoTo) else None

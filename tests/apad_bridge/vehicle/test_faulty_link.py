@@ -25,8 +25,8 @@ class Vehicle:
     def advance(self, now_ms: int) -> list[LinkFact]:
         return [PoseReported(now_ms, 1.0, 2.0, 0.0), Carried(now_ms, 3, 1.0, 2.0)]
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        self.commands.append(cleared.command)
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        self.commands.append(cleared.order)
 
     def close(self) -> None:
         pass

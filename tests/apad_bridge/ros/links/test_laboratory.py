@@ -17,7 +17,7 @@ from apad_bridge.scenario.lab_interface.messages import (
     MessageKind,
 )
 from apad_bridge.supervisor.packet_relay import PacketRelay, whole_flight
-from apad_bridge.vehicle.commands import DockClosed, DockOpened
+from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
 from apad_bridge.vehicle.link import Cleared, LinkFact
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
@@ -52,7 +52,7 @@ class Vehicle:
     def advance(self, now_ms: int) -> list[LinkFact]:
         return self.facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         pass
 
     def receive_dock_report(self, alert: DockReport) -> None:

@@ -72,8 +72,8 @@ class WithA:
         self._receive(self.vehicle.advance(now_ms), now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        if (order := self.core.command(command, now_ms)) is not None:
-            self.send(order, now_ms)
+        if (cleared := self.core.command(command, now_ms)) is not None:
+            self.send(cleared.order, now_ms)
 
     def send(self, order: GoalOrder, now_ms: int) -> None:
         """Sends a goal, of the core or of another party."""
@@ -85,8 +85,8 @@ class WithA:
         self._receive(self.vehicle.receive(goal, now_ms), now_ms)
 
     def answer(self, now_ms: int) -> None:
-        for order in self.core.take_orders():
-            self.send(order, now_ms)
+        for cleared in self.core.take_orders():
+            self.send(cleared.order, now_ms)
         if self.core.take_question() and self.answers:
             self.core.receive(DocksReceived(now_ms, frozenset(self.vehicle.held)), now_ms)
 
@@ -132,7 +132,8 @@ class WithB:
         self.core.command(command, now_ms)
 
     def answer(self, now_ms: int) -> None:
-        for call in self.core.take_calls():
+        for cleared in self.core.take_calls():
+            call = cleared.order
             self._receive(self.vehicle.receive(call.order, now_ms), now_ms)
             if self.vehicle.takes is not None:
                 refused = (

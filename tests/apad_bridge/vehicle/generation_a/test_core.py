@@ -36,7 +36,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionReceived,
 )
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
+from apad_bridge.vehicle.link import Carried, Cleared, LetGo, LinkFact
 from apad_bridge.vehicle.stack_messages import PoseReceived
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
@@ -45,6 +45,10 @@ THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
 @pytest.fixture
 def core() -> GenerationACore:
     return GenerationACore(range(1, 10), (10.5, 16.0), "run")
+
+
+def sent(cleared: Cleared[GoalOrder] | None) -> GoalOrder | None:
+    return None if cleared is None else cleared.order
 
 
 def says(core: GenerationACore, at_ms: int, key: str, code: GoalCode, text: str = "") -> None:
@@ -67,10 +71,10 @@ def tells(core: GenerationACore, now_ms: int) -> list[LinkFact]:
 
 
 def test_commands_become_goals_of_the_three_kinds(core: GenerationACore) -> None:
-    assert core.command(THERE, 0) == GoalOrder("run-1", GO_TO, 5.0, 6.0)
-    assert core.command(Hold(2, 7.0, 8.0), 0) == GoalOrder("run-2", GO_TO, 7.0, 8.0)
-    assert core.command(CloseDock(3, 2, 7), 0) == GoalOrder("run-3", PERCH, name="amussel7")
-    assert core.command(OpenDock(4, 2, 7), 0) == GoalOrder("run-4", RELEASE, name="amussel7")
+    assert sent(core.command(THERE, 0)) == GoalOrder("run-1", GO_TO, 5.0, 6.0)
+    assert sent(core.command(Hold(2, 7.0, 8.0), 0)) == GoalOrder("run-2", GO_TO, 7.0, 8.0)
+    assert sent(core.command(CloseDock(3, 2, 7), 0)) == GoalOrder("run-3", PERCH, name="amussel7")
+    assert sent(core.command(OpenDock(4, 2, 7), 0)) == GoalOrder("run-4", RELEASE, name="amussel7")
 
 
 def test_a_go_to_that_succeeds_has_arrived_once(core: GenerationACore) -> None:
@@ -213,7 +217,7 @@ def test_one_that_was_perched_twice_is_released_twice_and_docked_once(core: Gene
     perched_twice(core)
     shows(core, 60_100, 7)
     assert tells(core, 60_100) == []
-    assert [(it.kind, it.name) for it in core.take_orders()] == [(RELEASE, "amussel7")]
+    assert [(it.order.kind, it.order.name) for it in core.take_orders()] == [(RELEASE, "amussel7")]
     shows(core, 60_150, 7)
     shows(core, 60_200, 7, released=True)
     assert tells(core, 60_200) == [] and core.take_orders() == []
@@ -417,7 +421,7 @@ def test_without_an_answer_the_silence_is_a_release(core: GenerationACore, refus
         is_at(core, at_ms)
         assert tells(core, at_ms) == [DockOpened(at_ms, 0, 7), LetGo(at_ms, 7)]
     assert not core.docks.holds(7)
-    assert core.take_orders() == [GoalOrder("run-own-1", RELEASE, name="amussel7")]
+    assert [it.order for it in core.take_orders()] == [GoalOrder("run-own-1", RELEASE, name="amussel7")]
     assert core.take_orders() == []
     core.receive(PoseReceived(16_000, 26.0, 3.0, 0.0), 16_000)
     assert core.command(OpenDock(5, 0, 7), 16_000) is None
@@ -547,7 +551,7 @@ def test_a_perch_from_afar_is_not_ordered() -> None:
     assert tells(core, 0) == [
         CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
     ]
-    assert core.command(CloseDock(2, 0, 8), 0) == GoalOrder("run-2", PERCH, name="amussel8")
+    assert sent(core.command(CloseDock(2, 0, 8), 0)) == GoalOrder("run-2", PERCH, name="amussel8")
 
 
 def test_a_goal_that_was_sent_to_a_silent_vehicle_is_sent_again_when_it_is_heard(
@@ -583,9 +587,9 @@ def test_a_stop_cancels_the_goals_that_run_and_those_on_their_way_by_their_keys(
     core.receive(GoalStatusReceived(1_400, words, whole=True), 1_400)
     core.receive(GoalSeen(1_500, "/neptus-7-3.0", GO_TO, 9.0, 9.0, "/neptus"), 1_500)
     order = core.command(Hold(2, 1.0, 1.0, pre_empts=True), 1_600)
-    assert order is not None and set(order.ends) == {"run-1", "/joy-1-2.0", "/neptus-7-3.0"}
+    assert order is not None and set(order.order.ends) == {"run-1", "/joy-1-2.0", "/neptus-7-3.0"}
     again = core.command(Hold(3, 1.0, 1.0), 1_700)
-    assert again is not None and again.ends == ()
+    assert again is not None and again.order.ends == ()
 
 
 def test_another_s_goal_that_runs_and_was_not_heard_is_told_once() -> None:

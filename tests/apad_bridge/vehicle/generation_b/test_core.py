@@ -80,7 +80,7 @@ class Apad:
 
     def answers(self, at_ms: int, refused: str | None = None) -> list[Order]:
         """Answers all orders and returns them."""
-        calls = self.core.take_calls()
+        calls = [it.order for it in self.core.take_calls()]
         for call in calls:
             self.core.receive(ServiceAnswered(at_ms, call.number, refused), at_ms)
         return [call.order for call in calls]
@@ -380,14 +380,14 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     assert apad.tells(1_000) == []
     core = Apad().core
     core.command(CloseDock(1, 2, 8), 0)
-    (call,) = core.take_calls()
+    call = core.take_calls()[0].order
     core.receive(ServiceAnswered(0, call.number, None), 0)
     for at_ms, status in ((0, Status.RUNNING), (40_000, Status.DONE)):
         core.receive(StatusReceived(at_ms, True, status), at_ms)
     core.advance(40_000)
     core.take_calls()
     core.command(OpenDock(2, 2, 8), 50_000)
-    (call,) = core.take_calls()
+    call = core.take_calls()[0].order
     core.receive(ArmReceived(50_000, 2), 50_000)
     core.receive(ServiceAnswered(50_000, call.number, None), 50_000)
     core.receive(StatusReceived(50_000, True, Status.RUNNING), 50_000)
@@ -396,7 +396,7 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     assert core.take_calls() == []  # it still pulls back
     core.receive(StatusReceived(85_000, True, Status.DONE), 85_000)
     assert core.advance(85_000) == []
-    assert [call.order for call in core.take_calls()] == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
+    assert [it.order.order for it in core.take_calls()] == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
 
 
 def test_a_search_that_finds_nothing_is_given_up() -> None:
@@ -497,7 +497,7 @@ def test_a_person_who_says_that_the_pilot_has_left_is_not_asked_again() -> None:
 def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
-    (call,) = apad.core.take_calls()
+    call = apad.core.take_calls()[0].order
     apad.core.command(Hold(2, 2.0, 3.0), 0)
     apad.core.receive(ServiceAnswered(0, call.number, None), 0)
     assert apad.core.unacknowledged == ["order 2"]

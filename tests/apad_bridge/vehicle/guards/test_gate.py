@@ -88,8 +88,8 @@ class Wire:
         facts, self.facts = self.facts, []
         return facts
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        command = cleared.command
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command = cleared.order
         self.out.append(command)
         if isinstance(command, GoTo | Hold | Stop) and self.takes:
             self.facts.append(CommandAccepted(now_ms, command.command_id))

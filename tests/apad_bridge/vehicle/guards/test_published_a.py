@@ -45,8 +45,8 @@ class Proportional:
         told = [PoseReported(now_ms, *self.place_m, 0.0, now_ms), BatteryReported(now_ms, 15.0, 0.9)]
         return [*facts, *told]
 
-    def command(self, cleared: Cleared, now_ms: int) -> None:
-        command = cleared.command
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command = cleared.order
         self.taken.append(command)
         if isinstance(command, GoTo):
             self.goal_m = command.north_m, command.east_m
