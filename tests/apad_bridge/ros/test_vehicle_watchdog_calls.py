@@ -274,8 +274,8 @@ def second(monkeypatch: pytest.MonkeyPatch) -> Iterator[Second]:
     ended = threading.Event()
     monkeypatch.setattr(WATCHDOG.rospy, "is_shutdown", ended.is_set)
     monkeypatch.setattr(
-        WATCHDOG.rospy.core,
-        "xmlrpcapi",
+        WATCHDOG,
+        "_proxy",
         lambda port: SimpleNamespace(requestTopic=lambda *_: (1, "", ["TCPROS", "127.0.0.1", int(port)])),
     )
     heard: queue.Queue[float] = queue.Queue()
@@ -317,3 +317,21 @@ def test_without_a_master_the_kept_address_serves_and_a_publisher_that_starts_ag
     finally:
         before.close()
         after.close()
+
+
+def test_a_node_that_takes_a_call_and_never_answers_costs_the_time_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(WATCHDOG, "RENEWED_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        node = WATCHDOG._proxy(f"http://127.0.0.1:{mute.getsockname()[1]}")
+        asked: queue.Queue[BaseException] = queue.Queue()
+
+        def ask() -> None:
+            try:
+                node.requestTopic("/watchdog", "/heartbeat", [["TCPROS"]])
+            except OSError as error:
+                asked.put(error)
+
+        threading.Thread(target=ask, daemon=True).start()
+        assert isinstance(asked.get(timeout=PATIENCE_S), TimeoutError)
