@@ -69,6 +69,9 @@ class Event:
     counted: ClassVar[tuple[str, ...] | Uncounted]
     """The fields by which two runs compare (`records/digest.py`), or why it tells nothing about that."""
 
+    is_for_journal_alone: ClassVar[bool] = False
+    """True for a kind with too many lines for the bag and for `/musselbed/mission`, where nobody looks for them."""
+
     @property
     def category(self) -> Category:
         """Its use for people; most classes set it as a constant."""

@@ -93,6 +93,7 @@ class Stimulated(Event):
     kind = "stimulus"
     when = "something reached an aMussel: a contact, a packet, its place in a dock"
     counted = Uncounted("the form of a message between processes; the aMussel's new state counts")
+    is_for_journal_alone = True
 
     id: AMussel
     agent_ms: AgentTime

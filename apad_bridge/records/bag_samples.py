@@ -56,15 +56,20 @@ def instants(paths: list[Path], period_ms: int) -> Iterator[Instant]:
         yield from _instants_in(path, grid)
 
 
-def has_deviations(path: Path) -> bool:
-    """True if a bag's beliefs have deviations; false too for a bag without beliefs, or that cannot be read."""
+def why_no_deviations(path: Path) -> str | None:
+    """Why a bag gives no beliefs with deviations, in one line with its path; None if it does."""
     try:
         with open_bag(path) as reader:
-            return any(
-                "charge_deviation" in it.msgdef.data for it in reader.connections if it.msgtype == BELIEFS
-            )
-    except BagUnreadable:
-        return False
+            definitions = [it.msgdef.data for it in reader.connections if it.msgtype == BELIEFS]
+    except BagUnreadable as error:
+        return str(error)
+    if not definitions:
+        return f"{path}: it has no beliefs"
+    return (
+        None
+        if any("charge_deviation" in it for it in definitions)
+        else f"{path}: its beliefs have no deviations"
+    )
 
 
 @dataclass(slots=True)

@@ -17,7 +17,6 @@ from apad_bridge.events.fleet import (
     Presence,
     PresenceChanged,
     ProcessDied,
-    Stimulated,
     TruthChanged,
 )
 from apad_bridge.events.mission import AMusselReleased
@@ -58,8 +57,6 @@ from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.errors import PeerFailed
 
 DAY_MS = 86_400_000
-_JOURNAL_ONLY = frozenset({Stimulated.kind})
-"""Kinds of events with too many lines for the bag, where nobody looks for them."""
 
 
 class RecordsFailed(PeerFailed):
@@ -214,7 +211,7 @@ class Recorder:
             case PacketPassed():
                 for row in sound_rows(data):
                     self._bag.sound(at_ms, row)
-        if kind not in _JOURNAL_ONLY:
+        if not event.is_for_journal_alone:
             self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
 
     def truths(self, truths: Sequence[Truth]) -> None:

@@ -169,6 +169,11 @@ class Interruptions:
             case OrderRefused.kind, {"guard": "person"}:
                 self._begin(at_ms, _UNCONFIRMED)
 
+    @property
+    def is_one(self) -> bool:
+        """True while the mission is kept from the aPad, as of the newest event."""
+        return bool(self._causes)
+
     def spans_ms(self, until_ms: int) -> list[tuple[int, int]]:
         """(begin, end) of each span up to a mission time, in order."""
         last = [(self._since_ms, until_ms)] if self._causes else []

@@ -58,9 +58,7 @@ OURS = Section(
     (
         _topic("musselbed/beliefs", "musselbed_msgs/FleetBeliefs", "supervisor", "each tick"),
         _topic("musselbed/apad", "musselbed_msgs/APadStatus", "supervisor", "each tick"),
-        _topic(
-            "musselbed/mission", "musselbed_msgs/MissionEvent", "supervisor", "each event, as in the journal"
-        ),
+        _topic("musselbed/mission", "musselbed_msgs/MissionEvent", "supervisor", "each event, as in the bag"),
         _topic(
             "musselbed/forecast",
             "musselbed_msgs/Forecast",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import resource
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
@@ -76,12 +76,16 @@ class UserError(Exception):
 
 
 @contextmanager
-def peers_may_fail() -> Iterator[None]:
-    """Turns a peer's failure into one line on stderr and its exit code."""
+def peers_may_fail(was_told: Callable[[str], bool] = lambda line: False) -> Iterator[None]:
+    """Turns a peer's failure into one line on stderr and its exit code.
+
+    A line of the failure that a person `was_told` already, as it happened, is not printed again.
+    """
     try:
         yield
     except PeerFailed as error:
-        print(f"musselbed: {error}", file=sys.stderr)
+        if untold := [it for it in error.lines if not was_told(it)]:
+            print(f"musselbed: {'; '.join(untold)}", file=sys.stderr)
         raise SystemExit(Exit.PEER_FAILED) from error
 
 

@@ -83,6 +83,10 @@ class FlightProgress:
         self.messages.append(text)
         self._print(text)
 
+    def was_told(self, text: str) -> bool:
+        """True if this line of its own stands on the terminal."""
+        return text in self.messages and not self._console.quiet
+
     def show_status(self, now_ms: int, status: MakeStatus) -> None:
         if not self._progress.disable:
             if self._clock() - self._last_shown_s >= 1 / _REFRESH_HZ:

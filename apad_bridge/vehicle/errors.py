@@ -4,7 +4,14 @@ from __future__ import annotations
 
 
 class PeerFailed(RuntimeError):
-    """A peer that the run needs failed. One line names the peer, the consequence and the place to look."""
+    """A peer that the run needs failed, or one of each of several aPads.
+
+    A line for each names the peer, the consequence and the place to look.
+    """
+
+    def __init__(self, *lines: str) -> None:
+        super().__init__("; ".join(lines))
+        self.lines = lines
 
 
 class VehicleNotReady(Exception):

@@ -257,6 +257,44 @@ def test_the_map_is_painted_in_the_colours_of_its_legend(page: Path, browser: we
     assert early["purple"] == 0 and late["purple"] > 50
 
 
+def test_the_times_in_which_the_mission_was_kept_from_the_aPad_are_shaded_in_every_chart(
+    page: Path, browser: webdriver.Chrome, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """A person's stop from 20 to 40 s, a pilot from 60 to 80 s; what a chart leaves empty is else not painted at all."""
+    run = shutil.copytree(page.parent, tmp_path_factory.mktemp("shaded") / "stopped")
+    lines = [json.loads(it) for it in (run / "journal.jsonl").read_text().splitlines()]
+    lines += [
+        {"t": 20_000, "kind": "operator", "order": "stop", "by": "Anna"},
+        {"t": 40_000, "kind": "operator", "order": "continue", "by": "Anna"},
+        {"t": 60_000, "kind": "override", "taken": True, "by": "pilot"},
+        {"t": 80_000, "kind": "override", "taken": False, "by": "pilot"},
+    ]
+    told = sorted(lines, key=lambda line: line["t"])
+    (run / "journal.jsonl").write_text("".join(json.dumps(it) + "\n" for it in told))
+    look = """
+      const commonest=(values)=>{
+        const counts=new Map();
+        for(const it of values)counts.set(it,(counts.get(it)||0)+1);
+        return [...counts].sort((a,b)=>b[1]-a[1])[0][0];
+      };
+      const opacity=({ctx,bbox},plot,ms)=>{
+        const x=Math.round(plot.valToPos(ms,"x",true));
+        const pixels=ctx.getImageData(x,bbox.top,1,bbox.height).data;
+        return commonest([...pixels].filter((_,n)=>n%4===3));
+      };
+      document.body.dataset.found=JSON.stringify(Object.fromEntries([...charts].filter(([,it])=>it.plot.bbox.height>0)
+        .map(([name,{plot}])=>[name,[15,30,50,70,110].map((s)=>opacity(plot,plot,1000*s))])));
+    """
+    looked = build_replay(run)
+    looked.write_text(looked.read_text().replace("</body>", f"<script>{look}</script></body>"))
+    found = re.search(r'data-found="([^"]*)"', browse(browser, looked))
+    assert found
+    opacities = json.loads(found[1].replace("&quot;", '"'))
+    assert len(opacities) > 3
+    for name, (before, stopped, between, flown_by_hand, after) in opacities.items():
+        assert before == between == after < stopped == flown_by_hand, (name, opacities[name])
+
+
 def test_a_marked_one_is_shown_with_its_estimate(page: Path, browser: webdriver.Chrome) -> None:
     """Where it lies with 95 % is shaded, around the estimate and not around the truth."""
     look = """

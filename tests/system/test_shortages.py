@@ -74,6 +74,21 @@ def test_a_full_disk_ends_the_mission_in_order_with_whole_records(
     assert truths_s == list(range(len(truths_s))) and 60 < len(truths_s) <= contents.last_ms / 1000 + 1
 
 
+def test_a_full_disk_is_told_once_to_a_person(tmp_path: Path) -> None:
+    """As it happens, while the vehicle comes to rest, and not again at the end."""
+    run = tmp_path / "run"
+    done = subprocess.run(
+        [*MUSSELBED, "run", POOL, "--out", str(run), *OVER_ROS],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000)),
+    )
+    assert done.returncode == 3, done.stderr
+    assert " ".join(done.stderr.split()).count("takes no more data (File too large)") == 1, done.stderr
+
+
 @pytest.mark.parametrize("options", [ASAP, OVER_ROS], ids=["asap", "over ROS"])
 def test_too_few_open_files_are_one_line(tmp_path: Path, options: tuple[str, ...]) -> None:
     run = tmp_path / "run"

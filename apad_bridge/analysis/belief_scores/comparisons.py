@@ -16,7 +16,7 @@ from pathlib import Path
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.beliefs.modes import Mode, mode_of
-from apad_bridge.records.bag_samples import BagUnreadable, Instant, has_deviations, instants
+from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, why_no_deviations
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import BeliefSample, TruthSample, Water
@@ -76,10 +76,16 @@ class Comparison:
     """The square of that error in deviations, in two dimensions; None without deviations."""
 
 
-def best_record(run_dir: Path) -> Record:
-    """The bag, if all of the run's bags are closed and have deviations; else the journal. RunDirectoryError for no run."""
+def best_record(run_dir: Path) -> tuple[Record, str | None]:
+    """The bag, if all of the run's bags are closed and have deviations; else the journal, and why it is not the bag.
+
+    RunDirectoryError for no run.
+    """
     bags = RunDirectory.open(run_dir).bags
-    return Record.BAG if bags and all(map(has_deviations, bags)) else Record.JOURNAL
+    if not bags:
+        return Record.JOURNAL, f"{run_dir}: it has no bag"
+    why_not = next(filter(None, map(why_no_deviations, bags)), None)
+    return (Record.BAG if why_not is None else Record.JOURNAL), why_not
 
 
 def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Comparison]:

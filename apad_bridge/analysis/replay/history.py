@@ -27,6 +27,7 @@ from apad_bridge.events.sound import PacketPassed, RangeMeasured
 from apad_bridge.events.union import told_event
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import JournalContents, Line
+from apad_bridge.records.summary import Interruptions
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from firmware_model.power.charge import ChargeModel
@@ -153,6 +154,7 @@ class History:
         self._stops: list[StopView] = []
         """The stops that nobody's `continue` has ended, by their numbers."""
         self.now = RunState(docks=(None,) * dock_count)
+        self.interruptions = Interruptions()
         self._scale = scale
         self.meter = UptimeMeter(scale, charge_of)
         self._handlers: dict[str, Callable[[Line], None]] = {
@@ -186,6 +188,7 @@ class History:
         while self._next < len(self._lines) and self._lines[self._next]["t"] <= now_ms:
             line = self._lines[self._next]
             self._next += 1
+            self.interruptions.take(line["t"], line["kind"], line)
             handler = self._handlers.get(line["kind"])
             if handler is not None:
                 handler(line)

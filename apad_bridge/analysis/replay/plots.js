@@ -187,11 +187,11 @@ function chartOptions(chart, { width, height }) {
   };
 }
 
-// Below everything: the times in which the aPad was stopped.
+// Below everything: the times in which the mission was kept from the aPad.
 function drawInterruptions(ctx, x) {
   ctx.globalAlpha = 0.16;
   ctx.fillStyle = PAINT.way;
-  for (const [from, to] of stoppedSpans(data)) ctx.fillRect(x(from), 0, Math.max(1, x(to) - x(from)), ctx.canvas.height);
+  for (const [from, to] of interruptedSpans(data)) ctx.fillRect(x(from), 0, Math.max(1, x(to) - x(from)), ctx.canvas.height);
   ctx.globalAlpha = 1;
 }
 

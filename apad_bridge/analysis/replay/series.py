@@ -259,6 +259,7 @@ class _Sampler:
             "stop": None if now.stop is None else now.stop._asdict(),
             "refused": None if now.refused_stop is None else now.refused_stop._asdict(),
             "drift": now.drift,
+            "interrupted": history.interruptions.is_one,
         }
         if not self._stages or stage != self._stages[-1]:
             self._stages.append(stage)

@@ -39,9 +39,9 @@ function showStop({ stage }) {
   put($("plan-stopped"), stop ? "stopped" : "");
 }
 
-// The times in which the aPad was stopped, for the charts: [from ms, to ms].
-function stoppedSpans(run) {
-  return columnSpans(run.times_ms, run.stage, (it) => Number(Boolean(run.stages[it] && run.stages[it].stop)), true).map(([from, to]) => [from, to]);
+// The times in which a person or a guard kept the mission from the aPad, for the charts: [from ms, to ms].
+function interruptedSpans(run) {
+  return columnSpans(run.times_ms, run.stage, (it) => Number(Boolean(run.stages[it] && run.stages[it].interrupted)), true).map(([from, to]) => [from, to]);
 }
 
 // The alarm. A browser plays no sound before a person has touched the page, so the first touch prepares it.

@@ -61,6 +61,8 @@ class RunReport:
     energy: list[AgentEnergy]
     scores: Scores | None
     """None where no aMussel has both a belief and a truth."""
+    why_scored_by_journal: str | None
+    """Why the beliefs are not those of the bag; None if they are."""
     troubles: list[Trouble]
     more_troubles: int
     """Number of troubles beyond those in the list."""
@@ -72,6 +74,7 @@ def contents_of(directory: RunDirectory) -> RunReport:
     """RunDirectoryError, one line, when the directory holds no run that can be shown."""
     scenario, journal, summary, data = read_run(directory)
     troubles, interruptions = list(troubles_in(journal.lines)), Interruptions()
+    record, why_journal = best_record(directory.path)
     for line in journal.lines:
         interruptions.take(line["t"], line["kind"], line)
     return RunReport(
@@ -82,7 +85,8 @@ def contents_of(directory: RunDirectory) -> RunReport:
         summary,
         charge_models(scenario)(0),
         energy_of(directory) if data["has_truth"] else [],
-        scores_of(comparisons_in(directory.path, _PERIOD_MS, best_record(directory.path))),
+        scores_of(comparisons_in(directory.path, _PERIOD_MS, record)),
+        why_journal,
         troubles[:_MOST_FAULTS],
         max(0, len(troubles) - _MOST_FAULTS),
         interruptions.spans_ms(journal.last_ms),

@@ -170,7 +170,9 @@ def _belief_table(report: RunReport) -> Table:
     }
     rows = [_score_row(f"{head}{name}", it) for head, bins in groups.items() for name, it in bins.items()]
     columns = ("", "samples", "rmse", "bias", "in the interval of 95 %", "mode right", "place rmse m")
-    return Table("Charges believed, less true ones", columns, rows)
+    why = report.why_scored_by_journal
+    note = "" if why is None else f"By the journal: {why}."
+    return Table("Charges believed, less true ones", columns, rows, note)
 
 
 def _score_row(name: str, score: Score) -> list[str]:

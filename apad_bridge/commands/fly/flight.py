@@ -119,17 +119,16 @@ def fly(
             for command in recording_commands(scenario, options.namespace):
                 print(f"on the vehicle's computer: {command}", flush=True)
     title = scenario.name if script is None else script.file.name
-    with peers_may_fail():
+    progress = FlightProgress(title, round(scenario.duration_s * 1000), quiet=as_json)
+    with peers_may_fail(progress.was_told):
         with ExitStack() as stack:
-            progress = stack.enter_context(
-                FlightProgress(title, round(scenario.duration_s * 1000), quiet=as_json)
-            )
+            stack.enter_context(progress)
             tell = progress.print_message
             for service in live:
                 tell(service.title + stack.enter_context(service.beside(whole.path, tell)))
             flown = _fly(options, scenario, all_members, whole, progress, script)
         if not flown.summaries:
-            raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
+            raise PeerFailed(*failure_lines(flown.failures, is_alone=not scenario.apads))
         if options.dry_run:
             return print_plan(read_journal(whole.journal).first(PlanMade.kind), as_json)
         summary = _whole_summary(whole, scenario, all_members, flown)
@@ -142,7 +141,7 @@ def fly(
             scenario, flown_by, whole, summary, as_json, progress.messages, bags, is_virtual=is_virtual
         )
         if flown.failures:
-            raise PeerFailed(failure_text(flown.failures, is_alone=not scenario.apads))
+            raise PeerFailed(*failure_lines(flown.failures, is_alone=not scenario.apads))
         return _checked(whole, code) if check else code
 
 
@@ -166,9 +165,9 @@ def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:
     return "by hand" if options.manual else scenario.mission.collection
 
 
-def failure_text(failures: Mapping[str, str], *, is_alone: bool = True) -> str:
-    """One line; it names the aPads of several."""
-    return "; ".join(why if is_alone else f"{name}: {why}" for name, why in failures.items())
+def failure_lines(failures: Mapping[str, str], *, is_alone: bool = True) -> list[str]:
+    """A line for each aPad that failed; it names the aPads of several."""
+    return [why if is_alone else f"{name}: {why}" for name, why in failures.items()]
 
 
 def _write_inputs(

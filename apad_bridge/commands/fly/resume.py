@@ -37,7 +37,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a help, or a mistake in the options, needs none of the parts of a flight.
-    from apad_bridge.commands.fly.flight import failure_text, flown_by_whom
+    from apad_bridge.commands.fly.flight import failure_lines, flown_by_whom
     from apad_bridge.commands.fly.run_checks import check_real_vehicle
     from apad_bridge.commands.outcome import report
     from apad_bridge.records.journal import FORMAT_VERSION, format_of
@@ -76,10 +76,11 @@ def run(arguments: argparse.Namespace) -> int:
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
         _ask_whether_it_may_move()
     duration_ms = round(scenario.duration_s * 1000)
-    with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
+    progress = FlightProgress(scenario.name, duration_ms, quiet=arguments.json)
+    with peers_may_fail(progress.was_told), progress:
         flown = parent.resume(scenario.apad.name, path, options, progress)
         if flown.failures:
-            raise PeerFailed(failure_text(flown.failures))
+            raise PeerFailed(*failure_lines(flown.failures))
     (summary,) = flown.summaries.values()
     flown_by = flown_by_whom(options, scenario)
     return report(scenario, flown_by, directory, summary, arguments.json, progress.messages)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -61,10 +62,14 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         with WorkProgress(arguments.json) as progress:
             progress.step(f"reading {arguments.directory}")
-            record = Record(arguments.record) if arguments.record else best_record(arguments.directory)
+            record, why_journal = (
+                (Record(arguments.record), None) if arguments.record else best_record(arguments.directory)
+            )
             scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
+    if why_journal is not None:
+        print(f"musselbed beliefs: {why_journal}; the journal is read instead", file=sys.stderr)
     if scores is None:
         raise UserError(
             f"{arguments.directory}: nothing to compare: in its {record}, no aMussel has both a belief and a truth"

@@ -169,7 +169,7 @@ class Gateway:
         if isinstance(event, PacketPassed) and self._sound.get_num_connections() > 0:
             for row in sound_rows(event.data):
                 self._sound.publish(_transmission(row, at_ms))
-        if self._events.get_num_connections() == 0:
+        if event.is_for_journal_alone or self._events.get_num_connections() == 0:
             return
         message = MissionEvent(mission_time_ms=at_ms, kind=event.kind, data=json.dumps(event.data))
         message.header.stamp = stamp(at_ms)

@@ -272,8 +272,18 @@ def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
     run = flown(tmp_path, True)
     whole = (run / "run.bag").read_bytes()
     (run / "run.bag").write_bytes(whole[: len(whole) // 2])
+    capsys.readouterr()  # the flight's own lines
     assert main(["beliefs", str(run), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["record"] == "journal"
+    told = capsys.readouterr()
+    assert json.loads(told.out)["record"] == "journal"
+    (line,) = [it for it in told.err.splitlines() if "warning: " not in it]
+    assert line.startswith(f"musselbed beliefs: {run / 'run.bag'}: not a bag that can be read")
+    assert line.endswith("; the journal is read instead")
+    assert main(["report", str(run), "--data", "none", "--out", str(tmp_path / "report")]) == 0
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert f"By the journal: {run / 'run.bag'}: not a bag that can be read" in page
+    assert main(["beliefs", str(run), "--json", "--from", "journal"]) == 0
+    assert "not a bag" not in capsys.readouterr().err
     assert main(["beliefs", str(run), "--from", "bag"]) == 2
     errors = capsys.readouterr().err
     assert errors.count("\n") == 1 and errors.endswith("try --from journal\n")
@@ -303,7 +313,9 @@ def test_a_run_with_a_bag_of_means_is_scored(
     (run / "run.bag").unlink()
     bag_of_means(run / "run.bag", seconds=31)
     assert main(["beliefs", str(run), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["record"] == "journal"
+    told = capsys.readouterr()
+    assert json.loads(told.out)["record"] == "journal"
+    assert "run.bag: its beliefs have no deviations; the journal is read instead\n" in told.err
     assert main(["beliefs", str(run), "--json", "--from", "bag"]) == 0
     overall = json.loads(capsys.readouterr().out)["overall"]
     # It believes 0.75 for a true 0.5, and 1 m north for 1.5 m.

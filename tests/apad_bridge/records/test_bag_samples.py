@@ -17,7 +17,7 @@ from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.bag_messages import typestore
-from apad_bridge.records.bag_samples import BagUnreadable, has_deviations, instants
+from apad_bridge.records.bag_samples import BagUnreadable, instants, why_no_deviations
 from apad_bridge.records.samples import BeliefSample, TruthSample, belief_sample
 from firmware_model.states import State
 
@@ -50,7 +50,7 @@ def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
     bag = BagWriter(tmp_path / "run.bag", TimeScale(THETA))
     bag.sample(61_500, [TRUTH], [belief_sample(carried(), 61_500)], None)
     bag.close()
-    assert has_deviations(bag.path)
+    assert why_no_deviations(bag.path) is None
     (instant,) = instants([bag.path], 500)
     assert (instant.at_ms, instant.agent_ms) == (61_500, THETA * 61_500)
     assert instant.truths == (TRUTH,)
@@ -99,7 +99,7 @@ def test_a_bag_of_means_is_read_by_its_own_definitions(
     tmp_path: Path, bag_of_means: Callable[..., Path]
 ) -> None:
     path = bag_of_means(tmp_path / "run.bag", 31)
-    assert not has_deviations(path)
+    assert why_no_deviations(path) == f"{path}: its beliefs have no deviations"
     found = list(instants([path], 10_000))
     assert [it.at_ms for it in found] == [0, 10_000, 20_000, 30_000]
     assert found[1].truths == (TRUTH,)
@@ -114,7 +114,7 @@ def test_an_unclosed_bag_of_means_is_repaired_and_stays_one(
     path = bag_of_means(tmp_path / "run.bag", 5, closed=False)
     with pytest.raises(BagUnreadable, match=r"run\.bag: not a bag"):
         list(instants([path], 1000))
-    assert not has_deviations(path)
+    assert str(why_no_deviations(path)).startswith(f"{path}: not a bag that can be read")
     whole = path.read_bytes()
     path.write_bytes(whole[:-250])
     repair = repair_bag(path)

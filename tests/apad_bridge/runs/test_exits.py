@@ -19,13 +19,14 @@ from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.exits import Exit, exit_of
+from apad_bridge.runs.exits import Exit, exit_of, peers_may_fail
 from apad_bridge.runs.flying import fly, in_process_context, journal_start, open_fleet
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import ClockLost, OnTimeReached, StopFlag
+from apad_bridge.vehicle.errors import PeerFailed
 
 FAILED = MissionEnd(EndReason.STRATEGY_FAILED, "failure of strategy 'x': ValueError: no")
 
@@ -125,6 +126,21 @@ def test_a_directory_that_is_gone_is_told_at_the_next_tick_and_not_at_the_end(tm
     (told,) = [(now_ms, text) for now_ms, text in progress.told if "was deleted" in text]
     assert told[0] <= 21_000
     assert told[1].startswith(f"{out / 'journal.jsonl'} was deleted while the run flew: the run ends")
+
+
+@pytest.mark.parametrize("is_quiet", [False, True])
+def test_what_was_told_as_it_happened_is_not_told_again_at_the_end(
+    is_quiet: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The flight told the first failure; a quiet display showed nobody, so the end has to."""
+    with FlightProgress("pool", 60_000, quiet=is_quiet) as progress:
+        progress.print_message("apad1: its records are gone")
+    with pytest.raises(SystemExit) as ended, peers_may_fail(progress.was_told):
+        raise PeerFailed("apad1: its records are gone", "apad2: its node has ended")
+    assert ended.value.code == Exit.PEER_FAILED
+    told = capsys.readouterr().err
+    assert told.count("its records are gone") == told.count("apad2: its node has ended") == 1
+    assert told.endswith("\n") and "musselbed: ;" not in told
 
 
 def test_an_error_that_hides_a_lack_of_memory_is_known_by_the_space_that_is_used_up() -> None:

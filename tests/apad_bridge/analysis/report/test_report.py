@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from apad_bridge.analysis.report import figures
 from apad_bridge.analysis.report.contents import contents_of, troubles_in
 from apad_bridge.commands.main import main
+from apad_bridge.records.run_directory import RunDirectory
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +31,30 @@ def test_the_figures_show_the_run_s_data(report, pool_run):
     assert sum(it.get_height() for it in drawn) == pytest.approx(
         100 * sum(sum(it.by_module.values()) for it in report.energy)
     )
+
+
+def test_the_times_in_which_the_aPad_was_stopped_are_shaded(pool_run, tmp_path):
+    """A person stops it after a minute, takes it over meanwhile, and gives it back two minutes later."""
+    stopped = [
+        {"t": 60_000, "kind": "operator", "order": "stop", "by": "Anna"},
+        {"t": 90_000, "kind": "override", "taken": True, "by": "person"},
+        {"t": 180_000, "kind": "override", "taken": False, "by": "person"},
+    ]
+    run = with_lines(pool_run, tmp_path / "stopped", stopped)
+    (shade,) = figures.activity([contents_of(run)]).axes[0].patches
+    assert (shade.get_x(), shade.get_width()) == (1, 2)  # minutes
+    assert shade.get_window_extent().height == pytest.approx(shade.axes.bbox.height)
+    assert list(figures.activity([contents_of(pool_run)]).axes[0].patches) == []
+
+
+def with_lines(run, path, lines):
+    """A copy of the run whose journal has these lines, too, each at its time."""
+    shutil.copytree(run.path, path)
+    journal = path / "journal.jsonl"
+    kept = [json.loads(it) for it in journal.read_text().splitlines()]
+    told = sorted([*kept, *lines], key=lambda line: line["t"])
+    journal.write_text("".join(json.dumps(it) + "\n" for it in told))
+    return RunDirectory(path)
 
 
 def test_batteries_of_the_paper_s_worst_case_lie_on_the_model(report):
