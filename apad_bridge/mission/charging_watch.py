@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.planning import exchange
 from apad_bridge.scenario.schema import FullWhen, Mission
 
 
@@ -22,10 +23,13 @@ def makes_room(belief: Belief | None, config: Mission, waiting_charge: float) ->
     """The aMussel makes room for one with `waiting_charge`: it is believed above the scenario's `charge_to`, or to lead."""
     if belief is None:
         return False
-    charge = counted_charge(belief, config)
-    if charge > (config.full_threshold if config.charge_to is None else config.charge_to):
-        return True
-    return config.charge_lead is not None and charge >= waiting_charge + config.charge_lead
+    charge, above = counted_charge(belief, config), room_above(config)
+    return exchange.makes_room(charge, waiting_charge, above, config.charge_lead)
+
+
+def room_above(config: Mission) -> float:
+    """The charge above which a docked aMussel makes room for any that waits."""
+    return config.full_threshold if config.charge_to is None else config.charge_to
 
 
 def counted_charge(belief: Belief, config: Mission) -> float:

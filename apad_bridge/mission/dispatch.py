@@ -14,7 +14,15 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charging_watch import ChargingWatch, counted_charge, is_charged, is_full, makes_room
+from apad_bridge.mission.charging_watch import (
+    ChargingWatch,
+    counted_charge,
+    is_charged,
+    is_full,
+    makes_room,
+    room_above,
+)
+from apad_bridge.planning.exchange import is_worth_it
 from apad_bridge.scenario.schema import Dispatch, Mission
 
 Docked = Mapping[int, Belief | None]
@@ -39,20 +47,17 @@ def worth_an_exchange(
 ) -> list[Belief]:
     """Selects those of the pool for whom each of the `leaving` makes room; for one that leaves anyway, all of the pool.
 
-    The release looked at the lowest charge in the pool, and a strategy may prefer a neighbour. In the neighbour's place a
-    partly charged aMussel would bring less than its lead, so neighbours would take turns while others stood empty.
+    `planning/exchange.py` has the rule, which projections share.
     """
     early = [
-        belief
+        counted_charge(belief, config)
         for agent_id, belief in leaving.items()
         if belief is not None and not is_full(belief, config) and not watch.has_given_up(agent_id)
     ]
-
-    def is_worth_it(waiting: Belief) -> bool:
-        charge = counted_charge(waiting, config)
-        return all(makes_room(it, config, charge) and charge < counted_charge(it, config) for it in early)
-
-    return [it for it in pool if is_worth_it(it)]
+    least, above = min(early, default=None), room_above(config)
+    if least is None:
+        return list(pool)
+    return [it for it in pool if is_worth_it(least, counted_charge(it, config), above, config.charge_lead)]
 
 
 class BatchDispatch:
@@ -87,7 +92,8 @@ class BatchDispatch:
 class AsynchronousDispatch:
     """Collects one aMussel as soon as a dock is free; releases each when it is full, or given up.
 
-    When no dock is free and another waits, the fullest makes room, if it is charged enough for that.
+    When another waits, the fullest makes room, if it is charged enough for that. It does so with a free dock, too, because
+    in a dock it measures nothing.
     """
 
     def __init__(self, config: Mission, watch: ChargingWatch) -> None:

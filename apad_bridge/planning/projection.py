@@ -15,11 +15,14 @@ from math import hypot, inf
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
+from apad_bridge.planning.exchange import is_worth_it
 
 _LEG_S = 2.5
 """Time of a leg beyond its way at full speed: to accelerate, to brake, and to be sure of the arrival."""
 _HALVINGS = 8
 """They find the time of a lead within a second or two of an hour's charge."""
+_ROUNDING = 1e-9
+"""The charge at the time at which one makes room is a sum of floats, and may be so much below."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +73,20 @@ class Projection:
         """Flies one release of all, or one collection of a batch; False if nothing more will happen."""
         model, docked = self._model, self._docked
         swimming = [index for index in range(len(self._agents)) if index not in docked]
-        wanted = min(model.batch, len(swimming))
+        wanted = min(model.batch, len(self._agents))
         enters_s = self._enters_s(swimming)
-        waits_s = sorted(enters_s)[wanted - 1] if wanted else inf
+        waits_s = _last_of(enters_s, wanted)
         if docked:
             full_s = max(self._reaches_s(index, model.full) for index in docked)
-            room_s = max(waits_s, self._room_s(docked, swimming, wanted))
+            room_s = inf if waits_s == inf else max(waits_s, self._room_s(docked, swimming, wanted))
             self._now_s = max(self._now_s, min(full_s, room_s))
-            if model.exchanges_places and wanted and waits_s <= self._now_s:
-                enters_s = self._worth_an_exchange_s(swimming, enters_s, docked)
-                self._fly_tour(self._chosen(swimming, enters_s, wanted), self._fullest_first(docked))
+            exchanged_s = self._worth_an_exchange_s(swimming, enters_s, docked)
+            if model.exchanges_places and _last_of(exchanged_s, wanted) <= self._now_s:
+                self._fly_tour(self._chosen(swimming, exchanged_s, wanted), self._fullest_first(docked))
             else:
                 self._fly_tour((), docked)
             return True
-        if not wanted:
+        if waits_s == inf:
             return False
         self._now_s = max(self._now_s, waits_s)
         self._fly_tour(self._chosen(swimming, enters_s, wanted))
@@ -136,10 +139,6 @@ class Projection:
             self._fly_tour(self._chosen(swimming, enters_s, count), self._fullest_first(done))
             return True
         pool = [index for index, at_s in zip(swimming, enters_s, strict=True) if at_s <= now_s]
-        is_free = len(docked) < model.docks
-        if pool and is_free:
-            self._fly_tour([self._next(pool)])
-            return True
         events_s = list(full_s)
         if pool:
             room_s = self._room_s(docked, pool, 1)
@@ -147,6 +146,9 @@ class Projection:
                 leaves, count = self._fullest_first(docked)[:1], 1 if model.exchanges_places else 0
                 enters_s = self._worth_an_exchange_s(swimming, enters_s, leaves)
                 self._fly_tour(self._chosen(swimming, enters_s, count), leaves)
+                return True
+            if len(docked) < model.docks:
+                self._fly_tour([self._next(pool)])
                 return True
             events_s.append(room_s)
         else:
@@ -210,15 +212,13 @@ class Projection:
         early = [index for index in leaving if self._reaches_s(index, model.full) > now_s]
         if not early:
             return list(enters_s)
-        least = min(model.charged(self._charge[it], now_s - self._since_s[it]) for it in early)
-        # The time of a lead is a sum of floats.
-        led = (inf if least >= model.makes_room - 1e-9 else least - (model.charge_lead or 1.0)) + 1e-9
+        least = min(model.charged(self._charge[it], now_s - self._since_s[it]) for it in early) + _ROUNDING
 
-        def is_worth_it(index: int) -> bool:
+        def pays(index: int) -> bool:
             charge = max(0.0, self._charge[index] - model.drain_per_s * (now_s - self._since_s[index]))
-            return charge < least and charge <= led
+            return is_worth_it(least, charge, model.makes_room, model.charge_lead)
 
-        return [at_s if is_worth_it(it) else inf for it, at_s in zip(swimming, enters_s, strict=True)]
+        return [at_s if pays(it) else inf for it, at_s in zip(swimming, enters_s, strict=True)]
 
     def _room_s(self, docked: Sequence[int], waiting: Sequence[int], wanted: int) -> float:
         """When the docked ones make room for the `wanted` lowest that wait: one by one the first of them, else all."""
@@ -274,3 +274,8 @@ class Projection:
             elif self._since_s[index] < end_s:
                 self._charge[index] = self._model.charged(self._charge[index], end_s - self._since_s[index])
         return Outcome(tuple(self._active_s), tuple(self._charge), self._metres)
+
+
+def _last_of(times_s: Sequence[float], count: int) -> float:
+    """When so many have come; infinite if there are fewer, or none is wanted."""
+    return sorted(times_s)[count - 1] if 0 < count <= len(times_s) else inf
