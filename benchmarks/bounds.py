@@ -6,12 +6,16 @@ a bound before. The event-driven model flies it, and its figures are held agains
 a figure exceeds it by more than what a flight counts in whole ticks. `ratio` is the greatest figure over its bound.
 
 The search begins with motor runs of up to a fifth of a battery, at which an aMussel is best left to run down.
+
+With `--resume DIR` each try is a line of DIR/tries.jsonl, and the same command goes on from there. A try's random numbers
+follow from its number, and its starting points from the tries before it. So an ended search finds what a whole one finds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -38,6 +42,7 @@ TRIES, SHORT_TRIES = 2000, 20
 SEED = 34
 KEPT = 12
 """The missions nearest to each bound, from which half of the tries begin."""
+KEPT_TRIES = "tries.jsonl"
 CHANGED = 0.2
 """The probability with which such a try draws a key anew."""
 STRATEGIES = (
@@ -80,7 +85,7 @@ DRAWS: Draws = {
     "board.motor_run_charge": lambda random: random.choice((0.0, round(random.uniform(0, 0.2), 4))),
     "board.surfacing_s": lambda random: random.choice((1.0, 60.0, 300.0)),
     "board.sinking_s": lambda random: random.choice((1.0, 60.0, 300.0)),
-    "theta": lambda random: random.choice((5, 10, 30, 60, 120)),
+    "theta": lambda random: random.choice((1, 5, 10, 30, 60, 120)),
     "agent_hours": lambda random: random.choice((3, 5, 10, 20)),
     "apad.docks": lambda random: random.randint(1, 8),
     "fleet.count": lambda random: random.randint(1, 12),
@@ -180,39 +185,72 @@ def held_against(scenario: Scenario, bounds: Bounds, flown: Figures) -> list[Hel
     return found
 
 
-def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class Try:
+    """A try's keys, and its figures against the bounds; none for keys that exclude each other."""
+
+    drawn: Drawn
+    held: list[Held]
+
+
+def measure(tries: int = TRIES, short: bool = False, resume: Path | None = None) -> dict[str, Any]:
     """Flies `tries` missions; the greatest ratio for each bound, and the keys of the missions that beat one."""
     tries = SHORT_TRIES if short else tries
-    random = Random(SEED)
     nearest: dict[str, list[tuple[float, int, Drawn]]] = {}
     counts: dict[str, int] = {}
     beaten: list[dict[str, Any]] = []
-    flown = refused = 0
+    kept = [] if resume is None else list(_kept(resume))
+    number = flown = 0
     while flown < tries:
-        drawn = _next(random, nearest)
-        try:
-            scenario = scenario_of(drawn)
-        except ScenarioError:
-            refused += 1
-            continue
-        bounds = bounds_of([scenario])
-        found = held_against(scenario, bounds, fly(scenario, Model.EVENT_DRIVEN))
-        flown += 1
-        for it in found:
+        if number < len(kept):
+            tried = kept[number]
+        else:
+            tried = _tried(_next(Random(f"{SEED} {number}"), nearest))
+            if resume is not None:
+                _keep(resume, tried)
+        number += 1
+        flown += bool(tried.held)
+        for it in tried.held:
             counts[it.bound] = counts.get(it.bound, 0) + 1
             close = nearest.setdefault(it.bound, [])
-            close.append((it.ratio, -flown, drawn))
+            close.append((it.ratio, -flown, tried.drawn))
             close.sort(key=lambda entry: entry[:2], reverse=True)
-            if close[0][2] is drawn:
+            if close[0][2] is tried.drawn and number > len(kept):
                 told({"flown": flown, "bound": it.bound, "ratio": it.ratio})
             del close[KEPT:]
             if it.is_beaten:
-                beaten.append({"bound": it.bound, "figure": it.figure, "limit": it.limit, "keys": drawn})
+                beaten.append(
+                    {"bound": it.bound, "figure": it.figure, "limit": it.limit, "keys": tried.drawn}
+                )
     rows = [
         {"bound": name, "flights": counts[name], "ratio": close[0][0], "nearest": close[0][2]}
         for name, close in nearest.items()
     ]
-    return {"tries": flown, "refused": refused, "rows": rows, "beaten": beaten}
+    return {"tries": flown, "refused": number - flown, "rows": rows, "beaten": beaten}
+
+
+def _tried(drawn: Drawn) -> Try:
+    try:
+        scenario = scenario_of(drawn)
+    except ScenarioError:
+        return Try(drawn, [])
+    return Try(drawn, held_against(scenario, bounds_of([scenario]), fly(scenario, Model.EVENT_DRIVEN)))
+
+
+def _kept(directory: Path) -> Iterator[Try]:
+    """The tries of an ended search, in order."""
+    path = directory / KEPT_TRIES
+    for line in path.read_text().splitlines(keepends=True) if path.exists() else ():
+        if not line.endswith("\n"):
+            raise SystemExit(f"{path}: its last line is cut: delete that line")
+        data = json.loads(line)
+        yield Try(data["drawn"], [Held(**it) for it in data["held"]])
+
+
+def _keep(directory: Path, tried: Try) -> None:
+    directory.mkdir(parents=True, exist_ok=True)
+    with (directory / KEPT_TRIES).open("a") as file:
+        file.write(json.dumps({"drawn": tried.drawn, "held": [asdict(it) for it in tried.held]}) + "\n")
 
 
 def _next(random: Random, nearest: dict[str, list[tuple[float, int, Drawn]]]) -> Drawn:

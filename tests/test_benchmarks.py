@@ -17,7 +17,7 @@ from shapely import Point, Polygon
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.scenario.loader import load
-from benchmarks import chaos, planner, ten_days
+from benchmarks import bounds, chaos, planner, ten_days
 
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
@@ -207,3 +207,11 @@ def test_a_short_tier_has_the_old_keys_and_its_rows_stand_on_standard_error() ->
     rows = [json.loads(it) for it in done.stderr.splitlines() if it.startswith("{")]
     assert len(rows) == result["repeats"] == 5
     assert min(it["ms_per_20_hours"] for it in rows) <= result["ms_per_20_hours"]
+
+
+def test_a_search_for_missions_that_beat_a_bound_goes_on_where_it_was_ended(tmp_path: Path) -> None:
+    whole = bounds.measure(tries=4)
+    bounds.measure(tries=2, resume=tmp_path)
+    assert bounds.measure(tries=4, resume=tmp_path) == whole
+    flown = [it for it in (tmp_path / "tries.jsonl").read_text().splitlines() if json.loads(it)["held"]]
+    assert len(flown) == whole["tries"] == 4

@@ -50,7 +50,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import fsum, inf
+from math import ceil, fsum, inf, isfinite
 from statistics import fmean
 
 from apad_bridge.assembly.energy_model import drain_per_min_of
@@ -107,13 +107,21 @@ class Bounds:
 
     @property
     def text(self) -> str:
-        samples = "" if self.samples is None else f", {self.samples:.0f} samples"
+        """In words. Each number is rounded up, because a bound that is rounded down may be exceeded."""
+        samples = "" if self.samples is None else f", {_up(self.samples, 0)} samples"
         return (
-            f"No strategy exceeds {self.uptime_percent:.1f} % uptime, {self.active:.2f} active aMussels{samples} here, or "
-            f"{self.uptime_for_ever_percent:.1f} % uptime in the long run. {self.docks} docks sustain at most "
-            f"{self.sustained:.1f} aMussels ({self.sustained_from_empty:.1f} if each charge begins at empty); "
+            f"No strategy exceeds {_up(self.uptime_percent)} % uptime, {_up(self.active, 2)} active aMussels{samples} "
+            f"here, or {_up(self.uptime_for_ever_percent)} % uptime in the long run. {self.docks} docks sustain at most "
+            f"{_up(self.sustained)} aMussels ({_up(self.sustained_from_empty)} if each charge begins at empty); "
             f"the fleet has {self.amussels}."
         )
+
+
+def _up(value: float, digits: int = 1) -> str:
+    """The least decimal number with so many digits that is not below the value, up to the rounding of a sum."""
+    if not isfinite(value):
+        return str(value)
+    return f"{ceil(value * 10**digits - 1e-6) / 10**digits:.{digits}f}"
 
 
 def bounds_of(

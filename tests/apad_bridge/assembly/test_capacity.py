@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -14,6 +15,7 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 from scipy.optimize import linprog
 
 from apad_bridge.assembly.capacity import (
+    Bounds,
     Rates,
     _best_gain,
     active_minutes,
@@ -335,3 +337,19 @@ def test_the_cycles_of_a_fleet_that_one_apad_affords_by_hand() -> None:
     needed_wh = full_h * (12 * battery.charging_w_per_dock + 3 * battery.hotel_w)
     found = bounds_of([scenario]).cycles_per_apad_charge
     assert found == pytest.approx(battery.capacity_wh / needed_wh, rel=1e-3)
+
+
+@given(*(st.floats(0.001, 1e5) for _ in range(5)))
+def test_no_printed_bound_is_below_its_value(
+    uptime: float, active: float, samples: float, for_ever: float, sustained: float
+) -> None:
+    text = Bounds(9, 4, uptime, active, samples, sustained, sustained, for_ever, None).text
+    numbers = [float(it) for it in re.findall(r"\d+\.?\d*", text)]
+    assert (numbers[4], numbers[-1]) == (4, 9)
+    for printed, value, step in zip(
+        (*numbers[:4], *numbers[5:7]),
+        (uptime, active, samples, for_ever, sustained, sustained),
+        (0.1, 0.01, 1, 0.1, 0.1, 0.1),
+        strict=True,
+    ):
+        assert value - 2e-6 <= printed < value + 1.001 * step
