@@ -44,7 +44,7 @@ from benchmarks.network import MUSSELBED, ON_RED, ROOT
 from benchmarks.rows import told
 from benchmarks.soak import children_of_all
 
-ON_EACH, SHORT_ON_EACH = 500, 12
+ON_EACH, SHORT_ON_EACH = 500, 4
 THETA = 30
 PERIOD_S = 10.0
 """Mission time between two reports of an aMussel: a hundred packets a second of all."""
@@ -57,13 +57,17 @@ CHARGES = [0.55, 0.9]
 MISSION = {"pool_threshold": 0.6, "full_threshold": 0.62, "batch": 2}
 """One aMussel in seven is a candidate, and a minute or two in a dock make it full."""
 DOCKING = {"dock_s": 5.0, "undock_s": 2.0}
+NEAR = {"polygon_m": [[12, 8.5], [16, 8.5], [16, 12.5], [12, 12.5]]}
+"""The short tier's square: a leg takes some seconds, and the first batch has aMussels of both machines."""
+NEARLY_LOW, NEAR_BATCH = [0.58, 0.61], 4
 FLEETS = ("fleet-one", "fleet-two")
 
 
 def measure(minutes: float = 20.0, short: bool = False) -> dict[str, Any]:
     """`minutes` is the patience with each step, of which the longest are some batches of two services.
 
-    The short tier has few aMussels, but its cut lasts as long.
+    The short tier has few aMussels around the aPad, all of which are soon candidates, but its cut lasts as long. All is
+    in real time, so it waits for some minutes and takes some seconds of a processor.
     """
     if why := why_no_two_machines():
         raise SystemExit(f"this machine cannot play two: {why}")
@@ -75,11 +79,16 @@ def written(home: Path, name: str, first_id: int, count: int) -> Path:
     """A scenario for these aMussels, in one square for all of them."""
     data = resolve(load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"))
     data |= {"theta": THETA, "duration_s": 86_400.0}
-    data["fleet"] |= {"count": count, "first_id": first_id, "start": {"charge": CHARGES}}
+    is_short = count <= 2 * SHORT_ON_EACH
+    charges = NEARLY_LOW if is_short else CHARGES
+    data["fleet"] |= {"count": count, "first_id": first_id, "start": {"charge": charges}}
     data["apad"] |= {"generation": "b"}
     data["hearing"]["report_period_s"] = PERIOD_S
     data["board"] |= BOARD
     data["mission"] |= MISSION
+    if is_short:
+        data["area"] |= NEAR
+        data["mission"] |= {"batch": NEAR_BATCH}
     data["mission"]["docking"] |= DOCKING
     write_resolved(home / f"{name}.yaml", from_data(data, name))
     return home / f"{name}.yaml"

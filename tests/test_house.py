@@ -75,6 +75,10 @@ def test_one_file_at_most_imports(library: str) -> None:
     assert len(list(files_that_import({library}))) <= 1
 
 
+def test_no_process_of_ours_reads_pickles() -> None:
+    assert list(files_that_import({"pickle", "shelve", "dill", "cloudpickle"})) == []
+
+
 def test_only_the_plugin_of_firmware_model_imports_pytest() -> None:
     plugins = (Path("firmware_model/bench/pytest_plugin.py"), Path("agents/mussel/pytest_plugin.py"))
     assert set(files_that_import({"pytest"})) <= set(plugins)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import fields
 from math import dist
+from pathlib import Path
 from random import Random
 
 import pytest
@@ -34,6 +37,21 @@ def pools(draw: st.DrawFn) -> Situation:
 
 def ids(solution: Solution) -> list[int]:
     return [step.agent_id for step in solution.steps]
+
+
+def test_the_page_for_authors_describes_what_a_strategy_finds() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "extending.md").read_text()
+    described = set(re.findall(r"`(\w+)`", page[page.index("## Strategies") : page.index("## Codecs")]))
+    found = {it.name for kind in (Candidate, Situation) for it in fields(kind)}
+    assert {
+        "charge",
+        "secondary",
+        "unserved_s",
+        "is_served",
+        "others",
+        "model",
+        "leaving",
+    } <= described & found
 
 
 def test_cautious_takes_the_lowest_charges_wherever_they_are() -> None:

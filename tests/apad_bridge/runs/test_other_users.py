@@ -52,6 +52,7 @@ def test_a_run_is_its_users_alone_whatever_the_umask_is(tmp_path: Path) -> None:
         assert mode(directory.path) == mode(directory.path / "fleet") == 0o700
         assert mode(directory.path / "fleet" / "nursery.sock") == 0o600
         assert os.umask(0) == 0  # as it was
+        assert "mode 0700" in (Path(__file__).parents[3] / "docs" / "records.md").read_text()
     finally:
         fleet.close()
 

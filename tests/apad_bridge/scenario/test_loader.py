@@ -275,6 +275,11 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
         ("theta: 30", "theta: 30\nwater: {modems: v4}", "water.modems: must be 'v2' or 'v3', not 'v4'"),
         (
             "amplitude_m: 0.005}",
+            "amplitude_m: 3e5}",
+            "fleet.drift.amplitude_m: must be less than or equal to 100, not 300000.0",
+        ),
+        (
+            "amplitude_m: 0.005}",
             "amplitude_m: 0.005}\n  spread: {drain: 0.31}",
             "fleet.spread.drain: must be less than or equal to 0.3, not 0.31",
         ),
