@@ -41,6 +41,16 @@ class PrimitivePhase(StrEnum):
     NOTHING_CAUGHT = "nothing_caught"
 
 
+class ExchangePhase(StrEnum):
+    PLANNED = "planned"
+    UNDONE = "undone"
+    """The one that was to be released has its own place again, as the other one was not collected."""
+    HALF_DONE = "half done"
+    """Both are at one place: one was released there, and the other one was not collected."""
+    FINISHED = "finished"
+    """The other one was collected after all, and is brought to the place that is empty."""
+
+
 _Point = tuple[float, float]
 
 
@@ -69,6 +79,7 @@ class MissionSnapshot(TypedDict):
     failed_tries: list[tuple[int, int]]
     failed_undockings: list[tuple[int, int]]
     released: list[tuple[int, int]]
+    exchanged: list[tuple[int, int, ExchangePhase]]
     ended_by: str | None
     end_reason: EndReason | None
 
@@ -237,6 +248,29 @@ class StepGivenUp(Event):
         }
         fate = fates.get(self.what)
         return None if fate is None else f"aMussel {self.agent} {fate}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class ExchangeChanged(Event):
+    kind = "exchange"
+    when = "an exchange of places failed, or one that was half done has ended"
+    counted = ("released", "collected", "phase")
+
+    released: Annotated[int, Meaning("the aMussel that was to take the other one's place")]
+    collected: Annotated[int, Meaning("the aMussel that was to be collected there")]
+    phase: Annotated[ExchangePhase, Meaning("what became of it")]
+
+    @property
+    def category(self) -> Category:
+        return Category.RELIEF if self.phase is ExchangePhase.FINISHED else Category.ALARM
+
+    def text(self) -> str:
+        one, other = f"aMussel {self.released}", f"aMussel {self.collected}"
+        return {
+            ExchangePhase.UNDONE: f"{one} does not take the place of {other}, which is not collected",
+            ExchangePhase.HALF_DONE: f"{one} and {other} are at one place, and the one from where {one} came is empty",
+            ExchangePhase.FINISHED: f"{other} is collected after all, for the place from where {one} came",
+        }.get(self.phase, f"{one} is to take the place of {other}")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,17 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import BeyondReach, InReach, LeftAlone, Phase, StandsDown, StepGivenUp, Stuck
+from apad_bridge.events.mission import (
+    BeyondReach,
+    ExchangeChanged,
+    ExchangePhase,
+    InReach,
+    LeftAlone,
+    Phase,
+    StandsDown,
+    StepGivenUp,
+    Stuck,
+)
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
@@ -48,6 +58,7 @@ from apad_bridge.vehicle.primitives import (
     PrimitiveFailed,
     PrimitiveSucceeded,
 )
+from firmware_model.state_groups import BEYOND_HELP
 
 STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
@@ -181,6 +192,7 @@ class EnergyExchange(OrderBook):
                 return self.take_orders()
             self._must_begin = False
             self._behaviour.begin(self, now_ms)
+        self._settle_exchanges()
         self._look_at_the_sea(now_ms)
         self._look_at_the_time(now_ms)
         if self._behaviour.tick is not None:
@@ -333,11 +345,54 @@ class EnergyExchange(OrderBook):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return False
         if solution.steps:
-            flown = tour(solution, situation)
+            flown, pairs = tour(solution, situation), exchanges(solution, situation)
             solution = Solution(tuple(it for it in flown.steps if it.kind is StepKind.COLLECT))
             self.tell(plan_event("collect", name, solution, situation, self._config.costs, self._collection))
-            self.set(plan=flown, homes=with_exchanged_homes(self.state.homes, exchanges(solution, situation)))
+            self.set(plan=flown)
+            self._exchange_homes(pairs)
         return bool(solution.steps)
+
+    def _exchange_homes(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """Has each pair (released, collected) exchange its homes, and watches it. A new one ends an older one."""
+        anew = {agent_id for pair in pairs for agent_id in pair}
+        self.set(
+            homes=with_exchanged_homes(self.state.homes, pairs),
+            exchanged=(
+                *(it for it in self.state.exchanged if it[0] not in anew),
+                *((*pair, ExchangePhase.PLANNED) for pair in pairs),
+            ),
+        )
+
+    def _settle_exchanges(self) -> None:
+        """Ends each exchange of which one is not collected: undone while the other one is aboard, else half done.
+
+        One that is half done ends when the missing one is collected after all, or can be no more. The newest comes first,
+        because it has exchanged what an older one left.
+        """
+        collects = {it.agent_id for it in self.state.plan.steps if it.kind is StepKind.COLLECT}
+        open_ones: list[tuple[int, int, ExchangePhase]] = []
+        for released, collected, phase in reversed(self.state.exchanged):
+            found = phase
+            if self._is_held(collected):
+                found = ExchangePhase.FINISHED
+            elif collected not in collects:
+                is_over = self._is_held(released) or self._is_given_up(collected)
+                found = ExchangePhase.UNDONE if is_over else ExchangePhase.HALF_DONE
+            if found is ExchangePhase.UNDONE:
+                self.set(homes=with_exchanged_homes(self.state.homes, [(released, collected)]))
+            if found in (ExchangePhase.PLANNED, ExchangePhase.HALF_DONE):
+                open_ones.insert(0, (released, collected, found))
+            is_as_planned = phase is ExchangePhase.PLANNED and found is ExchangePhase.FINISHED
+            if found is not phase and not is_as_planned:
+                self.tell(ExchangeChanged(released, collected, found))
+        if self.state.exchanged:
+            self.set(exchanged=tuple(open_ones))
+
+    def _is_given_up(self, agent_id: int) -> bool:
+        """The aMussel will not be collected any more."""
+        belief = self._beliefs.get(agent_id)
+        is_lost = belief is not None and belief.state in BEYOND_HELP
+        return is_lost or agent_id in self._used_up(self.state.failed_tries)
 
     def _go_collect(self, now_ms: int) -> None:
         step, belief = self._step, self._beliefs.get(self._step.agent_id)
@@ -544,6 +599,7 @@ class EnergyExchange(OrderBook):
         collects = finished.kind is StepKind.COLLECT and all(it.kind is StepKind.COLLECT for it in left)
         if collects and left and getattr(self._collection, "pre_empts", False):
             self._plan_rest_of_batch(len(left), now_ms)
+        self._settle_exchanges()
         if self.state.phase is not Phase.ENDED:
             self._next_step(now_ms)
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, cast
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.events.mission import MissionSnapshot, Phase
+from apad_bridge.events.mission import ExchangePhase, MissionSnapshot, Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.solution import Solution
 from apad_bridge.scenario.schema import PAPER_DOCKS
@@ -77,6 +77,8 @@ class MissionState:
     """(agent, number of failed tries to open the dock that holds it), by agent; only those above 0."""
     released: tuple[tuple[int, int], ...] = ()
     """(agent, mission ms of its last release), by agent."""
+    exchanged: tuple[tuple[int, int, ExchangePhase], ...] = ()
+    """(released, collected, phase) of each exchange of places that is not over: planned, or half done."""
     ended_by: MissionEnd | None = None
 
     @property
@@ -117,6 +119,9 @@ class MissionState:
                 **{name: tuple(tuple(row) for row in data[name]) for name in rows},
                 "leg": None if leg is None else Leg.from_json(leg),
                 "phase": Phase(data["phase"]),
+                "exchanged": tuple(
+                    (one, other, ExchangePhase(phase)) for one, other, phase in data["exchanged"]
+                ),
                 "plan": Solution.decode(data["plan"]),
                 "ended_by": None if reason is None else MissionEnd(EndReason(reason), text),
             }

@@ -5,11 +5,13 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import ExchangePhase, Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.docking_routine import NOT_FOUND, SEARCH_S
 from apad_bridge.mission.end_by import KnownEnd
@@ -67,7 +69,9 @@ class Bench:
         self.told = Told()
         self.config = config
         self.now_ms = 0
-        self.orders: list[Order] = []
+        self.events: list[Event] = []
+        """All events so far."""
+        self.orders = []
         self.mission = EnergyExchange(
             config,
             self.told,
@@ -80,6 +84,16 @@ class Bench:
         self.mission.moved(*place)
         for agent_id in range(1, agents + 1):
             self.told.say(agent_id, 0, State.ACTIVE, 0.5 + agent_id / 100)
+
+    @property
+    def orders(self) -> list[Order]:
+        """What the mission ordered and told in the newest call."""
+        return self._orders
+
+    @orders.setter
+    def orders(self, orders: list[Order]) -> None:
+        self._orders = orders
+        self.events += [it for it in orders if isinstance(it, Event)]
 
     def tick(self, seconds: int = 1) -> list[Order]:
         """One tick after so many seconds, with every aMussel heard again in its old state."""
@@ -797,9 +811,7 @@ def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_ot
 
 
 @pytest.mark.parametrize(("charge_to", "leaves"), [(0.85, True), (None, False)])
-def test_a_charged_one_makes_room_only_when_another_waits_and_no_dock_is_free(
-    charge_to: float | None, leaves: bool
-) -> None:
+def test_a_charged_one_makes_room_when_another_waits(charge_to: float | None, leaves: bool) -> None:
     bench = one_by_one(agents=6, config=replace(ASYNCHRONOUS, charge_to=charge_to))
     for agent_id in (2, 3, 4):
         bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.7)
@@ -1093,6 +1105,123 @@ def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
     assert {it for it in bench.mission.docks if it} == {3, 4}
     homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
     assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
+
+
+def homes_of(bench: Bench) -> dict[int, float]:
+    return {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
+
+
+def told_exchanges(bench: Bench) -> list[tuple[int, int, str]]:
+    return [
+        (it["released"], it["collected"], it["phase"])
+        for it in (event.data for event in bench.events if event.kind == "exchange")
+    ]
+
+
+def release(bench: Bench, agent_id: int) -> GoToPoint:
+    """Flies a release to its end, and returns its go-to."""
+    there = bench.succeed()
+    assert isinstance(there, GoToPoint) and isinstance(bench.succeed(), UndockMussel)
+    bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.95, there.north_m, there.east_m)
+    return there
+
+
+def test_an_exchange_whose_partner_is_not_collected_is_undone_while_the_other_one_is_aboard() -> None:
+    """A free dock takes 4 before 2 leaves. 4 is not reached, so 2 goes to its own place; 3 and 1 exchange as planned."""
+    bench = exchanging()
+    bench.tick()
+    bench.fail("the way is barred")
+    assert told_exchanges(bench) == [(2, 4, "undone")]
+    assert release(bench, 2).north_m == 20.0
+    bench.collect(3)
+    assert release(bench, 1).north_m == 30.0
+    assert homes_of(bench) == {1: 30.0, 2: 20.0, 3: 10.0, 4: 40.0}
+    assert bench.mission.state.exchanged == ()
+
+
+def half_done() -> Bench:
+    """No dock is free, so 2 leaves before 4 is collected, which then fails: both are at one place."""
+    bench = exchanging(collection_attempts=2)
+    bench.mission.set(dock_count=2)
+    bench.tick()
+    release(bench, 2)
+    bench.fail("the way is barred")
+    assert told_exchanges(bench) == [(2, 4, "half done")]
+    assert homes_of(bench) == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
+    assert release(bench, 1).north_m == 30.0
+    bench.collect(3)
+    return bench
+
+
+def test_an_exchange_that_is_half_done_is_finished_when_the_missing_one_is_collected_after_all() -> None:
+    bench = half_done()
+    bench.told.say(3, bench.now_ms, State.CHARGING, 1.0)
+    bench.tick(200)
+    release(bench, 3)
+    bench.told.say(1, bench.now_ms, State.ACTIVE, 0.5, 30.0, 0.0)
+    bench.tick()
+    bench.collect(4)
+    assert told_exchanges(bench) == [(2, 4, "half done"), (2, 4, "finished")]
+    assert homes_of(bench)[4] == 20.0 and bench.mission.state.exchanged == ()
+
+
+def test_an_exchange_that_is_half_done_is_undone_when_the_other_one_is_aboard_again() -> None:
+    bench = half_done()
+    bench.told.say(3, bench.now_ms, State.CHARGING, 1.0)
+    bench.tick()
+    release(bench, 3)
+    bench.told.say(4, bench.now_ms, State.ACTIVE, 0.95)
+    for agent_id in (1, 2):
+        bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.5)
+    bench.tick()
+    bench.collect(1)
+    bench.collect(2)
+    assert told_exchanges(bench)[-1] == (2, 4, "undone")
+    assert homes_of(bench)[2] == 20.0 and homes_of(bench)[4] == 40.0
+
+
+def test_an_exchange_that_is_half_done_outlives_a_resume_and_is_told_once() -> None:
+    bench = half_done()
+    state = MissionState.from_json(json.loads(json.dumps(bench.mission.state.to_json())))
+    assert state.exchanged == ((2, 4, ExchangePhase.HALF_DONE),)
+    bench = Bench(agents=4, state=state, config=bench.config)
+    bench.tick()
+    assert told_exchanges(bench) == [] and bench.mission.state.exchanged == state.exchanged
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.data(), st.integers(2, 4))
+def test_no_two_are_left_at_one_place_without_a_word(data: st.DataObject, dock_count: int) -> None:
+    """Whatever go-to, docking or undocking fails: a place that two have, and one that is empty, are of a told exchange."""
+    bench = exchanging(collection_attempts=2)
+    bench.mission.set(dock_count=dock_count)
+    bench.tick()
+    place = {3: 30.0, 4: 40.0}
+    while bench.mission.state.plan.steps:
+        step = bench.mission.state.plan.steps[0]
+        if bench.mission.state.phase is not Phase.AWAIT_SURFACING and data.draw(st.integers(0, 3)) == 0:
+            bench.fail("bad luck")
+        elif bench.mission.state.phase is Phase.GO_COLLECT:
+            bench.succeed()
+            bench.told.say(step.agent_id, bench.now_ms, State.FLOATING, 0.4)
+            bench.tick()
+        elif bench.mission.state.phase is Phase.AWAIT_SURFACING:
+            bench.tick()
+        else:
+            done = bench.succeed()
+            if isinstance(done, DockMussel):
+                del place[step.agent_id]
+            if isinstance(done, UndockMussel):
+                assert bench.mission.pose is not None
+                place[step.agent_id] = bench.mission.pose[0]
+    homes, open_ones = homes_of(bench), {it[:2] for it in bench.mission.state.exchanged}
+    assert sorted(homes.values()) == [10.0, 20.0, 30.0, 40.0]
+    told = {it[:2] for it in told_exchanges(bench) if it[2] == "half done"}
+    shared = {
+        (a, b) for a in place for b in place if a != b and place[a] == place[b] and homes[a] == place[a]
+    }
+    assert shared == open_ones and open_ones <= told
+    assert {it for it in place if place[it] != homes[it]} == {collected for _, collected in open_ones}
 
 
 def test_who_waits_alone_is_no_batch_and_exchanges_with_nobody() -> None:
