@@ -77,11 +77,13 @@ GROUPS = {
     "prepare": {
         "new": "write a commented scenario to begin with",
         "doctor": "check this machine, its ROS, the network both ways, and a scenario",
+        "python": "run a Python file, pytest or pip with musselbed's own Python",
         "layout": "write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
     },
     "real hardware": {
         "preflight": "check a real aPad and everything around it before a mission",
         "bridge": "real aMussels by a nanomodem on a serial port, for a mission on ROS",
+        "modems": "simulated nanomodems on a table, to try a bridge without hardware",
         "shadow": "somebody else's mission, live or from a bag: their decisions beside what ours would have been",
     },
     "logs of real hardware": {

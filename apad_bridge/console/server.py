@@ -236,7 +236,7 @@ class _Pages:
         try:
             asked = _ORDER.validate_json(await request.body())
         except ValidationError as error:
-            return JSONResponse({"accepted": False, "message": error.errors()[0]["msg"]}, status_code=400)
+            return JSONResponse({"accepted": False, "message": _mistake(error)}, status_code=400)
         answer = await asyncio.to_thread(control.answer_of, self._run_dir, asked)
         return JSONResponse(asdict(answer))
 
@@ -253,6 +253,12 @@ class _Pages:
     def _is_token(self, text: str) -> bool:
         # As bytes: the comparison takes no text beyond ASCII.
         return hmac.compare_digest(text.encode(), self._token.encode())
+
+
+def _mistake(error: ValidationError) -> str:
+    """The first mistake in an order, with its key."""
+    first = error.errors()[0]
+    return ": ".join([*map(str, first["loc"][-1:]), first["msg"]])
 
 
 def _is_of_this_origin(request: Request) -> bool:

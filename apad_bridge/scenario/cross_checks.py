@@ -92,6 +92,17 @@ def warnings(scenario: Scenario) -> list[Contradiction]:
             battery.start_fraction if it.battery_start_fraction is None else it.battery_start_fraction
         )
     found: list[Contradiction] = []
+    if (
+        scenario.water is not None
+        and scenario.water.links_file
+        and scenario.hearing.mode is HearingMode.PAPER
+    ):
+        found.append(
+            (
+                "water.links_file cuts sound alone: with hearing.mode: paper each report comes by Wi-Fi all the same",
+                "use hearing.mode: physical, as sound-12 does, or the fault link_cut",
+            )
+        )
     if (doubt := doubt_about_legs(scenario)) is not None:
         found.append(
             (doubt, "lower the current or the wind, or give the aPad more thrust (apad.thruster_max_n)")

@@ -57,8 +57,7 @@ def load(path: Path) -> Scenario:
     A name without a folder and an ending is that of a shipped scenario, unless there is such a file. Raises ScenarioError
     with a line for each mistake, also if there is no such file.
     """
-    if path.name == str(path) and not path.suffix and not path.exists():
-        path = _shipped(path.name)
+    path = file_of(path)
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
@@ -71,6 +70,18 @@ def load(path: Path) -> Scenario:
     data = _with_firmware(data)
     _make_absolute(data, path.parent.absolute())
     return from_data(data, str(path))
+
+
+def file_of(path: Path) -> Path:
+    """The file that `load` reads: a shipped scenario's for its name. ScenarioError for the name of none."""
+    if path.name == str(path) and not path.suffix and not path.exists():
+        return _shipped(path.name)
+    return path
+
+
+def files_named(text: str) -> list[str]:
+    """The names of files and directories in a scenario's text, as they are written there. ValueError if it is no YAML."""
+    return [block[key] for _, block, key in _file_entries(_with_firmware(parse_yaml(text)))]
 
 
 def _shipped(name: str) -> Path:

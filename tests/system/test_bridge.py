@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 import serial
-from physical_modems import PhysicalModems
 
+from apad_bridge.acoustics.serial.table_modems import TableModems
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.states import State
@@ -55,8 +55,8 @@ class Lines:
 
 
 @pytest.fixture
-def modems(tmp_path: Path) -> Iterator[PhysicalModems]:
-    made = PhysicalModems(tmp_path / "dev", 2, 1)
+def modems(tmp_path: Path) -> Iterator[TableModems]:
+    made = TableModems(tmp_path / "dev", 2, 1)
     yield made
     made.close()
 
@@ -85,7 +85,7 @@ def broadcast(modem: serial.Serial, payload: bytes) -> None:
 
 
 def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
-    modems: PhysicalModems, graph: dict[str, str]
+    modems: TableModems, graph: dict[str, str]
 ) -> None:
     with ExitStack() as stack:
         mission = stack.enter_context(start([str(Path(__file__).with_name("beside_a_bridge.py"))], graph))
@@ -146,7 +146,26 @@ def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
 def test_the_status_of_the_page_is_what_a_board_sends() -> None:
     board = StatusPacket(7, 0, State.FLOATING, 0.5, 1.0, 12.5, 3.0, 0.0, 60_000)
     assert board.encode() == STATUS
-    assert STATUS.hex(" ") in (ROOT / "docs" / "mixing.md").read_text()
+    page = (ROOT / "docs" / "mixing.md").read_text()
+    assert STATUS.hex(" ") in page
+    assert f"That is `$B{3 + len(STATUS)}`" in page
+
+
+def test_modems_on_a_table_answer_and_hear_each_other_until_ctrl_c(tmp_path: Path) -> None:
+    with ExitStack() as stack:
+        command = stack.enter_context(
+            start(["-m", "apad_bridge.commands.main", "modems", str(tmp_path / "table")], dict(os.environ))
+        )
+        stack.callback(command.kill)
+        assert command.stdout is not None
+        names = [command.stdout.readline().strip() for _ in range(2)]
+        assert names == [str(tmp_path / "table" / f"modem{n}") for n in (1, 2)]
+        one, two = (stack.enter_context(serial.Serial(name, 9600, timeout=PATIENCE_S)) for name in names)
+        broadcast(two, b"hello")
+        assert one.read_until(b"hello") == b"#B00205hello"
+        command.send_signal(signal.SIGINT)
+        assert command.wait(PATIENCE_S) == 130
+    assert list((tmp_path / "table").iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -298,6 +298,17 @@ def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) 
                 urllib.request.urlopen(request, timeout=PATIENCE_S)
             assert refused.value.code == 403
             assert token not in refused.value.read().decode()
+        for order, mistake in (
+            (b'{"act": "stop"}', "by: Field required"),
+            (b'{"act": "halt", "by": "Anna"}', "act: Input should be"),
+            (b"stop", "Invalid JSON"),
+        ):
+            headers = {**of_this_page, "X-Musselbed-Token": token}
+            request = urllib.request.Request(f"{base}/orders", order, headers)
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(request, timeout=PATIENCE_S)
+            assert refused.value.code == 400
+            assert json.load(refused.value)["message"].startswith(mistake)
             refused.value.close()
     assert journalled(shared_run, "operator") == ordered
 

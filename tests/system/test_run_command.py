@@ -211,8 +211,8 @@ def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any, scen
     process, run = fly(2)
     wait_for(lambda: docked(run), "nothing was docked")
     for order, printed in (
-        ("stop", "done: the aPad has taken the stop; to move it again: musselbed continue"),
-        ("stop", "done: the aPad has taken the stop; to move it again: musselbed continue"),
+        ("stop", f"done: the aPad has taken the stop; to move it again: musselbed continue {run}"),
+        ("stop", f"done: the aPad has taken the stop; to move it again: musselbed continue {run}"),
         ("continue", "done"),
     ):
         answered = musselbed(order, run, "--by", "Anna")

@@ -36,8 +36,8 @@ class Burst:
 class OpenedModems:
     """The opened modems, owned by one thread beside the reader thread. `close` closes the ptys and removes their names."""
 
-    def __init__(self, folder: Path, agent_ids: Iterable[int]) -> None:
-        """Creates `folder` if needed; replaces the names that a former supervisor left."""
+    def __init__(self, folder: Path, agent_ids: Iterable[int], name: str = "amussel") -> None:
+        """Creates `folder` if needed; replaces the names that a former supervisor left. Each is `name` and the id."""
         folder.mkdir(exist_ok=True)
         self.lost_bytes = 0
         """The output lost because a host has the device open and does not read."""
@@ -46,7 +46,7 @@ class OpenedModems:
         self._names: dict[int, Path] = {}
         for agent_id in agent_ids:
             self._masters[agent_id], device = _open_pty()
-            self._names[agent_id] = _link(folder / f"amussel{agent_id}", device)
+            self._names[agent_id] = _link(folder / f"{name}{agent_id}", device)
         self._wake_reader, self._waker = os.pipe()
         self._thread = threading.Thread(target=self._read, name="modems", daemon=True)
         self._thread.start()

@@ -251,6 +251,10 @@ def _show_energy(found: list[AgentEnergy], console: Console) -> None:
             share = drawn / (fsum(totals.values()) or 1.0)
             figures = (f"{100 * it:.3f}" for it in (drawn / len(found), min(each), max(each)))
             table.add_row(name.replace("_", " "), *figures, f"{100 * share:.1f} %")
+        table.add_section()
+        of_each = [fsum(of(it).values()) for it in found]
+        figures = (f"{100 * it:.3f}" for it in (fsum(of_each) / len(found), min(of_each), max(of_each)))
+        table.add_row("all", *figures, "100.0 %")
         console.print(table)
 
 

@@ -138,7 +138,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps({name: asdict(it) for name, it in answers.items()}))
     else:
         for name, answer in answers.items():
-            print(f"{name}: {_line(answer)}" if len(answers) > 1 else _line(answer))
+            line = _line(answer, supervised[name])
+            print(f"{name}: {line}" if len(answers) > 1 else line)
         for name in silent:
             print(f"{name}: its supervisor takes no orders")
     return Exit.DONE if all(it.accepted for it in answers.values()) and not silent else Exit.PEER_FAILED
@@ -159,13 +160,13 @@ def _asked(directory: Path, requests: list[Request]) -> Answer | None:
     return answer
 
 
-def _line(answer: Answer) -> str:
+def _line(answer: Answer, directory: Path) -> str:
     if answer.stop is None:
         return answer.message or "done"
     states = "".join(f", {state} after {after_s:.1f} s" for state, after_s in answer.after_s.items())
     told = f"stop {answer.stop} ({answer.mode}): ordered{states}"
     if answer.accepted:
-        return f"{told}\ndone: the aPad has taken the stop; to move it again: musselbed continue"
+        return f"{told}\ndone: the aPad has taken the stop; to move it again: musselbed continue {directory}"
     return f"{told}\nNOT DONE: {answer.message}"
 
 

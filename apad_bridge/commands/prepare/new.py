@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import filecmp
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -40,14 +42,21 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "new",
         description="Writes a scenario of 20 lines with a comment for each part: the paper's aPad and eight aMussels in 30 "
-        "by 20 m. It flies as it is. A file that is there stays as it is.",
+        "by 20 m. It flies as it is. With --like it copies a scenario and the files that it names. A file that is there "
+        "stays as it is.",
         epilog=ending(
             "musselbed new mine.yaml",
-            "musselbed new scenarios/bay.yaml",
+            "musselbed new mine.yaml --like sound-12",
             note="Then fly it: musselbed run mine.yaml --time asap",
         ),
     )
     parser.add_argument("file", type=Path, metavar="FILE.yaml", help="the file to write")
+    parser.add_argument(
+        "--like",
+        type=Path,
+        metavar="SCENARIO.yaml",
+        help="copy this one: its file, or the name of a shipped one, as sound-12",
+    )
     parser.set_defaults(run=run)
 
 
@@ -59,9 +68,43 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(
             f"{file.name}: a scenario's name has letters, digits, dots, hyphens and underscores only"
         )
+    written = [file]
     try:
-        write_atomically(file, _SCENARIO.format(name=file.stem))
+        if arguments.like is None:
+            text = _SCENARIO.format(name=file.stem)
+        else:
+            text, copies = _copied(arguments.like, file)
+            for source, copy in copies.items():
+                shutil.copy(source, copy)
+            written += copies.values()
+        write_atomically(file, text)
     except OSError as error:
-        raise UserError(f"{file}: {error.strerror}") from error
-    print(f"{file}\nNext:\n  musselbed run {file} --time asap")
+        raise UserError(f"{error.filename or file}: {error.strerror}") from error
+    print(*written, sep="\n")
+    print(f"Next:\n  musselbed run {file} --time asap")
     return Exit.DONE
+
+
+def _copied(like: Path, file: Path) -> tuple[str, dict[Path, Path]]:
+    """The text of a scenario under its new name, and the copies, beside `file`, of the files that it names relatively.
+
+    UserError if another file has a copy's name. ScenarioError for a scenario that cannot be flown.
+    """
+    from apad_bridge.scenario.loader import file_of, files_named, load
+    from apad_bridge.scenario.text_file import read_text
+
+    load(like)  # it tells each mistake
+    source = file_of(like)
+    text = re.sub(r"(?m)^name: .*$", f"name: {file.stem}", read_text(source), count=1)
+    copies = {}
+    for name in files_named(text):
+        named, copy = source.parent / name, file.parent / Path(name).name
+        if Path(name).is_absolute() or named.is_dir():
+            text = text.replace(name, str(named.absolute()))
+            continue
+        if copy.exists() and not filecmp.cmp(named, copy, shallow=False):
+            raise UserError(f"{copy} is there already, and is another file than {named}: use another folder")
+        if not copy.exists():
+            copies[named] = copy
+        text = text.replace(name, copy.name)
+    return text, copies

@@ -578,6 +578,22 @@ def test_overrides_are_checked_as_the_file_is() -> None:
         with_overrides(pool, strategy="gready")
 
 
+def test_links_that_cut_nothing_are_warned_of(tmp_path: Path) -> None:
+    links = tmp_path / "links.csv"
+    links.write_text("from, to, loss, since_s, until_s\n*, apad, 1, 600, 1200\n")
+
+    def told(mode: str, **water: str) -> list[str]:
+        data = resolve(load(WHOLE_FILE))
+        data["hearing"]["mode"] = mode
+        data["water"] = water
+        return [mend for _, mend in warnings(from_data(data, "x"))]
+
+    assert told("paper", links_file=str(links)) == [
+        "use hearing.mode: physical, as sound-12 does, or the fault link_cut"
+    ]
+    assert told("physical", links_file=str(links)) == told("paper") == []
+
+
 def test_a_home_that_does_not_help_is_warned_of() -> None:
     pool = load(POOL_FILE)
 

@@ -6,17 +6,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from physical_modems import PhysicalModems
 
-Make = Callable[..., PhysicalModems]
+from apad_bridge.acoustics.serial.table_modems import TableModems
+
+Make = Callable[..., TableModems]
 
 
 @pytest.fixture
 def physical(tmp_path: Path) -> Iterator[Make]:
-    made: list[PhysicalModems] = []
+    made: list[TableModems] = []
 
-    def make(count: int = 2, speed: int = 1, folder: str = "dev") -> PhysicalModems:
-        made.append(PhysicalModems(tmp_path / folder, count, speed))
+    def make(count: int = 2, speed: int = 1, folder: str = "dev") -> TableModems:
+        made.append(TableModems(tmp_path / folder, count, speed))
         return made[-1]
 
     yield make

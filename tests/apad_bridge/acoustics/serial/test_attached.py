@@ -82,7 +82,7 @@ def test_packets_go_both_ways_with_their_ids(physical: Make) -> None:
 def test_a_modem_that_is_not_there_is_told_once_and_found_when_it_comes(
     physical: Make, tmp_path: Path
 ) -> None:
-    path = tmp_path / "late" / "amussel1"
+    path = tmp_path / "late" / "modem1"
     attached = AttachedModem(SerialPort(str(path)))
     began_s = time.monotonic()
     host = Host(lambda: int((time.monotonic() - began_s) * 1000), fleet=attached)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
+from math import fsum
 
 import pytest
 import yaml
@@ -96,6 +97,9 @@ def test_the_command(pool_run, whole_run, capsys):
     assert main(["mu", "energy", str(whole_run.path), "--agent", "2", "--json"]) == 0
     (energy,) = json.loads(capsys.readouterr().out)
     assert energy["agent_id"] == 2 and energy["by_module"]["pi"] > 0
+    assert main(["mu", "energy", str(whole_run.path), "--agent", "2"]) == 0
+    sums = [line.split()[3] for line in capsys.readouterr().out.splitlines() if line.startswith("│ all ")]
+    assert sums == [f"{100 * fsum(energy['by_module'].values()):.3f}"] * 2
     assert main(["mu", "energy", str(pool_run.path)]) == 0
     assert "12 aMussels, by module" in capsys.readouterr().out
     assert main(["mu", "energy", str(pool_run.path), "--agent", "13"]) == 2

@@ -1,4 +1,4 @@
-"""Physical modems for tests: our modem models behind real ptys, in water of their own, on the wall clock."""
+"""Modems on a table: our modem models behind real ptys, in water of their own, on the wall clock."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from apad_bridge.acoustics.serial.pty import OpenedModems
 PROPAGATION_US = 20_000
 
 
-class PhysicalModems:
+class TableModems:
     """Modems with addresses 1, 2, ... that receive each other, each behind a device that pyserial opens.
 
     Their time runs at `speed` times the wall clock, and so must the time of their hosts. Faster than real, a tenth of a
     second without a processor is longer than a modem takes to answer.
     """
 
-    def __init__(self, folder: Path, count: int, speed: int) -> None:
+    def __init__(self, folder: Path, count: int, speed: int = 1) -> None:
         self.speed = speed
         self.modems = {address: Modem(ModemConfig(), address) for address in range(1, count + 1)}
         self.sent: list[Frame] = []
         self.mute = False
         """When True, no modem answers, as if their supply were off."""
-        self._devices = OpenedModems(folder, self.modems)
+        self._devices = OpenedModems(folder, self.modems, "modem")
         self._began_s = time.monotonic()
         self._in_flight: list[tuple[int, int, Frame]] = []
         self._stop = threading.Event()
