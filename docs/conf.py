@@ -14,6 +14,8 @@ exclude_patterns = ["_build"]
 # Light or dark as the system is, and usable on a phone.
 html_theme = "furo"
 html_title = "musselbed"
+html_static_path = ["_static"]
+html_css_files = ["phone.css"]
 html_show_copyright = False
 html_show_sphinx = False
 # The depth of headings that a link can name, as `page.md#heading`.

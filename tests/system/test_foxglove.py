@@ -11,6 +11,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xmlrpc.client import ServerProxy
@@ -30,6 +31,7 @@ PATIENCE_S = 180.0
 IDS = range(1, 121)
 LOOKS_S = 600.0
 """A viewer gives up then, however many messages come."""
+TICKS = 600
 NODE = "/musselbed_foxglove"
 BATTERY = "/amussel{}/battery_state"
 MESSAGE, TIME = 1, 2
@@ -38,13 +40,13 @@ MESSAGE, TIME = 1, 2
 class Viewer:
     """Keeps the channels that are offered, and hands on the messages of those that it looks at."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, looks_s: float = LOOKS_S) -> None:
         self.link = websocket.create_connection(url, PATIENCE_S, subprotocols=["foxglove.sdk.v1"])
         self.channels: dict[str, dict[str, Any]] = {}
         self.refusals: list[str] = []
         self.time_ns = 0
         self._subscribed: dict[int, str] = {}
-        self._until_s = time.monotonic() + LOOKS_S
+        self._until_s = time.monotonic() + looks_s
 
     def read(self) -> tuple[str, int, bytes] | None:
         """The next message as (topic, stamp in ns, bytes); None where something else came."""
@@ -165,6 +167,32 @@ def test_120_aMussels_are_seen_each_second_and_a_viewer_orders_nothing(
 
     viewer.link.close()
     wait_until(lambda: nodes_of(uri, 1, BATTERY.format(1)) == [], process)
+
+
+@pytest.mark.viewers
+def test_no_tick_of_ten_minutes_comes_late(flight: tuple[subprocess.Popen[str], str]) -> None:
+    """Each of the 120 states each of 600 ticks, in order, and before the next tick.
+
+    By the stamps in the messages' own headers, and by the viewer's clock against its earliest message.
+    """
+    viewer = Viewer(flight[1], TICKS + LOOKS_S)
+    topics = list(map(BATTERY.format, IDS))
+    viewer.read_until(lambda: set(topics) <= viewer.channels.keys())
+    viewer.look_at(*topics)
+    came: dict[str, list[tuple[float, float]]] = {it: [] for it in topics}
+    while min(map(len, came.values())) < TICKS:
+        if (message := viewer.read()) is not None:
+            topic, _, data = message
+            _, seconds, nanoseconds = struct.unpack_from("<III", data)
+            came[topic].append((seconds + nanoseconds / 1e9, time.monotonic()))
+    steps_s = {round(b - a, 3) for ticks in came.values() for (a, _), (b, _) in pairwise(ticks)}
+    offsets_s = sorted(at_s - stamp_s for ticks in came.values() for stamp_s, at_s in ticks)
+    late_s = [it - offsets_s[0] for it in offsets_s]
+    print(
+        f"{len(late_s)} messages; late by {late_s[len(late_s) // 2]:.3f} s in the median, at most {late_s[-1]:.3f} s"
+    )
+    assert steps_s == {1.0}
+    assert late_s[-1] < 1.0
 
 
 def test_mistakes_are_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

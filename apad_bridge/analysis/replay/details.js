@@ -78,7 +78,7 @@ function showPacketCards() {
 let shownPackets = "";
 function showPackets() {
   if ($("packets-card").hidden) return;
-  const end = firstAfter(data.packets, nowMs), key = [end, selected, data.run_name].join();
+  const end = firstAfter(data.packets, nowMs), key = [end, selected, data.run_name, themeNow()].join();
   if (key === shownPackets) return;
   shownPackets = key;
   const rows = [];

@@ -20,8 +20,9 @@ function drawMap(canvas, runs, views, marked, packets) {
   });
   ctx.drawImage(still, 0, 0, width, height);
   runs.forEach((run, n) => drawTrack(ctx, canvas, key, run, views[n].nowMs, at));
-  runs.forEach((run, n) => drawRun(ctx, views[n], at, marked));
+  // Below the aMussels, whose numbers stay readable where a packet begins and ends.
   drawPackets(ctx, packets, runs, views, at);
+  runs.forEach((run, n) => drawRun(ctx, views[n], at, marked));
   runs.forEach((run, n) => { if (views[n].apad) drawApad(ctx, at(views[n].apad.place), run, views[n], marked); });
 }
 

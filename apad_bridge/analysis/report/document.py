@@ -110,7 +110,7 @@ def _parts(report: RunReport) -> Iterator[Part]:
     if (batteries := figures.batteries(report)) is not None:
         yield Picture(
             batteries,
-            "Primary batteries, as the paper's Fig. 5. Line: the model; points: the run, agent time.",
+            "Primary batteries, as the paper's Fig. 5. Line, where there is one: the model; points: the run, agent time.",
         )
     if any(fsum(it.by_module.values()) > 0 for it in report.energy):
         yield Picture(figures.energy(report), "Energy that each aMussel drew, in percent of a battery.")

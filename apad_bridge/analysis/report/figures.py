@@ -24,6 +24,7 @@ _MAP_INCHES = 4.9
 """The greatest height of the map, which shares a page with the batteries."""
 _SMALL = 8
 """Points: the least text, on paper and on a phone."""
+_LEGEND_ROW_INCHES = 0.19
 
 
 def _figure(height: float) -> Any:
@@ -146,16 +147,20 @@ def _courses(report: RunReport, flow: Flow) -> Iterator[list[tuple[int, float]]]
 
 def energy(report: RunReport) -> Any:
     """Energy that each aMussel drew, in percent of a battery: by module, and by state."""
-    figure = _figure(4.2)
+    from matplotlib import colormaps
+
     columns: dict[str, Callable[[AgentEnergy], Mapping[str, float]]] = {
         "by module": lambda it: it.by_module,
         "by state": lambda it: it.by_state,
     }
-    for axes, (title, of) in zip(figure.subplots(1, 2), columns.items(), strict=True):
+    names = [list(summed(report.energy, of)) for of in columns.values()]
+    figure = _figure(3.0 + _LEGEND_ROW_INCHES * -(-max(map(len, names)) // 2))
+    for part, own, (title, of) in zip(figure.subfigures(1, 2), names, columns.items(), strict=True):
+        axes = part.subplots()
         places_, bottom = range(len(report.energy)), [0.0] * len(report.energy)
-        for name in summed(report.energy, of):
+        for name, colour in zip(own, map(colormaps["tab20"], range(20)), strict=False):
             drawn = [100 * of(it).get(name, 0.0) for it in report.energy]
-            axes.bar(places_, drawn, bottom=bottom, width=0.8, label=name.replace("_", " "))
+            axes.bar(places_, drawn, bottom=bottom, width=0.8, color=colour, label=name.replace("_", " "))
             bottom = [below + it for below, it in zip(bottom, drawn, strict=True)]
         few = len(report.energy) <= 40
         axes.set_xticks(
@@ -166,5 +171,5 @@ def energy(report: RunReport) -> Any:
         )
         axes.set(xlabel="aMussel", ylabel="% of a battery", title=title)
         if len(axes.containers) > 1:
-            axes.legend(fontsize=_SMALL, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.25))
+            part.legend(fontsize=_SMALL, ncols=2, loc="outside lower center")
     return figure

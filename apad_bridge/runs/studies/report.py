@@ -141,13 +141,13 @@ def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Co
         parts += [
             f"<h2>{escape(each.setting.label)}</h2>",
             f"<p>{escape(each.bounds.text)}</p>",
-            _table(each.standings, lambda it, column: estimate_text(it.columns[column])),
+            "<div class=pair>",
+            _table("Means", each.standings, lambda it, column: estimate_text(it.columns[column])),
         ]
         if others := [it for it in each.standings if it.differences]:
-            parts += [
-                f"<h3>Minus {escape(plan.baseline)}</h3>",
-                _table(others, lambda it, column: difference_text(it.differences[column])),
-            ]
+            heading = f"Minus {plan.baseline}"
+            parts.append(_table(heading, others, lambda it, column: difference_text(it.differences[column])))
+        parts.append("</div>")
         if each.setting.theta != 1:
             parts.append(f"<p>{NO_ENERGY}.</p>")
         drawn = _figure([row for row in rows if row["setting"] == index], plan, each.bounds)
@@ -164,7 +164,9 @@ h2, h3 {{break-after: avoid}} .wide {{overflow-x: auto}} table {{border-collapse
 td, th {{padding: .2em .8em .2em 0; text-align: right; white-space: nowrap; border-bottom: 1px solid #8888}}
 td:first-child, th:first-child {{text-align: left}}
 svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: #fff}}
-@media (max-width: 720px) {{svg {{max-width: none}}}}
+.pair {{display: flex; flex-wrap: wrap; gap: 0 3em}}
+@media (max-width: 720px) {{svg {{max-width: none}}
+  td, th {{font-size: 12px; padding-right: .5em}} td:first-child {{white-space: normal}}}}
 @media screen and (prefers-color-scheme: dark) {{:root {{color-scheme: dark}} body {{background: #12171d; color: #e6ebf1}}}}
 </style></head>
 <body>
@@ -173,14 +175,15 @@ svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: 
 """
 
 
-def _table(found: Sequence[Standing], text: Callable[[Standing, str], str]) -> str:
+def _table(heading: str, found: Sequence[Standing], text: Callable[[Standing, str], str]) -> str:
     """A row for each figure and a column for each strategy, the best first: few strategies, so a page's width is enough."""
     head = "".join(f"<th>{escape(it)}</th>" for it in ("", *(it.strategy for it in found)))
     lines = []
     for column in COLUMNS:
         cells = (HEADINGS[column], *(text(it, column) for it in found))
         lines.append("<tr>" + "".join(f"<td>{escape(it)}</td>" for it in cells) + "</tr>")
-    return f"<div class=wide><table><tr>{head}</tr>{''.join(lines)}</table></div>"
+    table = f"<table><tr>{head}</tr>{''.join(lines)}</table>"
+    return f"<div class=wide><h3>{escape(heading)}</h3>{table}</div>"
 
 
 def estimate_text(estimate: Estimate | None) -> str:

@@ -8,6 +8,7 @@ import shutil
 from dataclasses import replace
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from apad_bridge.analysis.report import figures
 from apad_bridge.analysis.report.contents import contents_of, troubles_in
@@ -55,6 +56,20 @@ def with_lines(run, path, lines):
     told = sorted([*kept, *lines], key=lambda line: line["t"])
     journal.write_text("".join(json.dumps(it) + "\n" for it in told))
     return RunDirectory(path)
+
+
+def test_the_legend_of_all_modules_is_whole_with_a_colour_for_each(report):
+    names = [f"module {n}" for n in range(14)]
+    drawn = [replace(it, by_module=dict.fromkeys(names, 0.01)) for it in report.energy]
+    figure = figures.energy(replace(report, energy=drawn))
+    FigureCanvasAgg(figure).draw()
+    part = figure.subfigs[0]
+    (legend,) = part.legends
+    box, page = legend.get_window_extent(), part.bbox
+    assert page.y0 <= box.y0 and page.x0 <= box.x0 and box.x1 <= page.x1
+    assert box.y1 <= part.axes[0].get_tightbbox().y0
+    assert [it.get_text() for it in legend.get_texts()] == names
+    assert len({it.get_facecolor() for it in legend.get_patches()}) == 14
 
 
 def test_batteries_of_the_paper_s_worst_case_lie_on_the_model(report):
