@@ -1,20 +1,19 @@
 """Mutants of the boards in C, judged by the conformance kit: the changes that its cases catch, and those that they miss.
 
-A mutant is a board with one change: an operator, a constant, or a deleted statement, at `tries` places of each board that
-a hash chooses. Places that only change texts and states for people are left out. `caught` ones fail a case of `musselbed mu
-conform`. `differing` ones only differ in a case that cites our own choice, and `by_chance` ones in a random script alone.
-`equivalent` ones show nothing outside, for the reason in `EQUIVALENT`; `survivors` are missed. Firmware that asks for ever
-is caught after the 8 s that a turn may take.
+A mutant is a board with one change, at `tries` places of each board on each route of `benchmarks.mutations`. Cases were
+added for what the first route found; the held out one was chosen before a run, and none was added for it. `caught` ones fail
+a case of `musselbed mu conform`. `differing` ones only differ in a case that cites our own choice, and `by_chance` ones in a
+random script alone. `equivalent` ones show nothing outside, for the reason in `EQUIVALENT`; `survivors` are missed. Firmware
+that asks for ever is caught after the 8 s that a turn may take.
 """
 
 from __future__ import annotations
 
-import re
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from hashlib import blake2b
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -24,41 +23,24 @@ from rich.table import Table
 
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.commands.firmware.mu_program import our_rig, rig_of
+from benchmarks.mutations import Change, first_changes, held_out_changes
 from benchmarks.rows import told
 from firmware_model.bench.conformance import Case, Source, Verdict, judged, random_cases
 from firmware_model.bench.conformance_cases import CASES
 from firmware_model.bench.rigs import lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
-TRIES, SHORT_TRIES = 60, 3
+TRIES, SHORT_TRIES = 42, 2
 RANDOM = 60
 _CC = (
     "cc",
     "-std=c99",
     "-D_POSIX_C_SOURCE=200809L",
     "-O1",
-    "-w",
     f"-I{NATIVE}",
     f"-I{NATIVE / 'whole'}",
     "-o",
 )
-_FOR_PEOPLE = re.compile(
-    r"STATES\[\]|TRIGGERS\[\]|_NAMES|[a-z]+_refuse|mu_state|hal_fault|hal_tell_state|snprintf|return \d|, -1}|mu_open"
-)
-_CHANGES = (
-    (r"==", "!="),
-    (r"!=", "=="),
-    (r"&&", "||"),
-    (r"\|\|", "&&"),
-    (r" < ", " >= "),
-    (r"\+=", "-="),
-    (r"\btrue\b", "false"),
-    (r"\bfalse\b", "true"),
-    (r"\b(?:IN|S|R)\(\w+\) \| ", ""),
-    (r"(?<![\w.\"])(\d+)(?=[u ;,)\]}])", None),
-    (r"^    .*;$", ""),
-)
-"""Patterns in a line, and what replaces them; None adds 1 to a number."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +49,26 @@ class Board:
 
     files: tuple[Path, ...]
     cases: Sequence[Case]
+    headers: tuple[Path, ...] = ()
     is_whole: bool = False
+
+
+@dataclass(frozen=True)
+class Route:
+    """How mutants are made. `warnings`: what the compiler is told of its warnings."""
+
+    changes: Callable[[Board], Iterator[Change]]
+    warnings: tuple[str, ...]
+
+
+ROUTES = {
+    "first": Route(lambda it: first_changes(it.files), ("-w",)),
+    # A mistake that the Makefile's compiler finds needs no kit.
+    "held out": Route(
+        lambda it: held_out_changes(it.files, it.headers),
+        ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"),
+    ),
+}
 
 
 BOARDS = {
@@ -79,6 +80,7 @@ BOARDS = {
             )
         ),
         WHOLE_CASES,
+        (NATIVE / "whole" / "board.h", NATIVE / "whole" / "hal.h"),
         is_whole=True,
     ),
 }
@@ -138,7 +140,11 @@ def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="musselbed-") as folder:
         return {
             "boards": [
-                told({"board": name} | _judge_mutants(board, Path(folder), SHORT_TRIES if short else tries))
+                told(
+                    {"board": name, "route": route}
+                    | _judge_mutants(board, ROUTES[route], Path(folder), SHORT_TRIES if short else tries)
+                )
+                for route in ROUTES
                 for name, board in BOARDS.items()
             ]
         }
@@ -146,8 +152,17 @@ def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
 
 def show(result: dict[str, Any], console: Console) -> None:
     table = Table(title="Mutants of the boards in C, judged by the conformance kit")
-    for name in ("board", "mutants", "caught", "differ", "by random scripts", "equivalent", "missed"):
-        table.add_column(name, justify="left" if name == "board" else "right")
+    for name in (
+        "board",
+        "route",
+        "mutants",
+        "caught",
+        "differ",
+        "by random scripts",
+        "equivalent",
+        "missed",
+    ):
+        table.add_column(name, justify="left" if name in ("board", "route") else "right")
     for row in result["boards"]:
         figures = (
             row["mutants"],
@@ -157,25 +172,22 @@ def show(result: dict[str, Any], console: Console) -> None:
             len(row["equivalent"]),
             len(row["survivors"]),
         )
-        table.add_row(row["board"], *map(str, figures))
+        table.add_row(row["board"], row["route"], *map(str, figures))
     console.print(table)
     for row in result["boards"]:
         for survivor in (*(f"missed: {it}" for it in row["survivors"]), *row["equivalent"]):
-            console.print(f"  {row['board']}, {survivor}", markup=False, highlight=False, soft_wrap=True)
+            console.print(
+                f"  {row['board']}, {row['route']}, {survivor}", markup=False, highlight=False, soft_wrap=True
+            )
 
 
-def _judge_mutants(board: Board, folder: Path, tries: int) -> dict[str, Any]:
+def _judge_mutants(board: Board, route: Route, folder: Path, tries: int) -> dict[str, Any]:
     count, caught, differing, by_chance = 0, 0, 0, 0
     survivors, equivalent = [], []
     # Short cases first: most mutants are caught by one of them.
     cases = sorted(board.cases, key=lambda it: (it.source is Source.CHOICE, lasts_ms(it.script)))
-    for path, line, old, new in _changes(board.files):
-        if count == tries:
-            break
-        if not _compiled(board, folder, path, line, new):
-            continue
-        count += 1
-        where = f"{path.name}:{line + 1}: {old.strip()}  ->  {new.strip() or 'nothing'}"
+    for change in _compiling(board, route, folder, tries):
+        count, where = count + 1, str(change)
         if (case := _first_failed(folder / "mutant", cases)) is not None:
             caught += case.source is not Source.CHOICE
             differing += case.source is Source.CHOICE
@@ -185,7 +197,7 @@ def _judge_mutants(board: Board, folder: Path, tries: int) -> dict[str, Any]:
         ) is not None:
             by_chance += 1
             told({"mutant": where, "caught_by": case.name})
-        elif (reason := EQUIVALENT.get((old.strip(), new.strip()))) is not None:
+        elif (reason := EQUIVALENT.get(change.key)) is not None:
             equivalent.append(f"{where}: {reason}")
         else:
             survivors.append(where)
@@ -200,35 +212,19 @@ def _judge_mutants(board: Board, folder: Path, tries: int) -> dict[str, Any]:
     }
 
 
-def _changes(files: Sequence[Path]) -> Iterator[tuple[Path, int, str, str]]:
-    """Every (file, line, text, changed text), in the order of a hash; tables of texts and comments apart."""
-    sites = []
-    for path in files:
-        for line, text in enumerate(path.read_text().splitlines()):
-            code = text.partition("/*")[0].rstrip()
-            if not code or text.lstrip().startswith(("*", "#include")) or _FOR_PEOPLE.search(text):
-                continue
-            for pattern, new in _CHANGES:
-                for found in re.finditer(pattern, code):
-                    replaced = str(int(found[1]) + 1) if new is None else new
-                    sites.append((path, line, text, text[: found.start()] + replaced + text[found.end() :]))
-    yield from sorted(
-        sites, key=lambda it: blake2b(repr((it[0].name, *it[1:])).encode(), digest_size=8).digest()
-    )
+def _compiling(board: Board, route: Route, folder: Path, tries: int) -> Iterator[Change]:
+    """So many changes that are C; `mutant` in the folder is the program with the one that is due."""
+    compiling = (it for it in route.changes(board) if _compiled(board, route, folder, it))
+    yield from islice(compiling, tries)
 
 
-def _compiled(board: Board, folder: Path, path: Path, line: int, changed: str) -> bool:
-    """Compiles the board with this line into `mutant`; False if it is no C."""
-    source = path.read_text().splitlines()
-    (folder / path.name).write_text("\n".join([*source[:line], changed, *source[line + 1 :], ""]))
+def _compiled(board: Board, route: Route, folder: Path, change: Change) -> bool:
+    """Compiles the board with this change into `mutant`; False if the compiler refuses it."""
+    path = change.path
+    (folder / path.name).write_text(change.applied())
     others = [it for it in path.parent.glob("*.c") if it != path] if board.is_whole else []
-    command = [
-        *_CC,
-        str(folder / "mutant"),
-        str(folder / path.name),
-        *map(str, others),
-        str(NATIVE / "musselbed.c"),
-    ]
+    sources = map(str, (folder / path.name, *others, NATIVE / "musselbed.c"))
+    command = [*_CC, str(folder / "mutant"), *route.warnings, *sources]
     return subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 0
 
 
