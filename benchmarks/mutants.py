@@ -1,17 +1,17 @@
 """Mutants of the boards in C, judged by the conformance kit: the changes that its cases catch, and those that they miss.
 
-A mutant is a board with one change, at `tries` places of each board on each route of `benchmarks.mutations`. Cases were
-added for what the first route found; the held out one was chosen before a run, and none was added for it. `caught` ones fail
-a case of `musselbed mu conform`. `differing` ones only differ in a case that cites our own choice, and `by_chance` ones in a
-random script alone. `equivalent` ones show nothing outside, for the reason in `EQUIVALENT`; `survivors` are missed. Firmware
-that asks for ever is caught after the 8 s that a turn may take.
+A mutant is a board with one change, at `tries` places of each board on each route of `benchmarks.mutations` (`--row`: on
+this one alone). Cases were added for what the first route found; the held out one was chosen before a run, and none was
+added for it. `caught` ones fail a case of `musselbed mu conform`. `differing` ones only differ in a case that cites our
+own choice, and `by_chance` ones in a random script alone. `equivalent` ones show nothing outside, for the reason in
+`EQUIVALENT`; `survivors` are missed. Firmware that asks for ever is caught after the 8 s that a turn may take.
 """
 
 from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -25,9 +25,9 @@ from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.commands.firmware.mu_program import our_rig, rig_of
 from benchmarks.mutations import Change, first_changes, held_out_changes
 from benchmarks.rows import told
-from firmware_model.bench.conformance import Case, Source, Verdict, judged, random_cases
+from firmware_model.bench.conformance import Case, Source, Verdict, history, judged, random_cases
 from firmware_model.bench.conformance_cases import CASES
-from firmware_model.bench.rigs import lasts_ms
+from firmware_model.bench.rigs import History, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
 TRIES, SHORT_TRIES = 42, 2
@@ -55,7 +55,7 @@ class Board:
 
 @dataclass(frozen=True)
 class Route:
-    """How mutants are made. `warnings`: what the compiler is told of its warnings."""
+    """A way to make mutants. `warnings` are the compiler's options for its warnings."""
 
     changes: Callable[[Board], Iterator[Change]]
     warnings: tuple[str, ...]
@@ -136,7 +136,7 @@ EQUIVALENT = {
 """Changes that nothing outside of the board can show, each with its reason."""
 
 
-def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
+def measure(tries: int = TRIES, short: bool = False, row: Sequence[str] | None = None) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="musselbed-") as folder:
         return {
             "boards": [
@@ -144,7 +144,7 @@ def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
                     {"board": name, "route": route}
                     | _judge_mutants(board, ROUTES[route], Path(folder), SHORT_TRIES if short else tries)
                 )
-                for route in ROUTES
+                for route in row or ROUTES
                 for name, board in BOARDS.items()
             ]
         }
@@ -186,14 +186,15 @@ def _judge_mutants(board: Board, route: Route, folder: Path, tries: int) -> dict
     survivors, equivalent = [], []
     # Short cases first: most mutants are caught by one of them.
     cases = sorted(board.cases, key=lambda it: (it.source is Source.CHOICE, lasts_ms(it.script)))
+    ours: dict[Case, History] = {}
     for change in _compiling(board, route, folder, tries):
         count, where = count + 1, str(change)
-        if (case := _first_failed(folder / "mutant", cases)) is not None:
+        if (case := _first_failed(folder / "mutant", cases, ours)) is not None:
             caught += case.source is not Source.CHOICE
             differing += case.source is Source.CHOICE
             told({"mutant": where, "caught_by": case.name})
         elif (
-            case := _first_failed(folder / "mutant", random_cases(RANDOM, 1, is_whole=board.is_whole))
+            case := _first_failed(folder / "mutant", random_cases(RANDOM, 1, is_whole=board.is_whole), ours)
         ) is not None:
             by_chance += 1
             told({"mutant": where, "caught_by": case.name})
@@ -213,7 +214,7 @@ def _judge_mutants(board: Board, route: Route, folder: Path, tries: int) -> dict
 
 
 def _compiling(board: Board, route: Route, folder: Path, tries: int) -> Iterator[Change]:
-    """So many changes that are C; `mutant` in the folder is the program with the one that is due."""
+    """Yields `tries` changes that compile; `mutant` in the folder is the program with the one just yielded."""
     compiling = (it for it in route.changes(board) if _compiled(board, route, folder, it))
     yield from islice(compiling, tries)
 
@@ -228,10 +229,12 @@ def _compiled(board: Board, route: Route, folder: Path, change: Change) -> bool:
     return subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 0
 
 
-def _first_failed(program: Path, cases: Iterator[Case] | Sequence[Case]) -> Case | None:
-    """The first case that the program does not pass."""
+def _first_failed(program: Path, cases: Iterable[Case], ours: dict[Case, History]) -> Case | None:
+    """The first case that the program does not pass. `ours` keeps the histories of our board."""
     for case in cases:
-        result = judged(case, our_rig, lambda it: rig_of(program, it), FirmwareFailed, {})
+        if case not in ours:
+            ours[case] = history(case, our_rig, FirmwareFailed)
+        result = judged(case, ours[case], lambda it: rig_of(program, it), FirmwareFailed, {})
         if result.verdict is not Verdict.PASSED:
             return case
     return None

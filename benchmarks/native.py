@@ -3,8 +3,10 @@
 `pss_mb_per_agent` is the proportional set size of agents, firmware and nursery, divided by the agents; `ready_s` lasts from
 the exec of the nursery to the last agent's first reply, when each firmware has booted. `cpu_ms_per_agent_hour` is time on a
 processor of agents, firmware and this process, by the kernel's account, over a flight of `MISSION_S` at theta 30 with the
-paper's reports; no agent runs ahead, ours neither. `turn_us` is the cost of one interrupt's round trip to the C board,
-above that of the same interrupt to ours.
+paper's reports; no agent runs ahead, ours neither. `window_ms` is the wall time of one window of a mission second: the
+round trip to all agents and back. `speed` is the mission's time over the wall's: a fleet with 1 or more flies in real
+time. `turn_us` is the cost of one interrupt's round trip to the C board, above that of the same interrupt to ours.
+`ratios` compare each fleet of C boards with as many of ours.
 """
 
 from __future__ import annotations
@@ -47,20 +49,37 @@ def measure(short: bool = False) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="musselbed-") as folder:
         board = Path(folder) / "board"
         _compile(NATIVE / "worst_case.c", board)
-        return {
-            "turn_us": turn_us(board),
-            "fleets": [told(fleet_row(agents, it, mission_s)) for agents in fleets for it in (None, board)],
-        }
+        rows = [told(fleet_row(agents, it, mission_s)) for agents in fleets for it in (None, board)]
+        return {"turn_us": turn_us(board), "fleets": rows, "ratios": list(_ratios(rows))}
+
+
+def _ratios(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    for ours, theirs in zip(rows[::2], rows[1::2], strict=True):
+        compared = {name: theirs[name] / ours[name] for name in ("cpu_ms_per_agent_hour", "ready_s")}
+        yield {"agents": ours["agents"], **compared}
 
 
 def show(result: dict[str, Any], console: Console) -> None:
     table = Table(title="Boards with firmware in C, and ours")
-    for name in ("firmware", "agents", "PSS, MB each", "ready, s", "CPU, ms an hour", "times real time"):
+    for name in (
+        "firmware",
+        "agents",
+        "PSS, MB each",
+        "ready, s",
+        "CPU, ms an hour",
+        "window, ms",
+        "times real time",
+    ):
         table.add_column(name, justify="left" if name == "firmware" else "right")
     for row in result["fleets"]:
-        figures = (row["pss_mb_per_agent"], row["ready_s"], row["cpu_ms_per_agent_hour"], row["speed"])
+        names = ("pss_mb_per_agent", "ready_s", "cpu_ms_per_agent_hour", "window_ms", "speed")
+        figures = [row[name] for name in names]
         table.add_row(row["kind"], str(row["agents"]), *(f"{it:.2f}" for it in figures))
     console.print(table)
+    for it in result["ratios"]:
+        cpu, ready = it["cpu_ms_per_agent_hour"], it["ready_s"]
+        told_ratios = f"{cpu:.2f} times the CPU of ours, and ready in {ready:.2f} times the time"
+        console.print(f"{it['agents']} agents: {told_ratios}")
     console.print(
         f"an interrupt's round trip to the C board costs {result['turn_us']:.0f} us more than to ours"
     )
@@ -102,7 +121,11 @@ def fleet_row(agents: int, board: Path | None, mission_s: int = MISSION_S) -> di
             host.close()
             nursery.wait()
     hours = agents * mission_s * THETA / 3600
-    return row | {"cpu_ms_per_agent_hour": 1000 * cpu_s / hours, "speed": mission_s / wall_s}
+    return row | {
+        "cpu_ms_per_agent_hour": 1000 * cpu_s / hours,
+        "speed": mission_s / wall_s,
+        "window_ms": 1000 * wall_s / mission_s,
+    }
 
 
 def _flown(

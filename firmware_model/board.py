@@ -221,7 +221,8 @@ class Board:
                 actions += firmware.start(cause, now_ms)
             case ChargeVanished(primary, secondary):
                 hardware.lose(primary, secondary, now_ms)
-            case ConverterDisturbed(noise):
+            case ConverterDisturbed(noise, holds):
+                hardware.held = hardware.readings(now_ms) if holds else None
                 hardware.noise = noise
             case ClockJumped() | ClockSkewed():
                 reason = hardware.disturb_clock(stimulus, now_ms)

@@ -92,9 +92,13 @@ class ClockSkewed:
 
 @dataclass(frozen=True, slots=True)
 class ConverterDisturbed:
-    """The converter's readings of the batteries scatter by up to `noise` grains either way, by a defect; 0 heals it."""
+    """The converter's readings of the batteries scatter by up to `noise` grains either way, by a defect; 0 heals it.
+
+    `holds`: it holds its present readings, until it is disturbed without.
+    """
 
     noise: int
+    holds: bool = False
 
 
 Stimulus = (

@@ -18,6 +18,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.scenario.loader import load
 from benchmarks import bounds, chaos, planner, ten_days
+from benchmarks.mutations import first_changes, held_out_changes
 
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
@@ -215,3 +216,39 @@ def test_a_search_for_missions_that_beat_a_bound_goes_on_where_it_was_ended(tmp_
     assert bounds.measure(tries=4, resume=tmp_path) == whole
     flown = [it for it in (tmp_path / "tries.jsonl").read_text().splitlines() if json.loads(it)["held"]]
     assert len(flown) == whole["tries"] == 4
+
+
+SOURCE = """\
+enum colour { RED, GREEN, BLUE };
+int paint(int from, int until) {
+    if (from < until)
+        spray(from, until);
+    else
+        mu_refuse("nothing to paint");
+    colour = GREEN;
+    done = 10;
+    return from - 1;
+}
+"""
+
+
+def test_a_held_out_mutant_has_a_mistake_of_another_kind_than_the_first_ones(tmp_path: Path) -> None:
+    (tmp_path / "paint.c").write_text(SOURCE)
+    files = (tmp_path / "paint.c",)
+    held_out = {it.key for it in held_out_changes(files, ())}
+    assert held_out == {
+        ("if (from < until)", "if (!(from < until))"),
+        ("if (from < until)", "if (from <= until)"),
+        ("else", ""),
+        ("spray(from, until);", "spray(until, from);"),
+        ("int paint(int from, int until) {", "int paint(int until, int from) {"),
+        ("done = 10;", "done = 100;"),
+        ("return from - 1;", "return from;"),
+        ("return from - 1;", "return 1 - from;"),
+        ("colour = GREEN;", "colour = BLUE;"),
+        ("colour = GREEN;\n    done = 10;", "done = 10;\n    colour = GREEN;"),
+    }
+    assert not held_out & {it.key for it in first_changes(files)}
+    (swapped,) = [it for it in held_out_changes(files, ()) if it.key[1] == "spray(until, from);"]
+    assert swapped.applied() == SOURCE.replace("spray(from, until)", "spray(until, from)")
+    assert str(swapped) == "paint.c:4: spray(from, until);  ->  spray(until, from);"

@@ -191,7 +191,7 @@ class Agent:
             )
 
         def sensors(now_ms: int, sequence: int) -> tuple[Counts, int] | None:
-            if self._is_bus_silent:
+            if self._defects is not None and self._defects.bus_silent:
                 return None
             place = body.north_um, body.east_um, body.depth_at_um(now_ms)
             noises = unit_noises(water.seed, self.config.board.agent_id, sequence)
@@ -326,12 +326,18 @@ class Agent:
     def _arrive(self, now_ms: int) -> list[Output]:
         """The body has reached the surface or the bottom."""
         self.body.settle_depth(now_ms)
-        surfaced = self.body.depth_um == 0
         self._report_due_ms = max(self._report_due_ms, self._report_after(now_ms))
-        reached = board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached()
-        outputs = self._stimulate_board(reached, now_ms)
+        outputs = self._depth_noticed(now_ms)
         self._note_truth(now_ms)
         return outputs
+
+    def _depth_noticed(self, now_ms: int) -> list[Output]:
+        """The pressure sensor shows the surface or the bottom, unless it stands."""
+        if self._defects is not None and self._defects.depth_stands:
+            return []
+        surfaced = self._at_surface(now_ms)
+        reached = board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached()
+        return self._stimulate_board(reached, now_ms)
 
     def _drift(self, now_ms: int) -> list[Output]:
         self.body.drift(now_ms)
@@ -488,13 +494,15 @@ class Agent:
         others = {kind: how for kind, how in defects.parts.items() if kind != part}
         defects.parts = others | ({Part(part): value} if value else {})
         self._apply_parts(defects, now_ms)
-        return []
+        rests = self._at_surface(now_ms) or self.body.rests_on_bottom
+        return self._depth_noticed(now_ms) if part == Part.DEPTH and rests else []
 
     def _apply_parts(self, defects: Defects, now_ms: int) -> None:
         """Lets the board's parts fail as their defects say."""
         from agents.mussel.defects import Part
 
-        self.board.receive(board_stimuli.ConverterDisturbed(defects.parts.get(Part.CONVERTER, 0)), now_ms)
+        noise, holds = defects.parts.get(Part.CONVERTER, 0), Part.HOLD in defects.parts
+        self.board.receive(board_stimuli.ConverterDisturbed(noise, holds), now_ms)
         if self._flash is not None:
             self._flash.parts = defects.parts
         if self._logbook is not None:
@@ -527,14 +535,6 @@ class Agent:
             acknowledged=former.acknowledged,
             fix_um=place_um,
         )
-
-    @property
-    def _is_bus_silent(self) -> bool:
-        if self._defects is None:
-            return False
-        from agents.mussel.defects import Part
-
-        return Part.BUS in self._defects.parts
 
     def _received(self, data: bytes) -> bytes:
         """The bytes of a packet that the board's UART keeps."""
@@ -582,17 +582,12 @@ class Agent:
             self._defects.held_run = run
             return []
         self.body.run_buoyancy(run.to, now_ms, run.depth_mm)
-        if run.to is Buoyancy.SINK and self.body.rests_on_bottom:
-            return self._stimulate_board(board_stimuli.BottomReached(), now_ms)
-        return []
+        return self._depth_noticed(now_ms) if run.to is Buoyancy.SINK and self.body.rests_on_bottom else []
 
     def _stays_there(self, to: Buoyancy, now_ms: int) -> list[Output]:
         """The pressure sensor of a board whose motors did not run shows where the body rests."""
-        if self._at_surface(now_ms):
-            return self._stimulate_board(board_stimuli.SurfaceReached(), now_ms)
-        if to is Buoyancy.SINK and self.body.rests_on_bottom:
-            return self._stimulate_board(board_stimuli.BottomReached(), now_ms)
-        return []
+        rests = self._at_surface(now_ms) or (to is Buoyancy.SINK and self.body.rests_on_bottom)
+        return self._depth_noticed(now_ms) if rests else []
 
     def _log(
         self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog

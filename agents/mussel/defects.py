@@ -29,9 +29,15 @@ class Part(IntEnum):
     """A mask of the bits that stay erased in each byte written to the flash."""
     SUPPLY = 5
     """A brown-out resets the board once, after so many bytes of its next write to the flash."""
+    HOLD = 6
+    """1: the converter holds its readings of the batteries, which stay as they are."""
+    FLASH = 7
+    """1: the flash does not answer: it reads as erased, and nothing is written or erased."""
+    DEPTH = 8
+    """1: the pressure sensor stands: it notices neither the surface nor the bottom."""
 
 
-WHOLE_ONLY = (Part.BUS, Part.WRITES, Part.CELLS, Part.SUPPLY)
+WHOLE_ONLY = (Part.BUS, Part.WRITES, Part.CELLS, Part.SUPPLY, Part.FLASH)
 """The parts that the worst case does not have: it has no sensors and no flash."""
 
 
@@ -51,3 +57,11 @@ class Defects:
     """The contact in the dock will open or close so often yet, each time after `BOUNCE_MS`; it is open if this is odd."""
     parts: dict[Part, int] = field(default_factory=dict)
     """The parts of the board that fail, with their values."""
+
+    @property
+    def bus_silent(self) -> bool:
+        return Part.BUS in self.parts
+
+    @property
+    def depth_stands(self) -> bool:
+        return Part.DEPTH in self.parts

@@ -1,4 +1,4 @@
-"""A whole board's flash, whose writes may be torn, stick or be cut by a brown-out."""
+"""A whole board's flash, which may not answer, and whose writes may be torn, stick or be cut by a brown-out."""
 
 from __future__ import annotations
 
@@ -14,13 +14,21 @@ class FailingFlash:
         self._flash = flash
         self.pages, self.page_bytes = flash.pages, flash.page_bytes
         self.parts: dict[Part, int] = {}
+        self._stale: set[int] = set()
+        """The pages whose erasure failed: their old bytes are still there."""
 
     def read(self, at: int, size: int) -> bytes:
-        return self._flash.read(at, size)
+        """A flash that does not answer reads as an erased one, because nothing drives its line."""
+        return bytes(size) if Part.FLASH in self.parts else self._flash.read(at, size)
 
     def program(self, at: int, data: bytes) -> None:
-        """Programs what the defects leave of `data`; PowerLost once if the supply fails in its middle."""
+        """Programs what the defects leave of `data`; PowerLost once if the supply fails in its middle.
+
+        Nothing is programmed where an erasure failed.
+        """
         parts = self.parts
+        if Part.FLASH in parts or (at // self.page_bytes in self._stale and any(self.read(at, len(data)))):
+            return
         if parts:
             cells = 0xFF & ~parts.get(Part.CELLS, 0)
             data = bytes(byte & cells for byte in data)[: parts.get(Part.WRITES, len(data))]
@@ -31,4 +39,8 @@ class FailingFlash:
         self._flash.program(at, data)
 
     def erase(self, page: int) -> None:
+        if Part.FLASH in self.parts:
+            self._stale.add(page)
+            return
+        self._stale.discard(page)
         self._flash.erase(page)

@@ -45,9 +45,12 @@ class TimedFault(StrEnum):
     EDGE_CHATTER = "edge_chatter"
     BUS_SILENT = "bus_silent"
     READINGS_SCATTER = "readings_scatter"
+    READINGS_STAND = "readings_stand"
+    DEPTH_STANDS = "depth_stands"
     UART_OVERRUN = "uart_overrun"
     WRITE_TORN = "write_torn"
     FLASH_WORN = "flash_worn"
+    FLASH_SILENT = "flash_silent"
     WRITE_BROWN_OUT = "write_brown_out"
     APAD_FROZEN = "apad_frozen"
     APAD_LIES = "apad_lies"
@@ -163,6 +166,16 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         60.0,
         Parameter("amplitude", "of a battery, either way", 0.05, 0.0, 1.0),
     ),
+    _F.READINGS_STAND: FaultRow(
+        "the converter stands: its readings of the batteries stay as they are",
+        "they follow the batteries again; a reset reads them once",
+        60.0,
+    ),
+    _F.DEPTH_STANDS: FaultRow(
+        "the pressure sensor stands: the board notices neither the surface nor the bottom",
+        "it shows where the aMussel is by then; a reset reads it once",
+        60.0,
+    ),
     _F.UART_OVERRUN: FaultRow(
         "the board's UARTs overrun: each packet to it loses its end",
         "packets arrive whole",
@@ -180,6 +193,11 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         "writes are whole; the spoilt records stay unreadable",
         60.0,
         Parameter("bits", "mask of each byte", 16.0, 1.0, 255.0),
+    ),
+    _F.FLASH_SILENT: FaultRow(
+        "the flash does not answer: it reads as erased, and nothing is written or erased",
+        "it answers again; the records of the time between are missing",
+        60.0,
     ),
     _F.WRITE_BROWN_OUT: FaultRow(
         "a brown-out resets the MU in the middle of its next write to the flash",

@@ -44,6 +44,9 @@ _PARTS = {
     TimedFault.UART_OVERRUN: Part.UARTS,
     TimedFault.WRITE_TORN: Part.WRITES,
     TimedFault.FLASH_WORN: Part.CELLS,
+    TimedFault.READINGS_STAND: Part.HOLD,
+    TimedFault.DEPTH_STANDS: Part.DEPTH,
+    TimedFault.FLASH_SILENT: Part.FLASH,
     TimedFault.WRITE_BROWN_OUT: Part.SUPPLY,
 }
 _LEAK_MS = 10_000
@@ -175,12 +178,11 @@ class FaultInjection:
                 return _to(injection, ContactBounced(round(value)))
             case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
                 return self._pin(injection, begins=True)
-            case TimedFault.BUS_SILENT:
-                return _to(injection, PartFailed(Part.BUS, 1))
             case TimedFault.READINGS_SCATTER:
                 return _to(injection, PartFailed(Part.CONVERTER, grains(value)))
             case fault if fault in _PARTS:
-                return _to(injection, PartFailed(_PARTS[fault], round(value)))
+                has_value = injection.row.parameter is not None
+                return _to(injection, PartFailed(_PARTS[fault], round(value) if has_value else 1))
             case TimedFault.APAD_FROZEN if link is not None:
                 link.is_frozen = True
             case TimedFault.APAD_LIES if link is not None:

@@ -39,6 +39,8 @@ class WholeBoardHardware:
         )
         self.noise = 0
         """The defect of a converter: its readings are off by up to so many grains."""
+        self.held: tuple[int, int] | None = None
+        """The readings that a defect converter holds."""
         self.rails = 0
         """The rails that are on, as bits."""
         self._state_rails = 0
@@ -84,6 +86,8 @@ class WholeBoardHardware:
 
     def readings(self, now_ms: int) -> tuple[int, int]:
         """Primary and secondary as the battery monitor reads them, in grains."""
+        if self.held is not None:
+            return self.held
         read = self._batteries.readings(now_ms)
         if not self.noise:
             return read

@@ -29,6 +29,8 @@ class WorstCaseHardware:
         self.at_surface = False
         self.noise = 0
         """The defect of a converter: its readings are off by up to so many grains."""
+        self.held: tuple[int, int] | None = None
+        """The readings that a defect converter holds."""
         self._is_powered = True
         """False while the pin is high without a charger."""
         self._watch_from_ms: int | None = None
@@ -52,6 +54,8 @@ class WorstCaseHardware:
 
     def readings(self, now_ms: int) -> tuple[int, int]:
         """Primary and secondary charge, in grains: the worst case measures them exactly, unless its converter is defect."""
+        if self.held is not None:
+            return self.held
         charge = self._config.charge
         exact = charge.charge_at(self.primary, now_ms), charge.charge_at(self.secondary, now_ms)
         if not self.noise:

@@ -79,7 +79,7 @@ EVENTS = st.one_of(
     st.sampled_from(
         [
             PartFailed(part, value)
-            for part in (Part.CONVERTER, Part.UARTS, Part.SUPPLY)
+            for part in (Part.CONVERTER, Part.UARTS, Part.SUPPLY, Part.HOLD, Part.DEPTH)
             for value in (0, 4, 10**9)
         ]
     ),
@@ -209,9 +209,12 @@ FLIGHTS = {
 FAILING_PARTS = (
     "bus_silent",
     "readings_scatter",
+    "readings_stand",
+    "depth_stands",
     "uart_overrun",
     "write_torn",
     "flash_worn",
+    "flash_silent",
     "write_brown_out",
 )
 
@@ -227,7 +230,7 @@ def test_a_flight_of_other_boards_has_the_journal_of_ours(
     if name.endswith("failing parts"):
         data["faults"] = {
             "at": [
-                {"fault": fault, "id": 2 * n + k + 1, "at_s": 60 + 20 * n, "for_s": 400}
+                {"fault": fault, "id": (2 * n + k) % 12 + 1, "at_s": 60 + 20 * n, "for_s": 400}
                 for n, fault in enumerate(FAILING_PARTS)
                 for k in (0, 1)
             ]

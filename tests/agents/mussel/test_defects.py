@@ -11,6 +11,7 @@ from seas import FLEET as WHOLE
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.defects import Part
+from agents.mussel.failing_flash import FailingFlash
 from agents.mussel.outputs import Dropped
 from agents.mussel.stimuli import (
     BuoyancyJammed,
@@ -30,6 +31,7 @@ from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Flow, grains
 from firmware_model.power.charge_pin import Fault
+from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
@@ -157,7 +159,7 @@ def test_the_worst_case_has_no_clock_to_disturb() -> None:
 
 
 def test_the_worst_case_has_neither_sensors_nor_flash() -> None:
-    for part in (Part.BUS, Part.WRITES, Part.CELLS, Part.SUPPLY):
+    for part in (Part.BUS, Part.WRITES, Part.CELLS, Part.SUPPLY, Part.FLASH):
         (dropped,) = agent(PAPER).receive(PartFailed(part, 1), 0)
         assert isinstance(dropped, Dropped) and dropped.reason.endswith("the worst case has none")
 
@@ -183,6 +185,48 @@ def test_noise_outlives_a_reset_of_the_board_and_differs_from_time_to_time() -> 
         mussel.board.readings(at_ms)[0] - charge(mussel, at_ms) for at_ms in range(10_000, 20_000, 1_000)
     }
     assert len(errors) == 10
+
+
+@pytest.mark.parametrize("fleet", [PAPER, WHOLE], ids=["worst case", "whole"])
+def test_a_converter_that_stands_holds_its_readings_until_it_is_healed(fleet: FleetConfig) -> None:
+    mussel = agent(fleet)
+    mussel.receive(PartFailed(Part.HOLD, 1), 60_000)
+    held = mussel.board.readings(60_000)
+    mussel.advance(4_000_000)
+    assert mussel.board.readings(4_000_000) == held
+    mussel.receive(PartFailed(Part.HOLD, 0), 4_000_000)
+    assert mussel.board.readings(4_000_000)[0] < held[0]
+
+
+def test_a_converter_that_stands_reads_the_batteries_once_after_a_reset() -> None:
+    mussel = agent(PAPER)
+    mussel.receive(PartFailed(Part.HOLD, 1), 60_000)
+    mussel.receive(WasReset(ResetCause.BROWN_OUT), 4_000_000)
+    at_reset = mussel.board.readings(4_000_000)
+    mussel.advance(8_000_000)
+    assert mussel.board.readings(8_000_000) == at_reset
+    assert charge(mussel, 4_000_000) == at_reset[0] > charge(mussel, 8_000_000)
+
+
+def test_a_pressure_sensor_that_stands_shows_the_surface_once_it_is_healed() -> None:
+    mussel = agent()
+    mussel.receive(PartFailed(Part.DEPTH, 1), 1_000)
+    mussel.receive(PERMISSION, 3_000)
+    mussel.advance(100_000)
+    assert mussel.body.depth_at_um(100_000) == 0 and mussel.board.state is State.SURFACING
+    mussel.receive(PartFailed(Part.DEPTH, 0), 100_000)
+    assert mussel.board.state is State.FLOATING
+
+
+def test_a_board_that_never_notices_the_surface_sinks_again_in_time_and_then_stays_sinking() -> None:
+    mussel = agent()
+    mussel.receive(PartFailed(Part.DEPTH, 1), 1_000)
+    mussel.receive(PERMISSION, 3_000)
+    timeout_ms = mussel.config.board.surfacing_timeout_ms
+    mussel.advance(3_000 + 2 * timeout_ms)
+    assert mussel.board.state is State.SINKING and mussel.body.rests_on_bottom
+    mussel.receive(PartFailed(Part.DEPTH, 0), 3_000 + 2 * timeout_ms)
+    assert mussel.board.state is State.ACTIVE
 
 
 def test_a_packet_that_overruns_the_uart_is_dropped() -> None:
@@ -226,6 +270,30 @@ def test_a_write_that_fails_spoils_its_record_alone(part: Part, value: int) -> N
     mussel = sampled((2, PartFailed(part, value)), (4, PartFailed(part, 0)))
     assert readable(mussel) == [0, 1, 4]
     assert mussel.physical.samples == 5
+
+
+def test_a_flash_that_does_not_answer_misses_its_records_and_keeps_the_others() -> None:
+    mussel = sampled((2, PartFailed(Part.FLASH, 1)), (4, PartFailed(Part.FLASH, 0)))
+    assert readable(mussel) == [0, 1, 4]
+    assert mussel.physical.samples == 5
+    mussel.receive(PartFailed(Part.FLASH, 1), 6 * HOUR_MS)
+    assert readable(mussel) == []
+
+
+def test_a_page_whose_erasure_failed_takes_no_record_until_it_is_erased() -> None:
+    flash = FailingFlash(MemoryFlash(pages=3, page_bytes=96))
+    flash.program(96, b"old")
+    flash.parts = {Part.FLASH: 1}
+    flash.erase(1)
+    flash.program(0, b"lost")
+    flash.parts = {}
+    flash.program(96, b"new")
+    flash.program(100, b"free")
+    assert flash.read(0, 4) == bytes(4)
+    assert flash.read(96, 8) == b"old\0free"
+    flash.erase(1)
+    flash.program(96, b"new")
+    assert flash.read(96, 8) == b"new" + bytes(5)
 
 
 @pytest.mark.parametrize("written", [1, 10, 23])

@@ -110,6 +110,9 @@ STIMULI: tuple[Stimulus, ...] = (
             Part.WRITES: (10, 0),
             Part.CELLS: (16, 0),
             Part.SUPPLY: (1, 13, 23),
+            Part.HOLD: (1, 0),
+            Part.FLASH: (1, 0),
+            Part.DEPTH: (1, 0),
         }.items()
         for value in values
     ),
