@@ -12,6 +12,7 @@ import pytest
 from native_boards import NATIVE, compiled, script
 
 from apad_bridge.commands.main import main
+from benchmarks import mutants
 
 pytestmark = pytest.mark.system
 PERL = NATIVE / "worst_case.pl"
@@ -162,7 +163,7 @@ MUTANTS = {
     "motors the wrong way": ("run_motors(MU_MOTOR_DOWN)", "run_motors(MU_MOTOR_UP)"),
     "a release that is kept": ("board.clear_to_sink = false;", ""),
 }
-"""Hand-written changes of the C board, each of which changes what it does; benchmarks/run native has the generated ones."""
+"""Hand-written changes of the C board, each of which changes what it does; benchmarks/run mutants generates others."""
 
 
 @pytest.mark.parametrize("name", MUTANTS)
@@ -296,3 +297,12 @@ def test_a_mutant_of_the_whole_board_is_caught(
     subprocess.run(command, cwd=tmp_path, check=True, timeout=120)
     assert main(["mu", "conform", str(tmp_path / "mutant"), "--profile", "mu", "--case", case]) == 3
     assert "1 failed" in capsys.readouterr().out
+
+
+def test_generated_mutants_of_both_boards_are_caught() -> None:
+    """The short form of `benchmarks/run mutants`."""
+    rows = mutants.measure(short=True, row=["first"])["boards"]
+    assert [(it["board"], it["mutants"], it["caught"]) for it in rows] == [
+        ("worst case", 2, 2),
+        ("whole", 2, 2),
+    ]
