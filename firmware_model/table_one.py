@@ -20,7 +20,8 @@ from firmware_model.config import (
     Timeslots,
 )
 from firmware_model.power.charge import EMPTY_MV, FULL, FULL_MV, ChargeModel, grains, grains_per_ms
-from firmware_model.power.rails import Loads, Rail
+from firmware_model.power.rails import SENSOR_RAILS, Loads, Rail
+from firmware_model.sampling.sensors import SENSORS
 
 EQUATION_1 = 0.0010427134
 EQUATION_2 = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
@@ -90,10 +91,7 @@ ASSUMED = (
     Parameter("modem_listening", 12.5, "mW", f"{_NANOMODEM}: 2.5 mA"),
     Parameter("modem_receiving", 25, "mW", f"{_NANOMODEM}: 5 mA"),
     Parameter("modem_transmitting", 1500, "mW", f"{_NANOMODEM}: up to 300 mA"),
-    Parameter("oxygen", 100, "mW", "an optode of this class"),
-    Parameter("pressure", 5, "mW", "a sensor of this class"),
-    Parameter("temperature", 5, "mW", "a sensor of this class"),
-    Parameter("turbidity", 50, "mW", "a sensor of this class"),
+    *(Parameter(it.name, it.load_mw, "mW", it.load_source) for it in SENSORS),
     Parameter("pi", 1000, "mW", "a small Raspberry Pi at work"),
     Parameter("wifi", 500, "mW", "a module of this class"),
     Parameter("gsm", 400, "mW", "a module of this class"),
@@ -119,10 +117,7 @@ LOADS = Loads.from_minutes(
     {
         Rail.MU_ASLEEP: _FITTED["mu_asleep"],
         Rail.MU_ACTIVE: round(EQUATION_1 - _LISTENING, 10),
-        Rail.OXYGEN: _milliwatts(_ASSUMED["oxygen"]),
-        Rail.PRESSURE: _milliwatts(_ASSUMED["pressure"]),
-        Rail.TEMPERATURE: _milliwatts(_ASSUMED["temperature"]),
-        Rail.TURBIDITY: _milliwatts(_ASSUMED["turbidity"]),
+        **{rail: _milliwatts(_ASSUMED[rail.name.lower()]) for rail in SENSOR_RAILS},
         Rail.PI: _milliwatts(_ASSUMED["pi"]),
         Rail.MODEM_LISTENING: _LISTENING,
         Rail.MODEM_RECEIVING: _milliwatts(_ASSUMED["modem_receiving"]),

@@ -12,7 +12,7 @@ from enum import IntEnum
 
 from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.power.charge import FULL, fraction
-from firmware_model.power.rails import Rail
+from firmware_model.power.rails import SENSOR_RAILS
 from firmware_model.sampling.flash import Flash
 from firmware_model.sampling.sensors import Counts
 from firmware_model.settings import Settings
@@ -24,7 +24,6 @@ _LEVEL = struct.Struct("<BH")
 _SETTINGS = struct.Struct("<IIIIIHi")
 _U32, _U64 = struct.Struct("<I"), struct.Struct("<Q")
 _NEVER = (1 << 64) - 1
-SENSOR_RAILS = (Rail.OXYGEN, Rail.PRESSURE, Rail.TEMPERATURE, Rail.TURBIDITY)
 
 
 class Address(IntEnum):

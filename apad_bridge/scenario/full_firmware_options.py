@@ -6,7 +6,7 @@ that the block leaves out (see `apad_bridge.scenario.profiles`).
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator
@@ -32,26 +32,20 @@ def _known_module(name: str) -> str:
 
 
 ModuleName = Annotated[str, AfterValidator(_known_module)]
+Schema = TypeVar("Schema")
+
+
+def _with_modules(schema: type[Schema]) -> type[Schema]:
+    """Gives a schema a required key for each module, in the order of `Rail`."""
+    for rail in Rail:
+        schema.__annotations__[rail.name.lower()] = NotNegative
+    return schema
 
 
 @frozen
+@_with_modules
 class ModuleLoads:
-    """Milliwatts that each module draws while it is on; 0 for a module that is not fitted."""
-
-    mu_asleep: NotNegative
-    mu_active: NotNegative
-    oxygen: NotNegative
-    pressure: NotNegative
-    temperature: NotNegative
-    turbidity: NotNegative
-    pi: NotNegative
-    modem_listening: NotNegative
-    modem_receiving: NotNegative
-    modem_transmitting: NotNegative
-    wifi: NotNegative
-    gsm: NotNegative
-    bluetooth: NotNegative
-    motors: NotNegative
+    """Milliwatts that each module of `Rail` draws while it is on; 0 for a module that is not fitted."""
 
 
 @frozen

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from firmware_model.power.charge import grains_per_ms
+from firmware_model.sampling import sensors
 from firmware_model.states import State
 
 
@@ -35,7 +36,9 @@ def bits(*rails: Rail) -> int:
 
 ASLEEP = bits(Rail.MU_ASLEEP, Rail.MODEM_LISTENING)
 IDLE = bits(Rail.MU_ACTIVE, Rail.MODEM_LISTENING)
-SENSORS = bits(Rail.OXYGEN, Rail.PRESSURE, Rail.TEMPERATURE, Rail.TURBIDITY)
+SENSOR_RAILS = tuple(Rail[sensor.name.upper()] for sensor in sensors.SENSORS)
+"""The rail of each sensor, in the order of the sensors' table."""
+SENSORS = bits(*SENSOR_RAILS)
 SENDING = bits(Rail.MU_ACTIVE, Rail.MODEM_TRANSMITTING)
 
 RAILS: dict[State, int] = {

@@ -4,7 +4,8 @@ A sensor's calibration is a polynomial from raw counts to its unit. The board st
 the coefficients converts them to values. Neither the paper nor any public text gives the aMussels' own coefficients: these
 are ours, plausible for 16-bit converters and for the ranges in a lagoon, and they are data.
 
-Records, packets, the water's fields and the keys of scenarios and of samples.jsonl follow the table: docs/packets.md.
+Records, packets, the water's fields, the loads of a board, and the keys of scenarios and of samples.jsonl follow the
+table: docs/packets.md. A sensor's rail has its name (`firmware_model.power.rails.Rail`).
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ class Sensor:
     high: float
     noise: float
     calm: float | None
+    load_mw: float
+    """Its assumed load while it is on."""
+    load_source: str = "a sensor of this class"
 
     def __post_init__(self) -> None:
         if not self.value(0) <= self.low < self.high <= self.value(MAX_COUNT):
@@ -76,12 +80,22 @@ class Sensor:
 
 SENSORS = (
     # An optode is steeper near saturation: hence a square term. Its range is twice the saturation of water at 10 C.
-    Sensor("oxygen", "mg_l", (0.0, 2.4e-4, 1.2e-9), low=0.0, high=20.0, noise=0.05, calm=8.0),
+    Sensor(
+        "oxygen",
+        "mg_l",
+        (0.0, 2.4e-4, 1.2e-9),
+        low=0.0,
+        high=20.0,
+        noise=0.05,
+        calm=8.0,
+        load_mw=100,
+        load_source="an optode of this class",
+    ),
     # 0.1 mbar, that is a millimetre of water, down to 50 m. The pressure is absolute.
-    Sensor("pressure", "mbar", (500.0, 0.1), low=600.0, high=6500.0, noise=0.5, calm=None),
-    Sensor("temperature", "c", (-10.0, 0.001), low=-5.0, high=45.0, noise=0.01, calm=18.0),
+    Sensor("pressure", "mbar", (500.0, 0.1), low=600.0, high=6500.0, noise=0.5, calm=None, load_mw=5),
+    Sensor("temperature", "c", (-10.0, 0.001), low=-5.0, high=45.0, noise=0.01, calm=18.0, load_mw=5),
     # Scattered light grows more slowly than the turbidity.
-    Sensor("turbidity", "ntu", (0.0, 0.012, 6e-8), low=0.0, high=1000.0, noise=0.4, calm=5.0),
+    Sensor("turbidity", "ntu", (0.0, 0.012, 6e-8), low=0.0, high=1000.0, noise=0.4, calm=5.0, load_mw=50),
 )
 """A row for each sensor, eight at most. A sensor's place in the table is its place in records and packets."""
 COUNT_FIELDS = len(SENSORS) * "H"

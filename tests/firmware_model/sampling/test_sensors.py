@@ -4,9 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_model.power.rails import RAILS, SENSOR_RAILS, bits
 from firmware_model.sampling.sensors import MAX_COUNT, SENSORS, Sensor, sample, values
+from firmware_model.states import State
 
-LINEAR = Sensor("linear", "m", (-10.0, 0.5), low=-5.0, high=100.0, noise=2.0, calm=None)
+LINEAR = Sensor("linear", "m", (-10.0, 0.5), low=-5.0, high=100.0, noise=2.0, calm=None, load_mw=0)
 QUIET = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -27,7 +29,7 @@ def test_beyond_its_range_it_reads_as_at_the_end() -> None:
 
 
 def test_coefficients_go_from_the_constant_on() -> None:
-    squared = Sensor("squared", "m", (1.0, 2.0, 3.0), low=1.0, high=6.0, noise=0.0, calm=None)
+    squared = Sensor("squared", "m", (1.0, 2.0, 3.0), low=1.0, high=6.0, noise=0.0, calm=None, load_mw=0)
     assert squared.value(10) == 1 + 20 + 300
 
 
@@ -36,7 +38,7 @@ def test_coefficients_go_from_the_constant_on() -> None:
 )
 def test_a_sensor_that_cannot_be_is_refused(low: float, high: float, noise: float) -> None:
     with pytest.raises(ValueError):
-        Sensor("linear", "m", (-10.0, 0.5), low, high, noise, None)
+        Sensor("linear", "m", (-10.0, 0.5), low, high, noise, None, 0)
 
 
 def test_the_calibrations_as_printed() -> None:
@@ -69,3 +71,8 @@ def test_a_sample_of_all_four_and_what_it_stands_for() -> None:
     assert saturated == 0b1000
     assert values(SENSORS, counts) == pytest.approx((8.0, 1314.8, 21.5, 1000.0), abs=0.01)
     assert sample(SENSORS, (8.0, 0.0, 99.0, 5.0), QUIET)[1] == 0b0110
+
+
+def test_every_sensor_has_a_rail_of_its_own_that_is_on_while_the_board_samples() -> None:
+    assert [rail.name.lower() for rail in SENSOR_RAILS] == [sensor.name for sensor in SENSORS]
+    assert RAILS[State.SAMPLING] & bits(*SENSOR_RAILS) == bits(*SENSOR_RAILS)
