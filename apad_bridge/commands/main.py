@@ -106,8 +106,6 @@ _FOLDERS = {
     "logs of real hardware": "hardware",
 }
 """The folder of a group's modules where it does not have the group's name."""
-_OF_CONTROL = ("order", "stop", "hands", "continue", "back-in", "abort", "remark")
-"""The commands of the module `control`; each other module has the command of its own name."""
 _NS = "__ns:="
 _YOUNG_OBJECTS = 200_000
 """The number of new objects after which a command looks for garbage cycles: more than its imports make. Python's own 700
@@ -147,8 +145,9 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
         for name in COMMANDS:
             commands.add_parser(name)
         return top
-    module = "control" if named in _OF_CONTROL else named
     group = next(title for title, group in GROUPS.items() if named in group)
+    # One module has all orders; each other module has the command of its own name.
+    module = "control" if group == "order" else named
     try:
         import_module(f"apad_bridge.commands.{_FOLDERS.get(group, group)}.{module}").add_parser(commands)
     except ImportError as error:

@@ -30,12 +30,7 @@ class PersonOrdered(Event):
     counted = ("order", "agent", "north_m", "east_m")
     category = Category.WORD
 
-    order: Annotated[
-        str,
-        Meaning(
-            "`stop`, `hands`, `continue`, `back in`, `abort`, `go to`, `hold`, `ping` or `permit to surface`"
-        ),
-    ]
+    order: Annotated[str, Meaning("the act, as commands and consoles name it: `stop`, `back in` or `go to`")]
     by: Annotated[str, Meaning("the person's name on that machine")]
     agent: Annotated[int | None, Meaning("the aMussel")] = None
     north_m: Annotated[float | None, Meaning("the goal, north", "m")] = None

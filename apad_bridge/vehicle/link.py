@@ -51,7 +51,7 @@ Order = TypeVar("Order")
 
 
 class Cleared(ABC, Generic[Order]):
-    """What the gate has let out: a vehicle's command, or what goes on the wire for one.
+    """An order that the gate has let out: a vehicle's command, or what goes on the wire for one.
 
     Only `Gate` has a class that can be made, and a link takes nothing else: so a type check finds a road around the guards.
     """

@@ -182,7 +182,7 @@ class Gate:
         return self.refusal(command, now_ms) or _LetOut(command)
 
     def clear_for_wire(self, sent: Order, command: GuardedOrder, now_ms: int) -> Cleared[Order] | None:
-        """What a link is about to send for this command, maybe by itself again; None, and a line, if a guard refuses it."""
+        """Clears a command that a link is about to send, maybe by itself again; None, and a line, if a guard refuses it."""
         return _LetOut(sent) if self.passes(command, now_ms) else None
 
     def clear_stop(self, stop: Hold | Stop) -> Cleared[VehicleCommand]:
