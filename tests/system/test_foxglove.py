@@ -185,6 +185,7 @@ def test_no_tick_of_ten_minutes_comes_late(flight: tuple[subprocess.Popen[str], 
             topic, _, data = message
             _, seconds, nanoseconds = struct.unpack_from("<III", data)
             came[topic].append((seconds + nanoseconds / 1e9, time.monotonic()))
+    viewer.link.close()
     steps_s = {round(b - a, 3) for ticks in came.values() for (a, _), (b, _) in pairwise(ticks)}
     offsets_s = sorted(at_s - stamp_s for ticks in came.values() for stamp_s, at_s in ticks)
     late_s = [it - offsets_s[0] for it in offsets_s]
