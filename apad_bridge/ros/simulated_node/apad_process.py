@@ -17,6 +17,9 @@ from agents.hosting.interrupts import held_back, let_in
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.ros_names.names import USE_SIM_TIME
 
+_KILLED_S = 60.0
+"""The longest time that a killed process may take to be gone: on a busy machine more than a second."""
+
 
 class APadNodeFailed(Exception):
     """The node did not come up. The text is one line with the last line of its log."""
@@ -89,7 +92,7 @@ def stop_apad_node(child: subprocess.Popen[bytes], patience_s: float = 3.0) -> i
             child.kill()
     if child.stdout is not None:
         child.stdout.close()
-    return child.wait(patience_s)
+    return child.wait(_KILLED_S)
 
 
 def _is_ready(child: subprocess.Popen[bytes], ready_s: float) -> bool:

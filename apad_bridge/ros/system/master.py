@@ -140,7 +140,7 @@ def _end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
         process.wait(timeout=timeout_s)
     except subprocess.TimeoutExpired:
         process.kill()
-        process.wait(timeout=5)
+        process.wait(timeout=60)
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
             pipe.close()
