@@ -88,7 +88,7 @@ def test_a_run_needs_no_package_of_studies_and_prints_what_nobody_can_exceed(
     write_resolved(scenario, plan().scenario(0, 0, 1))
     arguments = ["--time", "asap", "--hosting", "one_process", "--out", str(tmp_path / "run")]
     assert main(["run", str(scenario), *arguments]) == 0
-    assert "4 docks sustain at most 15.2 aMussels (11.9" in capsys.readouterr().out
+    assert "4 docks sustain at most 15.2 aMussels (12.0" in capsys.readouterr().out
 
 
 def test_without_pyarrow_a_study_says_how_to_get_it_before_it_flies(
