@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -16,8 +17,11 @@ from shapely import Point, Polygon
 
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.studies.figures import COLUMNS
+from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.scenario.loader import load
-from benchmarks import bounds, chaos, planner, ten_days
+from apad_bridge.scenario.schema import Dispatch, DriftMode
+from benchmarks import bounds, chaos, planner, plans, ten_days
+from benchmarks.instances import check
 from benchmarks.mutations import first_changes, held_out_changes
 
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
@@ -252,3 +256,92 @@ def test_a_held_out_mutant_has_a_mistake_of_another_kind_than_the_first_ones(tmp
     (swapped,) = [it for it in held_out_changes(files, ()) if it.key[1] == "spray(until, from);"]
     assert swapped.applied() == SOURCE.replace("spray(from, until)", "spray(until, from)")
     assert str(swapped) == "paint.c:4: spray(from, until);  ->  spray(until, from);"
+
+
+INSTANCES = sorted(it for it in plans.FOLDER.glob("*.json") if not it.stem.endswith("-best"))
+
+
+def test_there_are_fifty_instances() -> None:
+    assert [it.stem for it in INSTANCES] == [f"{number:03}" for number in range(1, plans.COUNT + 1)]
+
+
+@pytest.mark.parametrize("path", INSTANCES, ids=lambda it: it.stem)
+def test_an_instance_has_its_bound_and_a_best_known_plan_below_it(path: Path) -> None:
+    instance = json.loads(path.read_text())
+    assert instance == plans.instance_of(int(path.stem))
+    known = check.scored(instance, json.loads(path.with_stem(f"{path.stem}-best").read_text()))
+    assert 0 < known["score"] <= instance["bound_percent"]
+    assert known["uptime_percent"] <= instance["uptime_bound_percent"]
+
+
+@pytest.mark.parametrize("path", INSTANCES[::2], ids=lambda it: it.stem)
+def test_no_random_plan_beats_the_bounds_of_an_instance(path: Path) -> None:
+    """Each step is drawn from those that can be flown; waits are up to the time of a full charge."""
+    instance, random = json.loads(path.read_text()), Random(path.stem)
+    world, step = check.World(instance), ["wait", 0.0]
+    while world.fly(step):
+        steps: list[list[object]] = [["deploy", it] for it in world.docked]
+        if len(world.docked) < instance["docks"]:
+            steps += [["collect", it] for it in range(len(instance["charges"])) if it not in world.docked]
+        step = random.choice([*steps, ["wait", random.uniform(0, 900)]])
+    found = world.score()
+    assert found["score"] <= instance["bound_percent"] + 1e-9
+    assert found["uptime_percent"] <= instance["uptime_bound_percent"] + 1e-9
+
+
+@pytest.mark.parametrize("number", [3, 4, 7, 16])
+def test_a_flight_by_a_rule_has_the_uptime_that_the_checker_finds_for_its_plan(number: int) -> None:
+    """The nearest one by one, from 0.8 to full. The checker leaves out how the aPad speeds up, and shares no code."""
+    area, scenario = plans.scenario_of(number)
+    mission = replace(
+        scenario.mission, collection="greedy", dispatch=Dispatch.ASYNCHRONOUS, pool_threshold=0.8
+    )
+    still = replace(scenario.fleet, drift=replace(scenario.fleet.drift, mode=DriftMode.PHYSICAL))
+    flown = fly(replace(scenario, mission=mission, fleet=still), Model.EVENT_DRIVEN)
+    found = plans.flown(plans.instance_of(number), plans.Rule(0.0, 0.8, plans.FULL, None)).score()
+    assert area != "two clusters"
+    assert found["uptime_percent"] == pytest.approx(flown.uptime_paper_mean, abs=0.2)
+    assert found["score"] == pytest.approx(flown.uptime_equal_charge, abs=0.2)
+
+
+def small_instance(**changes: object) -> dict[str, object]:
+    """One dock; two aMussels, 10 m to the north and 10 m to the south; a charge takes 200 s, and lasts for 1000 s."""
+    return {
+        **{"horizon_s": 1000.0, "docks": 1, "start_m": [0.0, 0.0], "speed_m_s": 0.5, "dock_s": 15.0},
+        **{"undock_s": 5.0, "drain_per_s": 0.001, "curve": [[0.5, 0.0025], [1.0, 0.005]], "motor_run": 0.0},
+        **{"places_m": [[10.0, 0.0], [-10.0, 0.0]], "charges": [0.5, 1.0], "battery_worth_s": 200.0},
+        **changes,
+    }
+
+
+def test_a_plan_is_scored_as_by_hand() -> None:
+    """aMussel 0 is docked from 35 s on, with 0.465, for 165 s: 14 s to the knee, then 151 s at 0.005 give 1 in 100 s."""
+    plan = {"steps": [["collect", 0], ["wait", 160.0], ["deploy", 0]]}
+    found = check.scored(small_instance(), plan)
+    assert found["uptime_percent"] == pytest.approx((100 * (35 + 800) / 1000 + 100) / 2)
+    assert found["charge_gained"] == pytest.approx((0.2 - 0.5 + 0.0 - 1.0) / 2)
+    assert found["score"] == pytest.approx(found["uptime_percent"] + 20 * found["charge_gained"])
+    assert (found["metres"], found["services"]) == (10.0, 1)
+
+
+def test_who_is_docked_at_the_end_still_owes_its_way_down() -> None:
+    found = check.scored(small_instance(motor_run=0.1, horizon_s=35.0), {"steps": [["collect", 0]]})
+    assert found["charge_gained"] == pytest.approx((0.465 - 0.2 - 0.5 + 0.965 - 1) / 2)
+
+
+@pytest.mark.parametrize(
+    ("steps", "mistake"),
+    [
+        ([["collect", 0], ["collect", 1]], "step 2: .* no dock is free"),
+        ([["deploy", 0]], "step 1: .* it is not docked"),
+        ([["collect", 0], ["collect", 0]], "step 2: .* it is docked"),
+        ([["collect", 2]], "no such aMussel"),
+        ([["collect", True]], "no such step"),
+        ([["wait", -1]], "a wait is a number of seconds"),
+        ([["wait"]], "step 1"),
+        ([["fetch", 1]], "no such step"),
+    ],
+)
+def test_a_plan_that_cannot_be_flown_is_an_error(steps: list[list[object]], mistake: str) -> None:
+    with pytest.raises(ValueError, match=mistake):
+        check.scored(small_instance(), {"steps": steps})

@@ -1,0 +1,228 @@
+"""Published instances: fifty fleets with bounds and best known plans, in benchmarks/instances, with a checker of plans.
+
+Each instance is drawn by its number: area, fleet, docks, start charges, motors and horizon. Its numbers are those of a
+scenario, so its bounds are those that `musselbed capacity` prints for that scenario. A family of rules is flown on each, in
+the checker's world: collect the nearest, the lowest, or a blend of both, one by one or in batches, from a threshold up to
+a charge. The best of their plans is kept as the best known one. It is no optimum.
+
+It writes the files anew, and keeps a plan from elsewhere that has a better score.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from math import dist
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.assembly.capacity import battery_worth_min, bounds_of
+from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from benchmarks.instances.check import World, scored
+from benchmarks.rows import told
+
+HERE = Path(__file__).parent
+FOLDER = HERE / "instances"
+POOL = HERE.parent / "launch_scripts/scenarios/pool-12.yaml"
+COUNT, SHORT_COUNT = 50, 1
+AREAS_M = {
+    "line": (200.0, 1.0),
+    "two clusters": (100.0, 10.0),
+    "60 x 20 m": (60.0, 20.0),
+    "12 x 60 m": (12.0, 60.0),
+    "200 x 200 m": (200.0, 200.0),
+}
+FULL = 0.99
+_PATIENCE_S = 1.0
+"""A rule that waits for a charge looks again after so long."""
+
+Instance = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    per_charge_m: float
+    """The way for which a rule passes over one that has a whole battery more."""
+    threshold: float
+    charge_to: float
+    batch: int | None
+    """None: one by one, each released by itself."""
+
+    @property
+    def name(self) -> str:
+        order = {0.0: "nearest", 1e6: "lowest"}.get(self.per_charge_m, f"blend, {self.per_charge_m:g} m")
+        how = "one by one" if self.batch is None else f"batches of {self.batch}"
+        return f"{order}, {how}, from {self.threshold:g} to {self.charge_to:g}"
+
+
+def rules(docks: int) -> Iterator[Rule]:
+    for order, threshold, charge_to, batch in product(
+        (0.0, 50.0, 200.0, 1e6), (0.5, 0.7, 0.8, 0.95), (0.7, 0.8, 0.9, FULL), (None, docks)
+    ):
+        if threshold < charge_to:
+            yield Rule(order, threshold, charge_to, batch)
+
+
+def scenario_of(number: int) -> tuple[str, Scenario]:
+    """The area and the scenario from which the instance with this number is made. It has no two clusters yet."""
+    random = Random(f"instance {number}")
+    area = random.choice(list(AREAS_M))
+    north_m, east_m = AREAS_M[area]
+    data = resolve(load(POOL))
+    data["seed"] = number
+    data["duration_s"] = float(random.choice((2400, 4800, 9600)))
+    data["area"] |= {
+        "polygon_m": [[0.0, 0.0], [north_m, 0.0], [north_m, east_m], [0.0, east_m]],
+        "chart": None,
+    }
+    data["apad"] |= {"start_m": [north_m / 2, east_m / 2], "profile": None, "docks": random.choice((2, 4))}
+    data["mission"]["batch"] = data["apad"]["docks"]
+    data["board"] |= {"motor_run_charge": random.choice((0.0, 0.0225)), "profile": None}
+    low, high = random.choice(((0.6, 1.0), (0.3, 0.9), (0.2, 0.5)))
+    data["fleet"] |= {
+        "agent_ids": [],
+        "count": random.choice((8, 12, 20)),
+        "start": {"charge": [low, high]},
+    }
+    return area, from_data(data, f"instance {number}")
+
+
+def instance_of(number: int) -> Instance:
+    """The instance with this number, from 1 on."""
+    area, scenario = scenario_of(number)
+    north_m = AREAS_M[area][0]
+    places_m = [
+        (_clustered(it.north_m, north_m) if area == "two clusters" else it.north_m, it.east_m)
+        for it in starts_of(scenario)
+    ]
+    bounds, model = bounds_of([scenario]), energy_model(scenario)
+    return {
+        "name": f"{number:03}",
+        "area": area,
+        "horizon_s": scenario.duration_s,
+        "docks": scenario.apad.docks,
+        "start_m": list(scenario.apad.start_m),
+        "speed_m_s": model.speed_m_s,
+        "dock_s": model.dock_s,
+        "undock_s": model.undock_s,
+        "drain_per_s": model.drain_per_s,
+        "curve": [list(it) for it in model.curve],
+        "motor_run": model.motor_run,
+        "places_m": [[round(it, 3) for it in place_m] for place_m in places_m],
+        "charges": [it.primary for it in starts_of(scenario)],
+        "battery_worth_s": 60 * battery_worth_min(scenario) / scenario.theta,
+        "bound_percent": bounds.uptime_for_ever_percent,
+        "uptime_bound_percent": bounds.uptime_percent,
+    }
+
+
+def _clustered(north_m: float, span_m: float) -> float:
+    """Moves a place into the first or the last tenth of the area."""
+    share = north_m / span_m
+    return span_m * (share / 5 if share < 0.5 else 1 - (1 - share) / 5)
+
+
+def flown(instance: Instance, rule: Rule) -> World:
+    """The world at the end of a rule's mission."""
+    world = World(instance)
+    while world.fly(_next(world, rule)):
+        pass
+    return world
+
+
+def _next(world: World, rule: Rule) -> list[Any]:
+    docks, docked = world.instance["docks"], sorted(world.docked)
+    pool = [
+        it
+        for it in range(len(world.instance["places_m"]))
+        if it not in world.docked and world.charge(it) <= rule.threshold
+    ]
+    done = [it for it in docked if world.charge(it) >= (rule.charge_to if pool else FULL)]
+    if rule.batch is None:
+        if done:
+            return ["deploy", _nearest(world, done)]
+        if pool and len(docked) < docks:
+            return ["collect", _chosen(world, pool, rule)]
+        return ["wait", _PATIENCE_S]
+    kind = world.steps[-1][0] if world.steps else "deploy"
+    if docked and (kind == "deploy" or len(done) == len(docked)):
+        return ["deploy", _nearest(world, docked)]  # a batch leaves as a whole
+    if pool and len(docked) < rule.batch and (kind == "collect" or (not docked and len(pool) >= rule.batch)):
+        return ["collect", _chosen(world, pool, rule)]
+    return ["wait", _PATIENCE_S]
+
+
+def _nearest(world: World, agents: list[int]) -> int:
+    return min(agents, key=lambda it: (dist(world.place_m, world.goal_m(it)), it))
+
+
+def _chosen(world: World, pool: list[int], rule: Rule) -> int:
+    def cost(agent: int) -> tuple[float, int]:
+        return dist(world.place_m, world.goal_m(agent)) + rule.per_charge_m * world.charge(agent), agent
+
+    return min(pool, key=cost)
+
+
+def _merged(steps: list[list[Any]]) -> list[list[Any]]:
+    """The same steps, with waits in a row as one."""
+    merged: list[list[Any]] = []
+    for kind, value in steps:
+        if kind == "wait" and merged and merged[-1][0] == "wait":
+            merged[-1] = ["wait", merged[-1][1] + value]
+        else:
+            merged.append([kind, value])
+    return merged
+
+
+def measure(short: bool = False) -> dict[str, Any]:
+    """Writes the instances and their best known plans; a row for each."""
+    rows = [_row(number) for number in range(1, (SHORT_COUNT if short else COUNT) + 1)]
+    return {"rows": rows}
+
+
+def _row(number: int) -> dict[str, Any]:
+    instance = instance_of(number)
+    name = instance["name"]
+    best_score, best = float("-inf"), {}
+    for rule in rules(instance["docks"]):
+        world = flown(instance, rule)
+        plan = {"instance": name, "by": rule.name, "steps": _merged(world.steps)}
+        if (score := scored(instance, plan)["score"]) > best_score:
+            best_score, best = score, plan
+    kept = FOLDER / f"{name}-best.json"
+    if kept.exists() and scored(instance, before := json.loads(kept.read_text()))["score"] >= best_score:
+        best = before
+    else:
+        kept.write_text(json.dumps(best) + "\n")
+    (FOLDER / f"{name}.json").write_text(json.dumps(instance) + "\n")
+    about = {key: instance[key] for key in ("name", "area", "docks", "motor_run", "horizon_s")}
+    return told(
+        {
+            **about,
+            "amussels": len(instance["charges"]),
+            "bound": instance["bound_percent"],
+            **scored(instance, best),
+            "by": best["by"],
+        }
+    )
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(title="Best known plans of the published instances")
+    for heading in ("instance", "area", "aMussels", "docks", "score", "bound", "uptime %", "metres", "by"):
+        table.add_column(heading)
+    for it in result["rows"]:
+        table.add_row(
+            *(it["name"], it["area"], str(it["amussels"]), str(it["docks"]), f"{it['score']:.2f}"),
+            *(f"{it['bound']:.2f}", f"{it['uptime_percent']:.2f}", f"{it['metres']:.0f}", it["by"]),
+        )
+    console.print(table)
