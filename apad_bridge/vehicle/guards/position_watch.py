@@ -166,6 +166,8 @@ class PositionWatch:
         self._newest: PoseReported | None = None
         self._samples: deque[PoseReported] = deque()
         """The samples of the last `LEAST_SPEED_MS`, the newest last."""
+        self._least_speeds: deque[tuple[PoseReported, float]] = deque(maxlen=2)
+        """The least speed at each of the two newest samples, with what was known of the noise then."""
         self._witnesses: deque[PoseReported] = deque()
         """The samples of the last `WITNESS_MS` since the vehicle is under way, the newest last."""
         self._clock = _VehicleClock()
@@ -206,10 +208,23 @@ class PositionWatch:
     def least_speed_m_s(self) -> float:
         """The speed that the vehicle makes at least, by the errors of places and times; 0 where it turns.
 
-        It is 0 also before anything is known of the noise of stamped positions, which takes three samples.
+        It is 0 also before anything is known of the noise of stamped positions, which takes three samples. A position
+        that noise has moved is not known as noisy before the next one. So a speed beyond the vehicle's own measurement
+        needs two samples.
         """
-        last, samples = self._newest, self._samples
-        if last is None or (last.stamp_ms is not None and self._noise_m2 is None):
+        last = self._newest
+        if last is None:
+            return 0.0
+        least_m_s = self._least_speed_m_s(last)
+        if last.speed_m_s is None:
+            return least_m_s
+        older = (it for pose, it in reversed(self._least_speeds) if _span_ms(pose, last) >= SAMPLE_MS)
+        return min(least_m_s, max(last.speed_m_s, next(older, 0.0)))
+
+    def _least_speed_m_s(self, last: PoseReported) -> float:
+        """The least speed by the positions alone."""
+        samples = self._samples
+        if last.stamp_ms is not None and self._noise_m2 is None:
             return 0.0
         second_m2 = max(sorted(self._new_noises_m2)[:-1], default=0.0)
         error_m = max(PLACE_ERROR_M, NOISE_ERRORS * max(self._noise_m, math.sqrt(second_m2)))
@@ -260,8 +275,7 @@ class PositionWatch:
         if newest is not None and self._is_jump(newest, pose):
             way_m = math.dist(_place(newest), _place(pose))
             self._doubt_it(f"it has jumped by {way_m:.0f} m", pose.at_ms)
-            self._samples.clear()  # no velocity across a jump
-            self._witnesses.clear()
+            self._forget_the_way()  # no velocity across a jump
         self._newest = pose
         if not self._samples or _span_ms(self._samples[-1], pose) >= SAMPLE_MS:
             self._take_sample(pose)
@@ -271,6 +285,7 @@ class PositionWatch:
         if len(self._samples) >= 2:
             self._learn_noise(self._samples[-2], self._samples[-1], pose)
         self._look_for_witnesses(before, pose)
+        self._least_speeds.append((pose, self._least_speed_m_s(pose)))
         self._samples.append(pose)
         while len(self._samples) > 2 and _span_ms(self._samples[1], pose) >= LEAST_SPEED_MS:
             self._samples.popleft()
@@ -318,9 +333,13 @@ class PositionWatch:
     def _begin_anew(self, newest: PoseReported | None) -> PoseReported | None:
         """Forgets the vehicle's clock, which was set: no velocity goes across two clocks."""
         self._clock = _VehicleClock()
-        self._samples.clear()
-        self._witnesses.clear()
+        self._forget_the_way()
         return None if newest is None else replace(newest, stamp_ms=None)
+
+    def _forget_the_way(self) -> None:
+        self._samples.clear()
+        self._least_speeds.clear()
+        self._witnesses.clear()
 
     def _doubt_it(self, reason: str, at_ms: int) -> None:
         """The newest doubt begins the time to settle anew. The first reason stays where a person must look."""

@@ -185,9 +185,10 @@ def test_a_noisy_receiver_makes_no_vehicle_too_fast(noise_m: float) -> None:
         assert watch.least_speed_m_s < 0.8
 
 
+@pytest.mark.parametrize(("measures_its_speed", "most_in_600"), [(False, 6), (True, 0)])
 @pytest.mark.parametrize("begins_s", [0, 20])
-def test_noise_that_begins_at_once_makes_a_vehicle_too_fast_once_in_a_hundred_times_at_most(
-    begins_s: int,
+def test_noise_that_begins_at_once_makes_hardly_any_vehicle_too_fast(
+    begins_s: int, measures_its_speed: bool, most_in_600: int
 ) -> None:
     """At rest for 5 s, and then at 0.5 m/s: noise of 0.5 m on each axis begins, on waves of 0.3 m."""
 
@@ -198,13 +199,26 @@ def test_noise_that_begins_at_once_makes_a_vehicle_too_fast_once_in_a_hundred_ti
             is_rough = n >= begins_s
             wave_m = 0.3 * math.sin(2 * math.pi * n / 6 + seed) if is_rough else 0.0
             north_m, east_m = (noise.gauss(0.0, 0.5 if is_rough else 0.0) for _ in range(2))
-            watch.take(
-                PoseReported(1_000 * n, 0.5 * max(0, n - 5) + north_m + wave_m, east_m, 0.0, 1_000 * n)
-            )
+            own_m_s = (0.5 if n > 5 else 0.0) if measures_its_speed else None
+            north_m += 0.5 * max(0, n - 5) + wave_m
+            watch.take(PoseReported(1_000 * n, north_m, east_m, 0.0, 1_000 * n, own_m_s))
             speeds.append(watch.least_speed_m_s)
         return max(speeds) > 0.8
 
-    assert sum(map(is_too_fast, range(600))) <= 6
+    assert sum(map(is_too_fast, range(50_000, 50_600))) <= most_in_600
+
+
+@pytest.mark.parametrize(("own_m_s", "within_s"), [(1.2, 2), (None, 2), (0.5, 3), (0.0, 3)])
+def test_a_vehicle_that_is_too_fast_is_seen_whatever_it_measures_itself(
+    own_m_s: float | None, within_s: int
+) -> None:
+    """Its speed grows from 0.5 to 1.2 m/s at once, behind a good receiver: two seconds of way show it, or one more."""
+    watch, seen_s = PositionWatch(LIMITS), []
+    for n in range(30):
+        north_m = 0.5 * min(n, 20) + 1.2 * max(0, n - 20)
+        watch.take(PoseReported(1_000 * n, north_m, 0.0, 0.0, 1_000 * n, own_m_s if n > 20 else 0.5))
+        seen_s += [n - 20] * (watch.least_speed_m_s > 0.8)
+    assert seen_s[0] <= within_s
 
 
 def test_a_vehicle_that_is_too_fast_is_seen_through_a_good_receivers_noise() -> None:
