@@ -88,7 +88,7 @@ class SurfacingWait:
     """Number of permissions sent since `since_ms`, and the one before the aPad set out."""
 
     def next_step(self, belief: Belief | None, config: Mission, now_ms: int) -> DockingStep:
-        """The step at `now_ms`; raises GivenUp."""
+        """The step at `now_ms`; raises GivenUp. The caller counts a permission when it sends it."""
         if belief is not None and floats(belief):
             return DockingStep.CLOSE
         waited_ms = now_ms - self.since_ms
@@ -100,7 +100,6 @@ class SurfacingWait:
             return DockingStep.WAIT
         if self.permissions >= config.surfacing_attempts:
             raise GivenUp("it does not answer the permission to surface")
-        self.permissions += 1
         return DockingStep.PERMIT
 
 
@@ -281,12 +280,24 @@ class DockingRoutine:
             self._wait = self._next = None
             raise
         if step is DockingStep.PERMIT:
+            wait.permissions += 1
             self._book.order(PermitSurfacing(wait.agent_id))
         elif step is DockingStep.CLOSE:
             if order is None:
                 return DockingStep.WAIT
             self._close(order)
         return step
+
+    def is_due(self, now_ms: int) -> bool:
+        """Tells whether `advance` does something at `now_ms`, by the belief of that time. The question changes nothing."""
+        wait, is_on_the_way = self._wait, self._next is None
+        if wait is None:
+            return False
+        try:
+            step = wait.next_step(self._beliefs.get(wait.agent_id), self.config, now_ms)
+        except GivenUp:
+            return not is_on_the_way
+        return step is DockingStep.PERMIT or (step is DockingStep.CLOSE and not is_on_the_way)
 
     def check_reach(self, belief: Belief, here: tuple[float, float]) -> None:
         """Raises OutOfReach for an aMussel that is believed too far from `here`."""

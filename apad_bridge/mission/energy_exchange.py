@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum, auto
+from typing import assert_never
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import (
@@ -70,6 +72,35 @@ DOCKINGS_PER_STEP = 3
 """A step is given up after so many failed dockings, because an aMussel spends most of its charge at the surface."""
 
 
+class _Choice(Enum):
+    WAIT = auto()
+    CHARGE = auto()
+    """Charge the docked ones first: docked by hand, or before a crash."""
+    COLLECT = auto()
+    RELEASE = auto()
+    """Release them, who may exchange places with others."""
+    BRING_BACK = auto()
+    """Release them before the aPad goes home."""
+    IDLE = auto()
+    GO_HOME = auto()
+    LEAVE_HOME = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What a mission that waits does next: the boxes of the paper's Fig. 7 that ask something."""
+
+    choice: _Choice = _Choice.WAIT
+    pool: Sequence[Belief] = ()
+    """Those to collect from."""
+    count: int = 0
+    """How many of the pool to collect."""
+    released: Collection[int] = ()
+
+
+_WAIT = Decision()
+
+
 @dataclass(frozen=True, slots=True)
 class _PhaseBehaviour:
     """The mission's behaviour in a phase, as its methods."""
@@ -77,6 +108,8 @@ class _PhaseBehaviour:
     begin: _Act
     """Runs when the mission starts in this phase, which may be in the middle of a resumed run."""
     tick: _Act | None = None
+    decide: _Decide | None = None
+    """Decides, after `tick`, what to do next. It changes nothing."""
     success: _Act | None = None
     """Runs when the phase's primitive has succeeded. A failed primitive gives the step up."""
 
@@ -197,8 +230,24 @@ class EnergyExchange(OrderBook):
         self._look_at_the_time(now_ms)
         if self._behaviour.tick is not None:
             self._behaviour.tick(self, now_ms)
+        if self._behaviour.decide is not None:
+            self._do(self._behaviour.decide(self, now_ms), now_ms)
         self._remind_to_sink(now_ms)
         return self.take_orders()
+
+    def is_due(self, now_ms: int) -> bool:
+        """Tells whether `advance` does something at `now_ms`, by the beliefs of that time. The question changes nothing.
+
+        It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will be.
+        """
+        if self._must_begin or self._known_end is not None:
+            return True
+        if self._sink_reminders.due(self._beliefs.all(), self._expected, self._called_up, now_ms):
+            return True
+        if self.state.phase in _COLLECTING:
+            return self.docking_routine.is_due(now_ms)
+        decide = self._behaviour.decide
+        return decide is not None and decide(self, now_ms).choice is not _Choice.WAIT
 
     def change_planning(
         self,
@@ -303,24 +352,43 @@ class EnergyExchange(OrderBook):
             self.tell(InReach(agent_id))
         self._beyond_reach = beyond
 
-    def _consider_collecting(self, now_ms: int) -> None:
+    def _decide_idle(self, now_ms: int) -> Decision:
         if self._to_release:
-            # Docked by hand, or before a crash: charge the docked aMussels first.
-            self._start_charging(now_ms)
-            return
+            return Decision(_Choice.CHARGE)
         if self._is_called_home(now_ms):
-            self._go_home(now_ms)
-        elif not self._returns:
-            self._collect_if_due({}, now_ms)
+            return Decision(_Choice.GO_HOME)
+        return _WAIT if self._returns else self._decide_collection({}, now_ms)
 
-    def _collect_if_due(self, docked: Docked, now_ms: int) -> None:
+    def _decide_collection(self, docked: Docked, now_ms: int) -> Decision:
         free_docks = self.docks.count(None)
         if not free_docks:
-            return
+            return _WAIT
         pool = self._candidates(now_ms)
         count = self._dispatch.to_collect(pool, docked, free_docks)
-        if count and self._plan_collection(pool, count, now_ms):
-            self._go_collect(now_ms)
+        return Decision(_Choice.COLLECT, pool, count) if count else _WAIT
+
+    def _do(self, decision: Decision, now_ms: int) -> None:
+        match decision.choice:
+            case _Choice.WAIT:
+                pass
+            case _Choice.CHARGE:
+                self._start_charging(now_ms)
+            case _Choice.COLLECT:
+                if self._plan_collection(decision.pool, decision.count, now_ms):
+                    self._go_collect(now_ms)
+            case _Choice.RELEASE:
+                if not self._exchange(decision.released, now_ms):
+                    self._release(decision.released, now_ms)
+            case _Choice.BRING_BACK:
+                self._release(decision.released, now_ms)
+            case _Choice.IDLE:
+                self._idle(now_ms)
+            case _Choice.GO_HOME:
+                self._go_home(now_ms)
+            case _Choice.LEAVE_HOME:
+                self._next_step(now_ms)
+            case _:
+                assert_never(decision.choice)
 
     def _candidates(self, now_ms: int) -> list[Belief]:
         """The pool without docked aMussels: one that was docked just now was last heard afloat. Empty near a known end."""
@@ -330,7 +398,7 @@ class EnergyExchange(OrderBook):
         return [it for it in pool if not self._is_held(it.agent_id)]
 
     def _plan_collection(
-        self, pool: list[Belief], batch: int, now_ms: int, leaving: Sequence[Belief] = ()
+        self, pool: Sequence[Belief], batch: int, now_ms: int, leaving: Sequence[Belief] = ()
     ) -> bool:
         """Asks the strategy for a plan of at most `batch` of the pool; True if there is one now.
 
@@ -453,48 +521,45 @@ class EnergyExchange(OrderBook):
         self._hold_and_charge(now_ms)
         self._enter(Phase.CHARGE, now_ms, plan=Solution(()))
 
-    def _consider_deploying(self, now_ms: int) -> None:
-        docked = self._to_release
-        beliefs = {agent_id: self._beliefs.get(agent_id) for agent_id in docked}
-        for agent_id, reason in self._charging.give_up_stalled(beliefs, now_ms):
+    def _watch_charging(self, now_ms: int) -> None:
+        for agent_id, reason in self._charging.give_up_stalled(self._docked, now_ms):
             self.tell(StepGivenUp(agent_id, "charge", reason))
+
+    def _decide_release(self, now_ms: int) -> Decision:
+        docked = self._docked
         if not docked:
-            self._idle(now_ms)
-            return
+            return Decision(_Choice.IDLE)
         if self._returns or self._is_called_home(now_ms):
             if self._returns or self._home.releases_first:
-                self._release(tuple(docked), beliefs, now_ms)
-            else:
-                self._go_home(now_ms)
-            return
+                return Decision(_Choice.BRING_BACK, released=tuple(docked))
+            return Decision(_Choice.GO_HOME)
         released = [
             it
-            for it in self._dispatch.to_release(beliefs, lambda: self._candidates(now_ms))
+            for it in self._dispatch.to_release(docked, lambda: self._candidates(now_ms))
             if it not in self._beyond_reach
         ]
-        if not released:
-            self._collect_if_due(beliefs, now_ms)
-        elif not self._exchange(released, beliefs, now_ms):
-            self._release(released, beliefs, now_ms)
+        if released:
+            return Decision(_Choice.RELEASE, released=released)
+        return self._decide_collection(docked, now_ms)
 
-    def _exchange(self, agent_ids: Collection[int], beliefs: Docked, now_ms: int) -> bool:
+    def _exchange(self, agent_ids: Collection[int], now_ms: int) -> bool:
         """Has the docked aMussels take the places of others that are collected on the same tour; False if none is."""
         if self._config.places is not Places.EXCHANGED:
             return False
-        leaving = {agent_id: beliefs[agent_id] for agent_id in agent_ids}
+        leaving = {agent_id: self._beliefs.get(agent_id) for agent_id in agent_ids}
         pool = worth_an_exchange(self._candidates(now_ms), leaving, self._config, self._charging)
         count = self._dispatch.to_exchange(pool, len(agent_ids))
         if not count:
             return False
-        known = [beliefs[it] or placeholder_belief(it, self._here) for it in agent_ids]
+        known = [it or placeholder_belief(agent_id, self._here) for agent_id, it in leaving.items()]
         is_planned = self._plan_collection(pool, count, now_ms, fullest_first(known))
         if is_planned:
             self._next_step(now_ms)
         return is_planned or self.state.phase is Phase.ENDED
 
-    def _release(self, agent_ids: Collection[int], beliefs: Docked, now_ms: int) -> None:
+    def _release(self, agent_ids: Collection[int], now_ms: int) -> None:
         """Has the docked aMussels brought back, in the order of the redeployment strategy."""
-        known = [beliefs[it] or placeholder_belief(it, self._here) for it in agent_ids]
+        known = [self._beliefs.get(it) or placeholder_belief(it, self._here) for it in agent_ids]
         situation = self._situation(known, self._to_release, now_ms)
         name = self._config.redeployment
         solution = plan_or_reason(
@@ -526,9 +591,9 @@ class EnergyExchange(OrderBook):
         self._hold(now_ms)
         self._enter(Phase.AT_HOME, now_ms)
 
-    def _consider_leaving_home(self, now_ms: int) -> None:
-        if self._returns or self._home.may_leave(now_ms, self.apad_battery):
-            self._next_step(now_ms)
+    def _decide_at_home(self, now_ms: int) -> Decision:
+        leaves = self._returns or self._home.may_leave(now_ms, self.apad_battery)
+        return Decision(_Choice.LEAVE_HOME) if leaves else _WAIT
 
     def _go_deploy(self, now_ms: int) -> None:
         if self._step.agent_id in self._beyond_reach:
@@ -650,6 +715,11 @@ class EnergyExchange(OrderBook):
         return {agent_id: dock_index for dock_index, agent_id in self.state.docked if agent_id not in kept}
 
     @property
+    def _docked(self) -> Docked:
+        """The beliefs of those."""
+        return {agent_id: self._beliefs.get(agent_id) for agent_id in self._to_release}
+
+    @property
     def _here(self) -> tuple[float, float]:
         assert self.pose is not None  # nothing is done before it is known
         return self.pose
@@ -667,7 +737,7 @@ class EnergyExchange(OrderBook):
 
     def _situation(
         self,
-        beliefs: list[Belief],
+        beliefs: Sequence[Belief],
         docks: dict[int, int],
         now_ms: int,
         others: Iterable[Belief] = (),
@@ -693,10 +763,15 @@ class EnergyExchange(OrderBook):
             self.set(homes=homes)
 
     def _remind_to_sink(self, now_ms: int) -> None:
-        expected = {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
-        due_ids = self._sink_reminders.take_due(self._beliefs.all(), expected, self._called_up, now_ms)
-        for agent_id in due_ids:
+        for agent_id in self._sink_reminders.take_due(
+            self._beliefs.all(), self._expected, self._called_up, now_ms
+        ):
             self.order(TellClear(agent_id))
+
+    @property
+    def _expected(self) -> set[int]:
+        """The aMussels of the plan and of the docks, which need no reminder to sink."""
+        return {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
 
     def _go_to(self, north_m: float, east_m: float) -> None:
         config = self._config
@@ -724,19 +799,20 @@ def _nothing(mission: EnergyExchange, now_ms: int) -> None:
 
 _COLLECTING = (Phase.GO_COLLECT, Phase.AWAIT_SURFACING)
 _Act = Callable[[EnergyExchange, int], None]
+_Decide = Callable[[EnergyExchange, int], Decision]
 _M = EnergyExchange
 _BEHAVIOURS = {
-    Phase.IDLE: _PhaseBehaviour(_M._hold, tick=_M._consider_collecting),
+    Phase.IDLE: _PhaseBehaviour(_M._hold, decide=_M._decide_idle),
     Phase.GO_COLLECT: _PhaseBehaviour(
         _M._resume_collecting, tick=_M._repeat_permission, success=_M._await_surfacing
     ),
     Phase.AWAIT_SURFACING: _PhaseBehaviour(_M._resume_collecting, tick=_M._watch_surfacing),
     Phase.DOCK: _PhaseBehaviour(_M._resume_collecting, success=_M._finish_step),
-    Phase.CHARGE: _PhaseBehaviour(_M._hold_and_charge, tick=_M._consider_deploying),
+    Phase.CHARGE: _PhaseBehaviour(_M._hold_and_charge, tick=_M._watch_charging, decide=_M._decide_release),
     Phase.GO_DEPLOY: _PhaseBehaviour(_M._resume_deploying, success=_M._undock),
     Phase.UNDOCK: _PhaseBehaviour(_M._resume_undocking, success=_M._finish_service),
     Phase.GO_HOME: _PhaseBehaviour(_M._go_home, success=_M._stay_at_home),
-    Phase.AT_HOME: _PhaseBehaviour(_M._go_home, tick=_M._consider_leaving_home),
+    Phase.AT_HOME: _PhaseBehaviour(_M._go_home, decide=_M._decide_at_home),
     Phase.STANDS_DOWN: _PhaseBehaviour(_nothing),
     Phase.ENDED: _PhaseBehaviour(_nothing),
     Phase.COMMANDED: _PhaseBehaviour(_nothing),

@@ -18,14 +18,22 @@ class SinkReminders:
     def take_due(
         self, beliefs: Iterable[Belief], expected: Container[int], called_up: Container[int], now_ms: int
     ) -> list[int]:
-        """Ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
+        """The ids of `due`, which are told now."""
+        due_ids = self.due(beliefs, expected, called_up, now_ms)
+        self._reminded_ms.update(dict.fromkeys(due_ids, now_ms))
+        return due_ids
+
+    def due(
+        self, beliefs: Iterable[Belief], expected: Container[int], called_up: Container[int], now_ms: int
+    ) -> list[int]:
+        """The ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
 
         An aMussel that was told at its release and is still at the surface did not get the message, because a
         board asleep in its dock has its Wi-Fi off.
 
         An empty aMussel is told only if it was `called_up`. Any other came up to survive, and can be fetched there.
         """
-        due_ids = [
+        return [
             belief.agent_id
             for belief in beliefs
             if belief.state in UP_AND_UNDOCKED
@@ -34,5 +42,3 @@ class SinkReminders:
             and belief.heard_ms == now_ms
             and now_ms - self._reminded_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms
         ]
-        self._reminded_ms.update(dict.fromkeys(due_ids, now_ms))
-        return due_ids

@@ -7,15 +7,15 @@ as a flight in virtual time. Three parts are computed instead of stepped:
 - the random drift: a sum of the body's own steps, which all missions with the same seed share;
 - the aPad's cruise: steps at constant speed and heading are one step.
 
-A tick is skipped if nothing can happen at it: `Ticks.next_tick_ms` is never later than the first tick at which the mission
-would act. A tick too many changes nothing, because a flight may be cut anywhere. `model_gap` names what is left out.
+A tick is skipped if nothing can happen at it: the mission itself says whether it would act, and the agents and the aPad say
+when they do. A tick too many changes nothing, because a flight may be cut anywhere. `model_gap` names what is left out.
 """
 
 from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
 
@@ -31,20 +31,18 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.events.event import Event
-from apad_bridge.events.mission import Phase, StepGivenUp
+from apad_bridge.events.mission import Phase
+from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.sources import Allocation
-from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.paper_strategies import NoCollection
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import (
-    Dispatch,
     DriftMode,
     HearingMode,
-    Horizon,
     Positioning,
     Scenario,
 )
@@ -55,8 +53,8 @@ from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets.wire import CHARGE_STEPS
-from firmware_model.power.charge import FULL, ChargeModel
-from firmware_model.state_groups import BEYOND_HELP, DOCKED, UP_AND_UNDOCKED
+from firmware_model.power.charge import FULL
+from firmware_model.state_groups import DOCKED
 from firmware_model.states import State
 
 _NEVER_MS = 1 << 60
@@ -64,7 +62,7 @@ _REACH_M = 3.0
 """A dock that catches from so far, as in the paper's scenarios, catches whoever drifted at random."""
 _DRIFT_BLOCK = 512
 """Steps that are computed at once."""
-_SURFACING_OR_UP = (State.SURFACING, State.FLOATING)
+_LEGS = (Phase.GO_COLLECT, Phase.GO_DEPLOY, Phase.GO_HOME)
 
 
 def model_gap(scenario: Scenario) -> str | None:
@@ -117,7 +115,9 @@ def fly_event_driven(scenario: Scenario) -> Figures:
     recorder = EventRecorder(beliefs, FigureMeter(scenario))
     context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
     flight = Flight(supervisor, context, recorder)
-    ticks = Ticks(scenario, flight, beliefs, vehicle, recorder)
+    mission = supervisor.mission
+    assert isinstance(mission, EnergyExchange), "no script flies a study"
+    ticks = Ticks(scenario, flight, mission, beliefs, vehicle)
     while True:
         flight.tick(flight.now_ms)
         if supervisor.has_ended:
@@ -151,6 +151,10 @@ class TruthfulReports(HoldLast):
         if before is not None and before.physical.docked and not truth.physical.docked:
             self._drifts_from[truth.agent_id] = self._scale.mission_span(truth.at_ms) // TICK_MS
         self.truths[truth.agent_id] = truth
+
+    def show(self, at_ms: MissionMs) -> None:
+        """Makes the beliefs those of a time to come, if no aMussel acts before, or those of the present again."""
+        self._now_ms, self._all = at_ms, None
 
     def advance(self, now_ms: MissionMs) -> None:
         if now_ms > self._now_ms:
@@ -242,12 +246,9 @@ class EventRecorder:
     def __init__(self, beliefs: TruthfulReports, meter: FigureMeter) -> None:
         self._beliefs = beliefs
         self.meter = meter
-        self.given_up_ms: dict[int, int] = {}
-        """The time at which the mission last gave up a step of each aMussel."""
 
     def event(self, at_ms: int, event: Event) -> None:
-        if isinstance(event, StepGivenUp):
-            self.given_up_ms[event.agent] = at_ms
+        pass
 
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:
@@ -270,27 +271,26 @@ class EventRecorder:
 
 
 class Ticks:
-    """Finds the next tick at which the mission may act."""
+    """Finds the next tick at which somebody acts.
+
+    The mission is asked for ticks to come, by the beliefs of those times: `EnergyExchange.is_due`. Between two events of
+    agents and aPad it stays due once it is, because charges in the water fall and those in docks rise. So halving the span
+    finds the first such tick.
+    """
 
     def __init__(
         self,
         scenario: Scenario,
         flight: Flight,
+        mission: EnergyExchange,
         beliefs: TruthfulReports,
         vehicle: CruisingAPad,
-        recorder: EventRecorder,
     ) -> None:
-        self._config = scenario.mission
-        self._tick_agent_ms = scenario.time_scale.agent_span(TICK_MS)
-        self._count = len(scenario.fleet.ids)
         self._end_ms = -(-round(scenario.duration_s * 1000) // TICK_MS) * TICK_MS
         self._supervisor = flight.supervisor
+        self._mission = mission
         self._beliefs = beliefs
         self._vehicle = vehicle
-        self._recorder = recorder
-        self._low_charge = _highest_charge_at_most(scenario.mission.pool_threshold)
-        again = scenario.mission.again_threshold
-        self._again_charge = None if again is None else _highest_charge_at_most(again)
         self._collects = not isinstance(registry.collection(scenario.mission.collection), NoCollection)
         self._home = parts.home_stays(scenario)
         home = scenario.apad.home
@@ -298,181 +298,62 @@ class Ticks:
         self._ends_at = scenario.mission.end_at_apad_fraction
         self._least_battery = max(self._ends_at, goes_home_at)
         """The part of the aPad's battery at which the mission acts."""
-        self._is_asynchronous = scenario.mission.dispatch is Dispatch.ASYNCHRONOUS
-        self._has_fixed_thresholds = scenario.mission.horizon is Horizon.OPEN
-        self._releases_at = [_highest_charge_at_most(scenario.mission.full_threshold) + 1]
-        """The charges in grains at which a docked aMussel may leave, the highest last."""
-        if scenario.mission.charge_to is not None:
-            self._releases_at.insert(0, _highest_charge_at_most(scenario.mission.charge_to) + 1)
+        self._full_charge = _least_charge_above(scenario.mission.full_threshold)
 
-    def next_tick_ms(self, now_ms: int, agents_due_ms: int | None) -> int:
+    def next_tick_ms(self, now_ms: MissionMs, agents_due_ms: int | None) -> int:
         """The next tick after `now_ms`; `agents_due_ms` is when an agent next acts by itself."""
         soonest_ms = now_ms + TICK_MS
-        limit_ms = min(self._end_ms, self._limit_ms(now_ms, agents_due_ms))
+        events_ms = (agents_due_ms, self._vehicle_due_ms(now_ms), self._home.next_call_ms(now_ms))
+        limit_ms = min(self._end_ms, *(it for it in events_ms if it is not None))
         limit_ms = max(soonest_ms, -(-limit_ms // TICK_MS) * TICK_MS)
-        home_ms = self._home.next_call_ms(now_ms)
-        limit_ms = limit_ms if home_ms is None else max(soonest_ms, min(limit_ms, home_ms))
-        is_home = self._supervisor.mission.state.phase is Phase.AT_HOME
+        limit_ms = self._first_due_ms(now_ms, soonest_ms, limit_ms)
+        is_home = self._mission.state.phase is Phase.AT_HOME
         return self._vehicle.advance_until(limit_ms, self._ends_at if is_home else self._least_battery)
 
-    def _limit_ms(self, now_ms: int, agents_due_ms: int | None) -> int:
-        """The time by which there must be a tick, if the vehicle reports nothing before."""
-        state, port = self._supervisor.mission.state, self._supervisor.port
-        beliefs = self._beliefs.all()
-        held = dict(state.docked).values()
-        planned = {step.agent_id for step in state.plan.steps}
-        is_settled = len(beliefs) == self._count and not any(
-            it.state in UP_AND_UNDOCKED and it.agent_id not in planned and it.agent_id not in held
-            for it in beliefs
-        )
-        battery = self._supervisor.battery
-        is_called_home = self._home.must_go(now_ms, None if battery is None else battery.fraction)
-        if not is_settled or (is_called_home and state.phase is not Phase.AT_HOME):
-            return now_ms
-        port_due_ms = _NEVER_MS if port.next_due_ms is None else port.next_due_ms
-        due_ms = _NEVER_MS if agents_due_ms is None else agents_due_ms
-        due_ms = min(due_ms, self._next_in_pool_again_ms(now_ms))
-        if not self._has_fixed_thresholds and state.phase in (Phase.IDLE, Phase.CHARGE):
-            return now_ms
-        match state.phase:
-            case Phase.IDLE:
-                if not self._collects:
-                    return due_ms
-                return min(due_ms, self._enough_in_pool_ms(beliefs, self._config.batch, now_ms))
-            case Phase.GO_COLLECT:
-                # A pose before the port's stall watch runs out restarts it.
-                return min(due_ms, port_due_ms - TICK_MS, self._next_permission_ms(state, now_ms))
-            case Phase.AWAIT_SURFACING:
-                belief = self._beliefs.get(state.plan.steps[0].agent_id)
-                if belief is None or belief.state is State.FLOATING:
-                    return now_ms
-                gives_up_ms = state.since_ms + round(self._config.silence_timeout_s * 1000) + TICK_MS
-                if gives_up_ms <= now_ms:
-                    return now_ms
-                return min(due_ms, port_due_ms, gives_up_ms, self._next_permission_ms(state, now_ms))
-            case Phase.GO_DEPLOY:
-                return port_due_ms - TICK_MS
-            case Phase.DOCK | Phase.UNDOCK:
-                return port_due_ms
-            case Phase.CHARGE:
-                return self._next_release_ms(beliefs, held, now_ms)
-            case Phase.AT_HOME:
-                return min(due_ms, now_ms + self._vehicle.least_charging_ms(self._leaves_home_at))
-            case _:
-                return now_ms
+    def _vehicle_due_ms(self, now_ms: int) -> int | None:
+        """The time by which there must be a tick for the aPad's sake, if it reports nothing before."""
+        due_ms, phase = self._supervisor.port.next_due_ms, self._mission.state.phase
+        if phase is Phase.AT_HOME:
+            return now_ms + self._vehicle.least_charging_ms(self._leaves_home_at)
+        if due_ms is None or phase not in _LEGS:
+            return due_ms
+        return due_ms - TICK_MS  # a pose before the port's stall watch runs out restarts it
 
-    def _next_permission_ms(self, state: MissionState, now_ms: int) -> int:
-        """The next time at which the aMussel of the step under way may be permitted again to surface, or be given up."""
-        belief = self._beliefs.get(state.plan.steps[0].agent_id)
-        if belief is None:
-            return now_ms
-        if belief.state in _SURFACING_OR_UP:
-            return _NEVER_MS
-        repeat_ms = max(1, round(self._config.permission_repeat_s * 1000))
-        return state.since_ms + ((now_ms - state.since_ms) // repeat_ms + 1) * repeat_ms
-
-    def _next_in_pool_again_ms(self, now_ms: int) -> int:
-        """The end of the next exclusion: for a while the pool leaves out an aMussel whose step was given up."""
-        ends_ms = (
-            it + round(self._config.silence_timeout_s * 1000) for it in self._recorder.given_up_ms.values()
-        )
-        return min((it for it in ends_ms if it > now_ms), default=_NEVER_MS)
-
-    def _enough_in_pool_ms(self, beliefs: Sequence[Belief], batch: int, now_ms: int) -> int:
-        """The mission time by which a batch may have gathered: the charges fall to the threshold one by one."""
-        alive = [it for it in beliefs if it.state not in BEYOND_HELP]
-        tries = dict(self._supervisor.mission.state.failed_tries).values()
-        if max(tries, default=0) >= self._config.collection_attempts:
-            return now_ms  # an aMussel that is left alone makes the batch smaller
-        batch = 1 if self._is_asynchronous else min(batch, max(1, len(alive)))
-        low_at_ms, again_at_ms = [], []
-        served = frozenset() if self._again_charge is None else self._supervisor.mission.state.served
-        for belief in alive:
-            physical = self._beliefs.truths[belief.agent_id].physical
-            if belief.state is State.FLOATING and belief.primary <= 0:
-                return now_ms
-            if belief.state in DOCKED:
-                continue
-            charge = self._charge_model(belief)
-            falls_ms = charge.falls_to_at_ms(physical.primary, self._low_charge)
-            if falls_ms is not None:
-                low_at_ms.append((falls_ms // self._tick_agent_ms * TICK_MS, belief.agent_id in served))
-            if self._again_charge is not None:
-                falls_ms = charge.falls_to_at_ms(physical.primary, self._again_charge)
-                again_at_ms += [] if falls_ms is None else [falls_ms // self._tick_agent_ms * TICK_MS]
-        first_again_ms = min(again_at_ms, default=_NEVER_MS)
-        in_pool_ms = sorted(max(at_ms, first_again_ms) if again else at_ms for at_ms, again in low_at_ms)
-        return in_pool_ms[batch - 1] if len(in_pool_ms) >= batch else _NEVER_MS
-
-    def _next_release_ms(self, beliefs: Sequence[Belief], held: Collection[int], now_ms: int) -> int:
-        """The mission time by which a docked aMussel may leave, one may be collected beside those, or a watch for stalls
-        must see them."""
-        docked = [self._beliefs.get(agent_id) for agent_id in held]
-        times_ms = [self._reach_at_ms(held, charge) for charge in self._releases_at]
-        if not held or any(it is None or it.state not in DOCKED for it in docked) or _NEVER_MS in times_ms:
-            return now_ms
-        soonest_ms = next((it for it in times_ms if it > now_ms), now_ms)
-        makes_room = self._config.charge_to is not None and times_ms[0] <= now_ms
-        has_room = self._is_asynchronous and len(held) < self._supervisor.mission.state.dock_count
-        lead = self._config.charge_lead
-        if not makes_room and not has_room and lead is None:
+    def _first_due_ms(self, now_ms: MissionMs, soonest_ms: int, limit_ms: int) -> int:
+        """The first tick from `soonest_ms` on at which the mission is due; `limit_ms` if there is none before."""
+        if self._may_stop_to_charge():
             return soonest_ms
-        enough_ms = self._enough_in_pool_ms(beliefs, self._config.batch, now_ms)
-        if not makes_room and not has_room and lead is not None:
-            enough_ms = max(enough_ms, self._lead_at_ms(beliefs, held, lead))
-        return min(soonest_ms, enough_ms)
-
-    def _lead_at_ms(self, beliefs: Sequence[Belief], held: Collection[int], lead: float) -> int:
-        """The mission time by which the docked aMussels may lead a batch of those in the water.
-
-        Who waits falls to a level of charge the later, the lower it is; the docked ones then lead that level the sooner. So
-        the time is where both meet.
-        """
-        waiting = [it for it in beliefs if it.state not in DOCKED and it.state not in BEYOND_HELP]
-        batch = min(1 if self._is_asynchronous else self._config.batch, len(waiting))
-        if not batch:
-            return _NEVER_MS
-
-        def falls_at_ms(level: int) -> int:
-            charge, found_ms = _highest_charge_at_most(level / CHARGE_STEPS), []
-            for belief in waiting:
-                physical = self._beliefs.truths[belief.agent_id].physical
-                falls_ms = self._charge_model(belief).falls_to_at_ms(physical.primary, charge)
-                found_ms.append(_NEVER_MS if falls_ms is None else falls_ms // self._tick_agent_ms * TICK_MS)
-            return sorted(found_ms)[batch - 1]
-
-        def leads_at_ms(level: int) -> int:
-            led = math.floor(level + lead * CHARGE_STEPS) - 1
-            while led / CHARGE_STEPS < level / CHARGE_STEPS + lead:
-                led += 1
-            return self._reach_at_ms(held, _highest_charge_at_most((led - 1) / CHARGE_STEPS) + 1)
-
-        low, high = 0, CHARGE_STEPS
+        if not self._collects and self._mission.state.phase is Phase.IDLE:
+            return limit_ms
+        low, high = soonest_ms // TICK_MS, limit_ms // TICK_MS
+        # What an agent does at the limit is not known before, so that tick comes in any case.
+        if low == high or not self._is_due(MissionMs((high - 1) * TICK_MS)):
+            low = high
         while low < high:
             middle = (low + high) // 2
-            low, high = (middle + 1, high) if falls_at_ms(middle) > leads_at_ms(middle) else (low, middle)
-        return min(leads_at_ms(low), falls_at_ms(max(0, low - 1)))
+            low, high = (low, middle) if self._is_due(MissionMs(middle * TICK_MS)) else (middle + 1, high)
+        self._beliefs.show(now_ms)
+        return low * TICK_MS
 
-    def _reach_at_ms(self, held: Collection[int], charge: int) -> int:
-        """The mission time at which the docked ones have a charge, in grains: one by one the first of them, else all."""
-        found_ms = []
-        for agent_id in held:
+    def _is_due(self, at_ms: MissionMs) -> bool:
+        self._beliefs.show(at_ms)
+        return self._mission.is_due(at_ms)
+
+    def _may_stop_to_charge(self) -> bool:
+        """A docked aMussel does not get full by what its charger does now: the watch for stalls must see each tick."""
+        if self._mission.state.phase is not Phase.CHARGE:
+            return False
+        for agent_id in dict(self._mission.state.docked).values():
+            belief = self._beliefs.get(agent_id)
+            if belief is None or belief.state not in DOCKED:
+                return True
             physical = self._beliefs.truths[agent_id].physical
-            reaches_ms = self._beliefs.charge_of(agent_id).reaches_at_ms(physical.primary, charge)
-            if reaches_ms is None:
-                return _NEVER_MS
-            found_ms.append(reaches_ms // self._tick_agent_ms * TICK_MS)
-        return (min if self._is_asynchronous else max)(found_ms)
-
-    def _charge_model(self, belief: Belief) -> ChargeModel:
-        return self._beliefs.charge_of(belief.agent_id)
+            charge = self._beliefs.charge_of(agent_id)
+            if charge.reaches_at_ms(physical.primary, self._full_charge) is None:
+                return True
+        return False
 
 
-def _highest_charge_at_most(threshold: float) -> int:
-    """The highest charge in grains that a packet rounds to `threshold` or less, up to the rounding of a tie."""
-    level = math.floor(threshold * CHARGE_STEPS)
-    while level / CHARGE_STEPS > threshold:
-        level -= 1
-    while (level + 1) / CHARGE_STEPS <= threshold:
-        level += 1
-    return min(FULL, (2 * level + 1) * FULL // (2 * CHARGE_STEPS))
+def _least_charge_above(threshold: float) -> int:
+    """A charge in grains that a packet rounds to more than `threshold`, or a full one."""
+    return min(FULL, math.ceil((math.floor(threshold * CHARGE_STEPS) + 1.5) / CHARGE_STEPS * FULL))

@@ -15,14 +15,17 @@ from stack_benches import cleared
 from agents.mussel.body import drift_step_um
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import members
-from apad_bridge.events.mission import Phase
+from apad_bridge.events.mission import Phase, StepGivenUp
+from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.orders import Order
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
-from apad_bridge.runs.studies.event_driven import drift_sums, fly_event_driven, model_gap
+from apad_bridge.runs.studies.event_driven import Ticks, drift_sums, fly_event_driven, model_gap
 from apad_bridge.runs.studies.models import Model, StrategyFailed, fly, fly_each_tick
 from apad_bridge.runs.studies.several_in_memory import fly_shares, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.core import TICK_MS
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -182,6 +185,38 @@ def test_a_mission_s_figures_are_those_of_the_mission_flown_tick_by_tick(case: s
     assert ours.pop("driven_m") == pytest.approx(flown.pop("driven_m"), rel=0.01)
     for name, value in flown.items():
         assert ours[name] == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), name
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        "asynchronous, the nearest, and dockings miss",
+        "batches with a lead",
+        "it goes home to be charged",
+        "real time",
+        "they sink before it comes",
+    ],
+)
+def test_a_mission_that_is_not_due_does_nothing_at_a_tick(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, advance = [], EnergyExchange.advance
+
+    def watched(self: EnergyExchange, now_ms: int) -> list[Order]:
+        state, is_due = self.state, self.is_due(now_ms)
+        assert self.state is state
+        orders = advance(self, now_ms)
+        stalls = any(isinstance(it, StepGivenUp) and it.what == "charge" for it in orders)
+        assert is_due or stalls or not orders, now_ms
+        asked.append(is_due)
+        return orders
+
+    monkeypatch.setattr(EnergyExchange, "advance", watched)
+    monkeypatch.setattr(Ticks, "next_tick_ms", lambda self, now_ms, due_ms: step_of(self, now_ms))
+
+    def step_of(ticks: Ticks, now_ms: int) -> int:
+        return ticks._vehicle.advance_until(now_ms + TICK_MS, 0.0)
+
+    fly_event_driven(changed(**CASES[case]))
+    assert asked.count(False) > asked.count(True) > 0
 
 
 def test_the_seconds_in_which_an_amussel_comes_up_and_after_a_step_was_given_up_are_skipped(
