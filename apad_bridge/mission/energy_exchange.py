@@ -88,7 +88,7 @@ class _Choice(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What a mission that waits does next: the boxes of the paper's Fig. 7 that ask something."""
+    """The next act of a mission that waits: the boxes of the paper's Fig. 7 that ask something."""
 
     choice: _Choice = _Choice.WAIT
     pool: Sequence[Belief] = ()
@@ -228,10 +228,11 @@ class EnergyExchange(OrderBook):
         self._settle_exchanges()
         self._look_at_the_sea(now_ms)
         self._look_at_the_time(now_ms)
-        if self._behaviour.tick is not None:
-            self._behaviour.tick(self, now_ms)
-        if self._behaviour.decide is not None:
-            self._do(self._behaviour.decide(self, now_ms), now_ms)
+        behaviour = self._behaviour  # a phase that begins at this tick acts at the next one
+        if behaviour.tick is not None:
+            behaviour.tick(self, now_ms)
+        if behaviour.decide is not None:
+            self._do(behaviour.decide(self, now_ms), now_ms)
         self._remind_to_sink(now_ms)
         return self.take_orders()
 
