@@ -94,7 +94,7 @@ class Decision:
     pool: Sequence[Belief] = ()
     """Those to collect from."""
     count: int = 0
-    """How many of the pool to collect."""
+    """So many of the pool are collected."""
     released: Collection[int] = ()
 
 
@@ -717,7 +717,7 @@ class EnergyExchange(OrderBook):
 
     @property
     def _docked(self) -> Docked:
-        """The beliefs of those."""
+        """The beliefs of those, by id."""
         return {agent_id: self._beliefs.get(agent_id) for agent_id in self._to_release}
 
     @property
