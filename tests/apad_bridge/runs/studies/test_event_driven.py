@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from dataclasses import asdict
 from typing import Any
 
@@ -13,19 +14,31 @@ from scenario_files import POOL_FILE, WHOLE_FILE
 from stack_benches import cleared
 
 from agents.mussel.body import drift_step_um
+from agents.time_scale import MissionMs
+from apad_bridge.acoustics.ranging import NoRanging
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import members
-from apad_bridge.events.mission import Phase, StepGivenUp
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.event import Event
+from apad_bridge.events.mission import Phase, PlanMade, StepGivenUp
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Order
+from apad_bridge.mission.state import MissionState
 from apad_bridge.runs.studies.cruising_apad import CruisingAPad
-from apad_bridge.runs.studies.event_driven import Ticks, drift_sums, fly_event_driven, model_gap
+from apad_bridge.runs.studies.event_driven import (
+    EventRecorder,
+    Ticks,
+    drift_sums,
+    fly_event_driven,
+    model_gap,
+)
+from apad_bridge.runs.studies.figures import Figures
 from apad_bridge.runs.studies.models import Model, StrategyFailed, fly, fly_each_tick
 from apad_bridge.runs.studies.several_in_memory import fly_shares, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.core import TICK_MS
+from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Arrived, CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -217,6 +230,67 @@ def test_a_mission_that_is_not_due_does_nothing_at_a_tick(case: str, monkeypatch
 
     fly_event_driven(changed(**CASES[case]))
     assert asked.count(False) > asked.count(True) > 0
+
+
+class Killed:
+    """Replaces the mission and its port by those that a resumed run makes of the journaled state, at the first tick from
+    `at_ms` on."""
+
+    def __init__(self, scenario: Scenario, at_ms: int) -> None:
+        self.phase: Phase | None = None
+        self.decisions: list[tuple[int, str, list[int]]] = []
+        """The time of each plan, its kind, and its aMussels."""
+        self._scenario, self._at_ms = scenario, at_ms
+
+    def fly(self) -> Figures:
+        next_tick_ms, event = Ticks.next_tick_ms, EventRecorder.event
+
+        def killed(ticks: Ticks, now_ms: MissionMs, due_ms: int | None) -> int:
+            next_ms = next_tick_ms(ticks, now_ms, due_ms)
+            if self.phase is None and next_ms >= self._at_ms:
+                self._kill(ticks)
+            return next_ms
+
+        def noted(recorder: EventRecorder, at_ms: int, it: Event) -> None:
+            if isinstance(it, PlanMade):
+                self.decisions.append((at_ms, it.what, [step["agent"] for step in it.steps]))
+            event(recorder, at_ms, it)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Ticks, "next_tick_ms", killed)
+            patch.setattr(EventRecorder, "event", noted)
+            return fly_event_driven(self._scenario)
+
+    def _kill(self, ticks: Ticks) -> None:
+        supervisor = ticks._supervisor
+        state = supervisor.mission.state
+        self.phase = state.phase
+        journaled = MissionState.from_json(json.loads(json.dumps(state.to_json())))
+        learned = LearnedState(supervisor.beliefs, NoRanging(), supervisor.allocation)
+        resumed = parts.supervisor(flight_config(self._scenario), journaled, 10_000, learned=learned)
+        resumed.port.distance_m = supervisor.port.distance_m
+        assert isinstance(resumed.mission, EnergyExchange)
+        supervisor.mission = ticks._mission = resumed.mission
+        supervisor.port = resumed.port
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    case=st.sampled_from(["asynchronous", "it goes home to be charged", "three exchange places with three"]),
+    at_s=st.integers(3, 1_199),
+)
+def test_a_mission_that_is_killed_at_any_tick_and_resumed_decides_the_same_next(case: str, at_s: int) -> None:
+    """A mechanism that was under way is begun anew. That takes time, in which another aMussel may become due."""
+    scenario = changed(**CASES[case])
+    never, killed = Killed(scenario, 1 << 60), Killed(scenario, 1_000 * at_s)
+    flown, resumed = never.fly(), killed.fly()
+    assert abs(resumed.services - flown.services) <= 1 and resumed.amussels_lost == flown.amussels_lost
+    if killed.phase in (Phase.DOCK, Phase.UNDOCK):
+        return
+    after, expected = (
+        next((plan for at_ms, *plan in it.decisions if at_ms >= 1_000 * at_s), None) for it in (killed, never)
+    )
+    assert after == expected
 
 
 def test_the_seconds_in_which_an_amussel_comes_up_and_after_a_step_was_given_up_are_skipped(
