@@ -39,7 +39,6 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.link import InProcessVehicle
 from benchmarks.rows import side_by_side, told
@@ -190,15 +189,14 @@ class Scoring(MemoryRecorder):
 def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
     initial_states = fleet_parts.initial_states(truth, starts_of(truth))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(truth)), initial_states)
-    supervisor = parts.supervisor(flight_config(thought), samples=SampleCollection(thought.fleet.ids))
-    for packet in _sown(initial_states):
-        supervisor.beliefs.hear(packet, MissionMs(0))
     recorder = Scoring(truth)
     vehicle = InProcessVehicle(parts.simulated_apad(truth))
     fleet = fleet_parts.fleet_of(flight_config(truth), host, dict.fromkeys(initial_states, 0))
-    flight = Flight(
-        supervisor, FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet), recorder
-    )
+    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
+    samples = SampleCollection(thought.fleet.ids)
+    flight = parts.flight(flight_config(thought), context, recorder, samples=samples)
+    for packet in _sown(initial_states):
+        flight.supervisor.beliefs.hear(packet, MissionMs(0))
     flight.run()
     figures = uptime_figures(recorder.meter, flight.now_ms)
     kinds = Counter(kind for _, kind, _ in recorder.events)
@@ -216,7 +214,7 @@ def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
         "least_uptime": figures["uptime_paper"]["min"],
         "samples": sum(recorder.taken.values()),
         "error": recorder.error,
-        "cost_m": supervisor.mission.state.planned_m,
+        "cost_m": flight.supervisor.mission.state.planned_m,
         "asked": kinds["asked"],
         "answers_sent": answers,
         "unanswered": kinds["unanswered"],

@@ -171,9 +171,9 @@ def flown(
     drawn = replace(fleet_parts.fleet_config(config), spread=Population(boards))
     host = InProcessHost(drawn, initial_states)
     fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
-    supervisor = parts.supervisor(config, samples=SampleCollection(config.ids))
     recorder = Judge(scenario, config.board, boards)
-    flight = Flight(supervisor, in_process_context(config, fleet), recorder)
+    context = in_process_context(config, fleet)
+    flight = parts.flight(config, context, recorder, samples=SampleCollection(config.ids))
     _heard_by_sensors(flight, boards, seed, heard)
     flight.run()
     return recorder.rows

@@ -37,6 +37,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, FaultMix, Faults, Injection, TimedFault, planned
 from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.vehicle.link import InProcessVehicle
 from benchmarks.rows import told
@@ -151,7 +152,7 @@ class _Supervisors:
             pace=AsFastAsPossible(),
             fleet=fleet,
             safety=safety_of(self._scenario),
-            held=state.held,
+            contacts=Contacts(state.held),
             faults=parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.journal)),
         )
         state.recorder.begin_checkpoint(state.learned, state.start_ms)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from agents.hosting.faulty_host import FaultyHost
+from agents.time_scale import MissionMs
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
@@ -12,7 +13,7 @@ from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
+from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
@@ -28,13 +29,17 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.schema import Horizon, Scenario
 from apad_bridge.scenario.surface import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.timed_faults import planned
+from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import LearnedState, Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
+from apad_bridge.supervisor.loop import START_MS, Flight
+from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
-from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
+from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate
+from apad_bridge.vehicle.primitives import PrimitiveFailed
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
 from firmware_model.packets.codec import load_codec
@@ -129,6 +134,36 @@ def ranging_service(config: FlightConfig) -> RangingService | NoRanging:
     )
 
 
+def flight(
+    config: FlightConfig,
+    context: FlightContext,
+    recorder: Recorder,
+    *,
+    state: MissionState | None = None,
+    first_command_id: int = 1,
+    command_sources: Sequence[CommandSource] = (),
+    samples: SampleCollection | NoSampleCollection | None = None,
+    takeover: CallQueue | None = None,
+    learned: LearnedState | None = None,
+    first_failure: PrimitiveFailed | None = None,
+    start_ms: MissionMs = START_MS,
+    watchers: Sequence[Watcher] = (),
+) -> Flight:
+    """Builds the flight of a new supervisor in its context, whatever hosts the fleet; `supervisor` states the rest."""
+    flown_by = supervisor(
+        config,
+        state,
+        first_command_id,
+        command_sources,
+        samples,
+        takeover,
+        learned,
+        context,
+        first_failure,
+    )
+    return Flight(flown_by, context, recorder, start_ms, tuple(watchers))
+
+
 def supervisor(
     config: FlightConfig,
     state: MissionState | None = None,
@@ -136,17 +171,15 @@ def supervisor(
     command_sources: Sequence[CommandSource] = (),
     samples: SampleCollection | NoSampleCollection | None = None,
     takeover: CallQueue | None = None,
-    capabilities: Capabilities | None = None,
-    stands_down: StandDownRule | None = None,
     learned: LearnedState | None = None,
-    gate: Gate | None = None,
+    context: FlightContext | None = None,
+    first_failure: PrimitiveFailed | None = None,
 ) -> Supervisor:
     """Builds a supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     It flies the paper's mission, which `takeover` can take over, or, with `command_sources`, a manual mission that executes
-    their orders. Without `samples` it does not collect the aMussels' logs. `stands_down` is the rule of one of several
-    supervisors that take over from each other. `learned` holds the state learned so far. Without `capabilities` the vehicle
-    is the simulated aPad. `gate` is the flight's; without one nothing is guarded.
+    their orders. Without `samples` it does not collect the aMussels' logs. `learned` holds the state learned so far, and
+    `first_failure` the vehicle's first since a success. Without a `context` nothing is guarded, and every docking catches.
     """
     scenario, learned = config.scenario, learned or initial_learned_state(config)
     state = state or MissionState(dock_count=scenario.apad.docks)
@@ -170,9 +203,11 @@ def supervisor(
     port = DockingPort(
         scenario.mission.docking,
         first_command_id=first_command_id,
-        capabilities=capabilities or of_simulated_apad(scenario.apad.docks),
+        capabilities=(context and context.capabilities) or of_simulated_apad(scenario.apad.docks),
         usual_go_to=(scenario.mission.speed_m_s, scenario.mission.victory_radius_m),
         docked=state.docked,
+        distance_m=_knows_no_distance if context is None else context.distance_m,
+        first_failure=first_failure,
     )
     return Supervisor(
         learned,
@@ -182,10 +217,14 @@ def supervisor(
         samples or NoSampleCollection(),
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
-        stands_down or NeverStandsDown(),
-        gate or Gate.without_guards(),
+        NeverStandsDown() if context is None else context.stands_down,
+        Gate.without_guards() if context is None else context.safety.gate,
         round(scenario.mission.end_by * 1000) if isinstance(scenario.mission.end_by, float | int) else None,
     )
+
+
+def _knows_no_distance(agent_id: int, north_m: float, east_m: float) -> None:
+    """Those of a supervisor that nobody flies."""
 
 
 def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionState | None) -> EnergyExchange:

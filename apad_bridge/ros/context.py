@@ -50,6 +50,7 @@ from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
+from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection
@@ -142,7 +143,7 @@ def open_flight_context(
             announce=gateway.event,
             show_forecast=lambda now_ms, forecast: gateway.show_forecast(now_ms, forecast()),
             relay=relayed.relay,
-            held=held,
+            contacts=Contacts(held),
             capabilities=capabilities,
             dropped=lambda: vehicle.dropped + laboratory.dropped + relayed.dropped + others.dropped,
             take_events=_graph_events(
@@ -180,7 +181,7 @@ def _bodies_watcher(
     def watch(now_ms: int) -> None:
         simulated = frozenset() if options.part is Part.MISSION else presences.simulated
         no_body = simulated.union(it for it in supervisor.mission.docks if it is not None)
-        gate.bodies = (
+        gate.see_bodies(
             tuple(
                 Body(f"aMussel {it.agent_id}", (it.north_m, it.east_m), it.agent_id)
                 for it in supervisor.beliefs.all()

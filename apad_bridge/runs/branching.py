@@ -50,10 +50,10 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.surface import surface_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
 from apad_bridge.supervisor.fleet import Fleet
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -263,17 +263,18 @@ def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, J
         pace=AsFastAsPossible(),
         fleet=relived.fleet,
         safety=safety_of(scenario),
-        held=relived.docked,
+        contacts=Contacts(relived.docked),
     )
-    supervisor = parts.supervisor(
+    flight = parts.flight(
         config,
-        point.state,
+        context,
+        recorder,
+        state=point.state,
         samples=SampleCollection(config.ids),
         learned=relived.learned,
-        gate=context.safety.gate,
+        first_failure=point.first_failure,
+        start_ms=MissionMs(at_ms + TICK_MS),
     )
-    supervisor.port.first_failure = point.first_failure
-    flight = Flight(supervisor, context, recorder, MissionMs(at_ms + TICK_MS))
     flights = {name: MemberFlight(scenario.apad.start_m, flight, recorder)}
     runner = LockstepRunner(flights, Exchange({name: config.ids}), None)
     return _Opened(runner, flights, meter, takes_samples(scenario.board), battery_worth_min(scenario))

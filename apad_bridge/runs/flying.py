@@ -242,8 +242,6 @@ def prepare(
 ) -> PreparedFlight:
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
     gc.set_threshold(max(_YOUNG_OBJECTS, gc.get_threshold()[0]))
-    supervisor = _supervisor(config, context, recorder, spec)
-
     forecaster = Forecaster(config.scenario.mission, round(config.scenario.duration_s * 1000))
     latest_tick_s: float | None = None if isinstance(context.pace, AsFastAsPossible) else 0.0
 
@@ -253,16 +251,16 @@ def prepare(
             latest_tick_s = max(latest_tick_s, context.pace.behind_s)
 
         def forecast() -> Forecast:
-            return supervisor.forecast(forecaster, now_ms)
+            return flight.supervisor.forecast(forecaster, now_ms)
 
         def status() -> Status:
-            return Status.of(supervisor, now_ms, context.pace.behind_s, forecast())
+            return Status.of(flight.supervisor, now_ms, context.pace.behind_s, forecast())
 
         if forecaster.is_due(now_ms):
             forecast()
         context.show_forecast(now_ms, forecast)
         progress.show_status(now_ms, status)
-        if spec.until_first_plan and supervisor.mission.state.plan.steps:
+        if spec.until_first_plan and flight.supervisor.mission.state.plan.steps:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
     def print_failure(at_ms: MissionMs, event: Event) -> None:
@@ -270,7 +268,9 @@ def prepare(
             progress.print_message(line)
 
     flight_recorder = _AnnouncingRecorder(recorder, [print_failure, context.announce])
-    flight = Flight(supervisor, context, flight_recorder, spec.start_ms, (show_tick,))
+    flight = _flight(
+        config, context, flight_recorder, spec, _collection(config, context, recorder), show_tick
+    )
     recorder.dropped_in_flight = lambda: flight.all_dropped
 
     def finish() -> dict[str, Any]:
@@ -281,26 +281,30 @@ def prepare(
     return PreparedFlight(flight, recorder, finish)
 
 
-def _supervisor(
-    config: FlightConfig, context: FlightContext, recorder: Recorder, spec: RunSpec
-) -> Supervisor:
-    """Builds the supervisor; one that resumes goes on with the mission, the docks and the first failure of the journal."""
-    resume_point = spec.resume_point
-    supervisor = parts.supervisor(
+def _flight(
+    config: FlightConfig,
+    context: FlightContext,
+    recorder: _AnnouncingRecorder,
+    spec: RunSpec,
+    samples: SampleCollection | NoSampleCollection,
+    show_tick: Callable[[MissionMs], None],
+) -> Flight:
+    """Builds the flight; one that resumes goes on with the mission, the docks and the first failure of the journal."""
+    point = spec.resume_point
+    return parts.flight(
         config,
-        None if resume_point is None else resume_point.state,
-        first_command_id=1 + (0 if resume_point is None else resume_point.epoch * _COMMAND_IDS_PER_EPOCH),
-        samples=_collection(config, context, recorder),
+        context,
+        recorder,
+        state=None if point is None else point.state,
+        first_command_id=1 + (0 if point is None else point.epoch * _COMMAND_IDS_PER_EPOCH),
+        samples=samples,
         command_sources=spec.command_sources,
         takeover=spec.takeover,
-        capabilities=context.capabilities,
-        stands_down=context.stands_down,
         learned=spec.learned,
-        gate=context.safety.gate,
+        first_failure=None if point is None else point.first_failure,
+        start_ms=spec.start_ms,
+        watchers=(show_tick,),
     )
-    if resume_point is not None:
-        supervisor.port.first_failure = resume_point.first_failure
-    return supervisor
 
 
 def _collection(

@@ -92,16 +92,16 @@ def open_flight(
     host = InProcessHost(fleet_parts.fleet_config(config), initial_states)
     fleet = fleet_parts.fleet_of(config, host, dict.fromkeys(initial_states, 0), sea=sea)
     context = join(in_process_context(config, fleet))
-    supervisor = parts.supervisor(
+    recorder = recorder_of(scenario)
+    flight = parts.flight(
         config,
+        context,
+        recorder,
         command_sources=command_sources,
         samples=SampleCollection(config.ids),
         takeover=takeover,
-        stands_down=context.stands_down,
-        gate=context.safety.gate,
     )
-    recorder = recorder_of(scenario)
-    return Flight(supervisor, context, recorder), recorder
+    return flight, recorder
 
 
 def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:

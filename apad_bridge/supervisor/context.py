@@ -12,6 +12,7 @@ from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.supervisor.clock import Pace
+from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, NoFaults
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
@@ -49,8 +50,8 @@ class FlightContext:
     """Receives every event of the flight, as the journal does."""
     relay: PacketRelay = field(default_factory=no_relay)
     """Relays packets, and the contacts of docks, between this flight's aMussels and supervisor and those elsewhere."""
-    held: tuple[int, ...] = ()
-    """The aMussels that docks hold already."""
+    contacts: Contacts = field(default_factory=Contacts)
+    """Those of the docks with the simulated bodies; it knows which aMussels docks hold already."""
     capabilities: Capabilities | None = None
     """The vehicle's; None: those of the simulated aPad with the scenario's docks."""
     dropped: Callable[[], Counter[str]] = Counter
@@ -69,3 +70,12 @@ class FlightContext:
     """False for a fleet whose mission is at the other end of a relay: its samples are uploaded there."""
     stands_down: StandDownRule = field(default_factory=NeverStandsDown)
     """The conditions in which one of several aPads stands down."""
+
+    def distance_m(self, agent_id: int, north_m: float, east_m: float) -> float | None:
+        """The true distance from a place to an aMussel that is simulated now; infinite for one that does not float.
+
+        None for any other.
+        """
+        if not self.roster.is_simulated(agent_id):
+            return None
+        return self.contacts.distance_m(agent_id, north_m, east_m)

@@ -7,21 +7,12 @@ anything.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import astuple
 
 from agents.coordinator import Died, Heard
-from agents.mussel.outputs import Dropped, SoundSent, Truth, WifiSent
-from agents.mussel.stimuli import (
-    ContactClosed,
-    ContactOpened,
-    DockMoved,
-    SoundArrived,
-    Stimulus,
-    to_json,
-)
+from agents.mussel.outputs import Dropped, SoundSent, WifiSent
+from agents.mussel.stimuli import SoundArrived, Stimulus, to_json
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from agents.water.medium import PacketEnded
@@ -57,54 +48,9 @@ from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
-from firmware_model.actions import Buoyancy
 from firmware_model.packets.wire import EVERYONE
 
-
-class Contacts:
-    """Turns the docks' contacts into stimuli of the bodies: closing, being carried, opening; and knows who is within reach.
-
-    Contacts belong to the simulated world, not to the mission. The last place of each docked aMussel is kept, so that
-    only changes become stimuli.
-    """
-
-    def __init__(self, held: Iterable[int] = ()) -> None:
-        self._places: dict[int, tuple[int, int] | None] = dict.fromkeys(held)
-        """The last place by agent; None for an aMussel that was docked before the first stimulus here."""
-        self._bodies: dict[int, Truth] = {}
-        """The newest truth of each aMussel."""
-
-    def see(self, truths: Iterable[Truth]) -> None:
-        """Takes new truths, in the order of time."""
-        self._bodies.update((truth.agent_id, truth) for truth in truths)
-
-    def distance_m(self, agent_id: int, north_m: float, east_m: float) -> float | None:
-        """The distance from a place to an aMussel that floats; infinite for one that does not, None for an unknown one."""
-        truth = self._bodies.get(agent_id)
-        if truth is None:
-            return None
-        body = truth.physical
-        # An arrival at the surface is a truth of its own, so a body that still rises has a depth.
-        if body.docked or body.buoyancy is not Buoyancy.FLOAT or body.depth_um > 0:
-            return math.inf
-        return math.hypot(body.north_um / 1e6 - north_m, body.east_um / 1e6 - east_m)
-
-    def take(self, fact: Carried | LetGo) -> Stimulus | None:
-        """The stimulus for the aMussel's body; None when nothing changed for it."""
-        if isinstance(fact, LetGo):
-            if fact.agent_id not in self._places:
-                return None
-            del self._places[fact.agent_id]
-            return ContactOpened()
-        place = (round(fact.north_m * 1e6), round(fact.east_m * 1e6))
-        if fact.agent_id not in self._places:
-            self._places[fact.agent_id] = place
-            return ContactClosed(*place)
-        before, self._places[fact.agent_id] = self._places[fact.agent_id], place
-        return DockMoved(*place) if place != before else None
-
-
-_START_MS = MissionMs(0)
+START_MS = MissionMs(0)
 _ROUNDS = 8
 """Rounds of acting within one tick; further answers wait for the next tick."""
 
@@ -120,7 +66,7 @@ class Flight:
         supervisor: Supervisor,
         context: FlightContext,
         recorder: Recorder,
-        start_ms: MissionMs = _START_MS,
+        start_ms: MissionMs = START_MS,
         watchers: tuple[Watcher, ...] = (),
     ) -> None:
         self.supervisor = supervisor
@@ -140,8 +86,7 @@ class Flight:
         """Results of the fleet between two ticks."""
         self._fleet_ms = start_ms - 1
         self._watchers = (*context.watchers(supervisor), self._record_noticed, *watchers)
-        self._contacts = Contacts(context.held)
-        supervisor.port.distance_m = self._distance_m
+        self._contacts = context.contacts
         self._stopped = StopSign()
         self._stop_end = MissionEnd(EndReason.OPERATOR)
 
@@ -382,13 +327,6 @@ class Flight:
                     self._stimulate(fact.agent_id, stimulus, now_ms)
             else:
                 self.supervisor.receive(fact)
-
-    def _distance_m(self, agent_id: int) -> float | None:
-        """The distance from the aPad to an aMussel of this fleet that is simulated now; None for any other."""
-        pose = self.supervisor.pose
-        if pose is None or not self._roster.is_simulated(agent_id):
-            return None
-        return self._contacts.distance_m(agent_id, pose.north_m, pose.east_m)
 
     def _stimulate(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> None:
         agent_ms = self._fleet.receive(agent_id, stimulus, now_ms)

@@ -164,6 +164,11 @@ _SIMULATED = of_simulated_apad()
 STALL_S = 60.0
 
 
+DistanceM = Callable[[int, float, float], float | None]
+"""The distance in m from a place (north, east, in m) to an aMussel, by its id. Infinite for one that does not float, and
+None for one that the bench does not simulate."""
+
+
 class DockingPort:
     """Runs one primitive at a time. A new one pre-empts the running one, but a commanded mechanism ends first.
 
@@ -174,7 +179,8 @@ class DockingPort:
     then orders the vehicle to hold at its last known position. A vehicle that does not obey speeds goes as it is set, which
     should be `usual_go_to` (speed, victory radius): other orders are counted. A port that follows another port on the same
     vehicle begins with the docks as the other knew them, `docked`. It numbers its commands from `first_command_id`, beyond
-    the other's, so that late answers to the old commands match nothing.
+    the other's, so that late answers to the old commands match nothing. A virtual docking catches what floats within the
+    catch radius, by `distance_m`. `first_failure` is that of a port before.
     """
 
     def __init__(
@@ -186,6 +192,8 @@ class DockingPort:
         capabilities: Capabilities = _SIMULATED,
         usual_go_to: tuple[float, float] | None = None,
         docked: Occupancy = (),
+        distance_m: DistanceM = lambda agent_id, north_m, east_m: None,
+        first_failure: PrimitiveFailed | None = None,
     ) -> None:
         if not stall_s > 0:
             raise ValueError("stall_s must be above 0")
@@ -214,11 +222,9 @@ class DockingPort:
         """The supervisor's table of the docks; `vehicle/docks.py` states its sources and its rule."""
         self.dropped: Counter[str] = Counter()
         """Unusable reports of the vehicle, by reason."""
-        self.first_failure: PrimitiveFailed | None = None
+        self.first_failure = first_failure
         """The first cause since a go-to, dock or undock last succeeded. A pre-emption does not count."""
-        self.distance_m: Callable[[int], float | None] = lambda agent_id: None
-        """The distance from the aPad to an aMussel that floats, infinite for one that does not, None if the bench does not
-        simulate it. A flight, which knows the bodies, replaces this."""
+        self._distance_m = distance_m
 
     @property
     def running(self) -> Primitive | None:
@@ -318,7 +324,9 @@ class DockingPort:
 
     def _catches(self, agent_id: int) -> bool:
         """True for an aMussel within the catch radius, and for one that the bench does not catch itself."""
-        distance_m = self.distance_m(agent_id) if self._is_virtual(agent_id) else None
+        if self._pose is None or not self._is_virtual(agent_id):
+            return True
+        distance_m = self._distance_m(agent_id, self._pose.north_m, self._pose.east_m)
         return distance_m is None or distance_m <= self._docking.catch_radius_m
 
     def _is_virtual(self, agent_id: int) -> bool:

@@ -36,7 +36,6 @@ from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fault_injection import FaultInjection
 from apad_bridge.supervisor.fleet import Fleet, WithoutWater
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import Outcome, PacketRelay, whole_flight
 from apad_bridge.supervisor.roster import PresenceChange, Presences, Roster
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -97,9 +96,8 @@ def main() -> None:
     host = InProcessHost(fleet_parts.fleet_config(flight_config(flown)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.time_scale)
     faults = FaultInjection(FaultyHost(host, flown.seed), flown.time_scale)
-    supervisor = parts.supervisor(flight_config(flown))
-    flight = Flight(
-        supervisor,
+    flight = parts.flight(
+        flight_config(flown),
         FlightContext(
             vehicle=InProcessVehicle(parts.simulated_apad(flown)),
             pace=WallClock(SPEED),

@@ -31,7 +31,6 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet, WithoutWater
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
@@ -74,7 +73,6 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
-    supervisor = parts.supervisor(flight_config(scenario))
     with ExitStack() as stack:
         vehicle: VehicleLink
         if over_ros:
@@ -112,7 +110,8 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
         else:
             vehicle = InProcessVehicle(parts.simulated_apad(scenario))
             context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
-        flight = Flight(supervisor, context, decisions)
+        flight = parts.flight(flight_config(scenario), context, decisions)
+        supervisor = flight.supervisor
         begun_s = time.monotonic()
         ended_by = flight.run()
         return {

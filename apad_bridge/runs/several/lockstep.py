@@ -82,7 +82,7 @@ class Exchange:
             if supervisor.pose is not None:
                 self._places_m[name] = (supervisor.pose.north_m, supervisor.pose.east_m)
             others = ((it, place_m) for it, place_m in self._places_m.items() if it != name)
-            gate.bodies = tuple(Body(it, place_m, agent_id=None) for it, place_m in others)
+            gate.see_bodies(tuple(Body(it, place_m, agent_id=None) for it, place_m in others))
 
         return watch
 

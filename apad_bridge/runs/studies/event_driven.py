@@ -111,10 +111,10 @@ def fly_event_driven(scenario: Scenario) -> Figures:
     learned = LearnedState(
         beliefs, parts.initial_learned_state(config).ranging, Allocation(beliefs, config.ids)
     )
-    supervisor = parts.supervisor(config, learned=learned)
     recorder = EventRecorder(beliefs, FigureMeter(scenario))
     context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
-    flight = Flight(supervisor, context, recorder)
+    flight = parts.flight(config, context, recorder, learned=learned)
+    supervisor = flight.supervisor
     mission = supervisor.mission
     assert isinstance(mission, EnergyExchange), "no script flies a study"
     ticks = Ticks(scenario, flight, mission, beliefs, vehicle)

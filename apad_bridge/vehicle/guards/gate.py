@@ -79,9 +79,9 @@ class Gate:
         self.battery = BatteryWatch()
         self.events: list[Event] = []
         self.stops = Stops(self.events)
-        self.bodies: tuple[Body, ...] = ()
-        """The bodies that must not be touched; whoever knows them, sets it."""
-        self.others = ""
+        self._bodies: tuple[Body, ...] = ()
+        """The bodies that must not be touched."""
+        self._others = ""
         """The reason why another party has the vehicle, until a person decides; empty while none has."""
         self.pilot = ""
         """The reason why nothing may be ordered for a pilot's sake; empty where none steers."""
@@ -97,7 +97,19 @@ class Gate:
     def awaits_person(self) -> str:
         """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
         stop = self.stops.in_force
-        return stop.text() if stop is not None else self.others
+        return stop.text() if stop is not None else self._others
+
+    def note_others(self, reason: str) -> None:
+        """Another party has the vehicle, for this reason, until a person decides; the first reason counts."""
+        self._others = self._others or reason
+
+    def forget_others(self) -> None:
+        """A person has decided that the vehicle is ours."""
+        self._others = ""
+
+    def see_bodies(self, bodies: tuple[Body, ...]) -> None:
+        """Takes the bodies that must not be touched, in place of those before."""
+        self._bodies = bodies
 
     def why_not_continue(self, number: int | None, now_ms: int, *, pilot_left: bool = False) -> str:
         """The reason why a person's word to continue after stop `number` changes nothing; or empty.
@@ -142,8 +154,8 @@ class Gate:
                     self.events.append(PilotTold(fact.steers))
                 self.pilot = pilot
             elif isinstance(fact, DockClosed):
-                # The next order may come before whoever knows the bodies sets them again.
-                self.bodies = tuple(it for it in self.bodies if it.agent_id != fact.agent_id)
+                # The next order may come before the bodies are seen again.
+                self._bodies = tuple(it for it in self._bodies if it.agent_id != fact.agent_id)
 
     def situation(self, now_ms: int) -> Situation:
         return Situation(
@@ -153,7 +165,7 @@ class Gate:
             self.watch.fault(now_ms),
             self._outside(),
             self.battery.fraction(now_ms),
-            self.bodies,
+            self._bodies,
             self.awaits_person,
         )
 

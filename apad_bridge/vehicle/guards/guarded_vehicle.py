@@ -174,7 +174,7 @@ class GuardedVehicle:
         """
         if pilot_left:
             self._link.command(self.gate.take_from_pilot(self._take_id()), now_ms)
-        self.gate.others = ""
+        self.gate.forget_others()
         if not self._stops.may_end(ends):
             return
         self._way_back = self._drift_ms = None
@@ -211,11 +211,9 @@ class GuardedVehicle:
             case GoalOfOthers(_, client, north_m, east_m):
                 goal_m = None if north_m is None or east_m is None else (north_m, east_m)
                 self._judge_others(client, goal_m, now_ms)
-            case PilotReported() if (
-                not self.gate.pilot and self._safety.needs_person and self.gate.others == ""
-            ):
+            case PilotReported() if not self.gate.pilot and self._safety.needs_person:
                 # A pilot who lets go has not said that the mission may go on.
-                self.gate.others = PILOT_HAD_IT
+                self.gate.note_others(PILOT_HAD_IT)
 
     def _others_command(self, client: str, now_ms: int) -> None:
         if not self._safety.needs_person:
@@ -225,8 +223,8 @@ class GuardedVehicle:
         stop = self._stops.in_force
         if stop is not None and not self.gate.pilot:
             self._send_again(f"{who} commands the aPad", now_ms)
-        elif stop is None and self.gate.others == "":
-            self.gate.others = f"{who} commands the aPad: continue, take it over, or give it back"
+        elif stop is None:
+            self.gate.note_others(f"{who} commands the aPad: continue, take it over, or give it back")
 
     def _judge_others(self, client: str, goal_m: Point | None, now_ms: int) -> None:
         """Ends another client's go-to that a guard would refuse us, or of which nobody can tell where it leads."""

@@ -167,7 +167,7 @@ def test_without_a_mission_of_ours_a_person_s_word_lets_a_stopped_apad_move(
     flying = Flying.by_calls(fenced)
     flying.seconds(3)
     gate = flying.flight._vehicle.gate
-    gate.others = "a person must let the aPad go on"
+    gate.note_others("a person must let the aPad go on")
     flying.call(lambda hand: hand.go_to(20.0, 12.0))
     flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
     assert flying.events("refused")[-1]["guard"] == "person"

@@ -38,7 +38,6 @@ from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet, WithoutWater
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -67,8 +66,8 @@ def fly(scenario, recorder, until_ms=None):
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(
-        parts.supervisor(flight_config(scenario)),
+    flight = parts.flight(
+        flight_config(scenario),
         FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
         recorder,
     )

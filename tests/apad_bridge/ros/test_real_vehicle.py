@@ -136,7 +136,7 @@ def test_an_aMussel_in_a_dock_is_no_body_in_the_water_though_it_was_last_heard_a
     others.bodies.return_value = ()
     options = replace(OPTIONS, part=Part.MISSION)
     context._bodies_watcher(gate, supervisor, options, MagicMock(), others)(1000)
-    assert [it.agent_id for it in gate.bodies] == [3]
+    assert [it.agent_id for it in gate.situation(1000).bodies] == [3]
 
 
 @pytest.mark.parametrize(("part", "is_stopped"), [(Part.FLEET, False), (Part.WHOLE, True)])

@@ -1,5 +1,5 @@
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved
-from apad_bridge.supervisor.loop import Contacts
+from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.vehicle.link import Carried, LetGo
 
 

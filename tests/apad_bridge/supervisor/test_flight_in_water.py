@@ -21,7 +21,6 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import FLEET_ALONE, Outcome, PacketRelay, RelayedPacket, Source
 from apad_bridge.vehicle.link import APadSeen, InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -166,8 +165,8 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     )
     recorder = MemoryRecorder(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(
-        parts.supervisor(flight_config(scenario)),
+    flight = parts.flight(
+        flight_config(scenario),
         FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
         recorder,
     )
@@ -273,8 +272,8 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     recorder = MemoryRecorder(scenario)
     permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
     elsewhere = Elsewhere([RelayedPacket(Source.REMOTE_SUPERVISOR, 7, Medium.SOUND, permission, 0)])
-    flight = Flight(
-        parts.supervisor(flight_config(scenario)),
+    flight = parts.flight(
+        flight_config(scenario),
         FlightContext(vehicle=SeenFromAfar(), pace=AsFastAsPossible(), fleet=fleet, relay=elsewhere.relay),
         recorder,
     )

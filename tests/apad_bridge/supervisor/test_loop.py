@@ -94,8 +94,8 @@ def fleet_in(host: InProcessHost, scenario: Scenario) -> Fleet:
 def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple[Witness, Flight]:
     host, witness = new_host(scenario), Witness(scenario)
     fleet = fleet_in(host, scenario)
-    flight = Flight(
-        parts.supervisor(flight_config(scenario)),
+    flight = parts.flight(
+        flight_config(scenario),
         FlightContext(
             vehicle=InProcessVehicle(SimulatedAPad(scenario.apad)), pace=AsFastAsPossible(), fleet=fleet
         ),
@@ -234,8 +234,8 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(divi
     to_mission: list[RelayedPacket] = []
     vehicle = Shared(SimulatedAPad(scenario.apad))
     alone = short_scenario(collection="none")
-    fleet_side = Flight(
-        parts.supervisor(flight_config(alone)),
+    fleet_side = parts.flight(
+        flight_config(alone),
         FlightContext(
             vehicle=vehicle.observer if division is FLEET_ALONE else Observed(vehicle),  # type: ignore[arg-type]
             pace=AsFastAsPossible(),
@@ -244,8 +244,8 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels(divi
         ),
         Witness(alone),
     )
-    mission_side = Flight(
-        parts.supervisor(flight_config(scenario)),
+    mission_side = parts.flight(
+        flight_config(scenario),
         FlightContext(
             vehicle=vehicle,
             pace=AsFastAsPossible(),
@@ -293,7 +293,7 @@ def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet_in(host, scenario))
     recorder = MemoryRecorder(scenario)
-    flight = Flight(parts.supervisor(flight_config(scenario)), context, recorder)
+    flight = parts.flight(flight_config(scenario), context, recorder)
     for _ in range(5):
         flight.step()
     for agent_id in list(ids)[:killed]:

@@ -117,8 +117,8 @@ class Bench:
         )
 
     def begin(self, recorder: MemoryRecorder, roster: Roster) -> Flight:
-        return Flight(
-            parts.supervisor(flight_config(self.scenario)),
+        return parts.flight(
+            flight_config(self.scenario),
             FlightContext(
                 vehicle=InProcessVehicle(parts.simulated_apad(self.scenario)),
                 pace=AsFastAsPossible(),

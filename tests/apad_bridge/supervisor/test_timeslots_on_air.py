@@ -23,7 +23,6 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
@@ -57,8 +56,8 @@ def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
     )
     recorder = MemoryRecorder(flown)
     vehicle = InProcessVehicle(SimulatedAPad(flown.apad))
-    Flight(
-        parts.supervisor(flight_config(flown)),
+    parts.flight(
+        flight_config(flown),
         FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
         recorder,
     ).run()

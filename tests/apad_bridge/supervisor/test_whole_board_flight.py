@@ -57,8 +57,8 @@ def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[
     fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     witness = Witness(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(
-        parts.supervisor(flight_config(scenario)),
+    flight = parts.flight(
+        flight_config(scenario),
         FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
         witness,
     )

@@ -398,8 +398,8 @@ def test_for_a_vehicle_without_a_camera_the_camera_profile_is_virtual() -> None:
     ("distance_m", "caught"), [(0.5, True), (0.51, False), (math.inf, False), (None, True)]
 )
 def test_a_virtual_docking_catches_what_floats_within_its_radius(distance_m, caught):
-    port = DockingPort(replace(VIRTUAL, catch_radius_m=0.5))
-    port.distance_m = {7: distance_m}.get
+    port = DockingPort(replace(VIRTUAL, catch_radius_m=0.5), distance_m=lambda *place: distance_m)
+    port.receive(PoseReported(0, 1.0, 2.0, 0.0), 0)
     if caught:
         assert port.receive(DockMussel(1, 0, 7), 0) == []
         assert port.advance(15_000) == [CloseDock(1, 0, 7)]
@@ -409,14 +409,15 @@ def test_a_virtual_docking_catches_what_floats_within_its_radius(distance_m, cau
 
 
 def test_a_vehicle_that_docks_by_its_own_eyes_is_not_asked_what_the_radius_holds():
-    port = DockingPort(VISUAL, capabilities=OF_B)
-    port.distance_m = lambda agent_id: math.inf
+    port = DockingPort(VISUAL, capabilities=OF_B, distance_m=lambda *place: math.inf)
+    port.receive(PoseReported(0, 1.0, 2.0, 0.0), 0)
     assert port.receive(DockMussel(1, 0, 7), 0) == [CloseDock(1, 0, 7)]
 
 
 def test_what_drifted_away_after_a_miss_is_not_caught_by_the_next_try():
-    port = DockingPort(replace(VIRTUAL, attempts=2))
+    distances_m = iter([0.0, 2.0])
+    port = DockingPort(replace(VIRTUAL, attempts=2), distance_m=lambda *place: next(distances_m))
+    port.receive(PoseReported(0, 1.0, 2.0, 0.0), 0)
     port.receive(DockMussel(1, 0, 7), 0)
     port.advance(15_000)
-    port.distance_m = lambda agent_id: 2.0
     assert port.receive(CommandFailed(15_000, 1, "missed"), 15_000) == [NothingCaught(15_000, 1)]

@@ -53,8 +53,8 @@ def flying(
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     recorder = MemoryRecorder(scenario)
-    flight = Flight(
-        parts.supervisor(flight_config(scenario)),
+    flight = parts.flight(
+        flight_config(scenario),
         FlightContext(
             vehicle=InProcessVehicle(parts.simulated_apad(scenario)),
             pace=WallClock(1.0),

@@ -170,7 +170,7 @@ def test_the_guards_of_each_apad_know_where_the_other_is(tmp_path: Path) -> None
         first.step()
         second.step()
     for flight, other, name in ((first, second, "apad2"), (second, first, "apad1")):
-        (body,) = flight._vehicle.gate.bodies
+        (body,) = flight._vehicle.gate.situation(flight.now_ms).bodies
         pose = other.supervisor.pose
         assert pose is not None and body.agent_id is None and body.name == name
         # One of the two is told at its next tick.

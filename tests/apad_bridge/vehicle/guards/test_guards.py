@@ -178,7 +178,7 @@ def test_a_way_keeps_clear_of_bodies_except_of_the_aMussel_it_goes_to() -> None:
 def test_the_next_way_may_begin_at_the_aMussel_that_a_dock_has_just_taken() -> None:
     gate = Gate([ClearOfBodies(3.0)], PositionWatch(PositionLimits()))
     gate.observe([PoseReported(0, 0.03, 0.0, 0.0)])
-    gate.bodies = (Body("aMussel 7", (0.0, 0.0), 7), Body("aMussel 8", (-4.0, 0.0), 8))
+    gate.see_bodies((Body("aMussel 7", (0.0, 0.0), 7), Body("aMussel 8", (-4.0, 0.0), 8)))
     away = going(-8.0, 0.0)
     assert "passes aMussel 7 at 0.0 m" in _reason(gate, away)
     gate.observe([DockClosed(0, 2, 7)])
@@ -221,8 +221,8 @@ def test_no_guard_refuses_a_stop_and_an_arm_that_closes_is_none(
 ) -> None:
     """A hold where the vehicle is stops it inside the waters alone."""
     gate = Gate(ALL, PositionWatch(PositionLimits()), WATERS)
-    gate.others = awaits
-    gate.bodies = (Body("beside", place_m, None),)
+    gate.note_others(awaits)
+    gate.see_bodies((Body("beside", place_m, None),))
     gate.observe(_pose_and_battery(place_m, battery))
     assert gate.refusal(Stop(1), 0) is None
     is_inside = WATERS.fault_of_place(place_m) == ""
