@@ -58,6 +58,8 @@ class Study:
     """Seeds, or the number of seeds from 1 on. A seed decides starts, drift and misses, for each strategy alike."""
     parameters: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
     """Values by key of the scenario, as `mission.batch`; each combination is flown."""
+    cells: dict[str, dict[str, _Value]] = field(default_factory=dict)
+    """Values by key of the scenario that belong together, as an area and its fleet, by a name; each cell is flown."""
     draws: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
     """Values by key of the scenario, of which each seed draws one, the same for each strategy."""
     start: RandomStart | Literal["scenario"] = PAPER_START
@@ -72,10 +74,11 @@ class Study:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A scenario with one value for each parameter: the missions that compare with each other."""
+    """A scenario with one cell and one value for each parameter: the missions that compare with each other."""
 
     scenario: str
     parameters: tuple[tuple[str, Any], ...]
+    """Where a study has cells, the first is the name of one, by the key `cell`."""
     theta: int
 
     @property
@@ -188,20 +191,25 @@ def plan_of(data: Any, source: str, directory: Path) -> Plan:
     _check_draws(study, strategies, source)
     scenarios = [load(directory / file) for file in study.scenarios]
     settings, rows, mistakes = [], [], []
-    for scenario, values in itertools.product(scenarios, itertools.product(*study.parameters.values())):
+    cells = list(study.cells) or [None]
+    for scenario, cell, values in itertools.product(
+        scenarios, cells, itertools.product(*study.parameters.values())
+    ):
         parameters = tuple(zip(study.parameters, values, strict=True))
+        decided = (*(() if cell is None else study.cells[cell].items()), *parameters)
         row = []
         for strategy in strategies:
             try:
-                row.append(_checked(_changed(scenario, study, parameters, strategy), study, source))
+                row.append(_checked(_changed(scenario, study, decided, strategy), study, source))
                 for drawn in itertools.product(*study.draws.values()):
-                    both = (*parameters, *zip(study.draws, drawn, strict=True))
+                    both = (*decided, *zip(study.draws, drawn, strict=True))
                     _checked(_changed(scenario, study, both, strategy), study, source)
             except ScenarioError as error:
                 mistakes += str(error).splitlines()
         rows.append(tuple(row))
         theta = row[0]["theta"] if row else scenario.theta
-        settings.append(Setting(scenario.name, tuple(it for it in parameters if it[0] != "theta"), theta))
+        named = (() if cell is None else (("cell", cell),)) + parameters
+        settings.append(Setting(scenario.name, tuple(it for it in named if it[0] != "theta"), theta))
     if mistakes:
         raise ScenarioError(dict.fromkeys(mistakes))
     labels = [setting.label for setting in settings]
@@ -270,8 +278,8 @@ def _changed(
 
 
 def _check_draws(study: Study, strategies: Sequence[Strategy], source: str) -> None:
-    """Refuses the keys that settings and strategies decide."""
-    decided = {"theta", "fleet.count", "seed", *study.parameters}
+    """Refuses the keys that settings and strategies decide, and those that a cell and a parameter both decide."""
+    decided = {"theta", "fleet.count", "seed", *study.parameters, *itertools.chain(*study.cells.values())}
     decided |= {f"mission.{key}" for strategy in strategies for key in strategy.mission}
     if both := sorted(decided & study.draws.keys()):
         raise ScenarioError(
@@ -279,6 +287,9 @@ def _check_draws(study: Study, strategies: Sequence[Strategy], source: str) -> N
                 f"{source}: draws: {', '.join(both)}: no seed decides this: name it in parameters or strategies alone"
             ]
         )
+    twice = sorted({key for cell in study.cells.values() for key in cell} & study.parameters.keys())
+    if twice:
+        raise ScenarioError([f"{source}: cells: {', '.join(twice)}: parameters has this, too: name it once"])
 
 
 def _put(data: dict[str, Any], key: str, value: Any, scenario: str) -> None:

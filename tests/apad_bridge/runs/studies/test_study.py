@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -57,6 +58,8 @@ def plan(**changes: Any) -> Plan:
         ({"primary": "joy"}, "primary: joy is no column; columns are amussels_lost, samples_taken"),
         ({"parameters": {"mission.batsch": [1]}}, "mission.batsch"),
         ({"parameters": {"misson.batch": [1]}}, "no such block"),
+        ({"cells": {"small": {"duration_s": 60.0}}}, "cells: duration_s: parameters has this, too"),
+        ({"cells": {"small": {"apad.docks": 2}}}, "4 aMussels do not fit into 2 docks"),
         ({"parameters": {"mission.batch": [9]}}, "9 aMussels do not fit into 4 docks"),
         (
             {"scenarios": [str(WHOLE_FILE)]},
@@ -176,6 +179,47 @@ def test_each_seed_draws_for_all_strategies_alike(tmp_path: Path) -> None:
     assert again.fingerprint == drawing.fingerprint
     with pytest.raises(AnotherStudy):
         fly_study(plan(draws={"fleet.start.charge": charges}), tmp_path, 1)
+
+
+def test_a_cell_decides_several_keys_together(tmp_path: Path) -> None:
+    cells = {
+        "wide": {"area.polygon_m": [[0, 0], [80, 0], [80, 80]], "fleet.count": 3},
+        "with two docks": {"apad.docks": 2, "mission.batch": 2},
+    }
+    study = plan(cells=cells, seeds=1)
+    assert [it.label for it in study.settings] == [
+        f"pool, cell {name}, duration_s 300.0, theta 30" for name in cells
+    ]
+    wide, narrow = (study.scenario(setting, 0, 1) for setting in (0, 1))
+    assert (len(wide.fleet.ids), wide.apad.docks, wide.mission.batch) == (3, 4, 4)
+    assert (len(narrow.fleet.ids), narrow.apad.docks, narrow.mission.batch) == (12, 2, 2)
+    assert max(it.north_m for it in starts_of(wide)) > 28
+    fly_study(study, tmp_path, 1)
+    assert load_study(tmp_path / STUDY_FILE).fingerprint == study.fingerprint
+    with pytest.raises(AnotherStudy):
+        fly_study(plan(cells={**cells, "wide": {"fleet.count": 3}}, seeds=1), tmp_path, 1)
+
+
+AREAS_M = {"line of 100 m": (100, 1), "two clusters": None, "60 x 20 m": (60, 20), "12 x 60 m": (12, 60)}
+AREAS_M |= {"200 x 200 m": (200, 200)}
+"""The areas of the draw, by north and east; it drew no two clusters."""
+
+
+def test_the_cells_of_the_comparison_are_those_that_a_stated_seed_draws() -> None:
+    study = load_study(SHIPPED / "cells.yaml").study
+    chance = Random(20261126)
+    drawn: list[tuple[str, int, int]] = []
+    while len(drawn) < 8:
+        cell = chance.choice(list(AREAS_M)), chance.choice((8, 12, 20)), chance.choice((2, 4))
+        drawn += [] if cell in drawn else [cell]
+    names = [f"{area}, {amussels} aMussels, {docks} docks" for area, amussels, docks in drawn]
+    assert list(study.cells)[1:] == names
+    for name, (area, amussels, docks) in zip(names, drawn, strict=True):
+        cell, size_m = study.cells[name], AREAS_M[area]
+        assert size_m is not None
+        north_m, east_m = size_m
+        assert cell["area.polygon_m"] == [[0, 0], [north_m, 0], [north_m, east_m], [0, east_m]]
+        assert (cell["fleet.count"], cell["apad.docks"], cell["mission.batch"]) == (amussels, docks, docks)
 
 
 def test_several_processes_fly_what_one_flies_and_one_that_is_killed_is_told(
