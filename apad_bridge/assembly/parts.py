@@ -272,4 +272,5 @@ def _end_by(scenario: Scenario) -> EndBy | None:
             [f"mission.end_by: {mission.end_by} is a local time, which this flight has not: say seconds"]
         )
     home_m = home_stays(scenario).place_m
-    return EndBy(mission.end_by, home_m, mission.speed_m_s, docking.timeout_s, docking.timeout_s)
+    legs = LegForecast(scenario.apad, surface_of(scenario))
+    return EndBy(mission.end_by, home_m, mission.speed_m_s, docking.timeout_s, docking.timeout_s, legs)

@@ -7,11 +7,19 @@ guarded, and that the position is known; nothing is watched between orders.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside
 from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
+from apad_bridge.scenario.surface import (
+    LegForecast,
+    fastest_drift_m_s,
+    free_drift_m_s,
+    surface_of,
+)
 from apad_bridge.vehicle.generation_b.messages import PULL_BACK_M_S, PULL_BACK_MS, SERVO_MS
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.guards import (
@@ -37,6 +45,7 @@ from apad_bridge.vehicle.guards.monitor import (
     SpeedIsAllowed,
     Stopping,
 )
+from apad_bridge.vehicle.guards.orders import Point
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, SETTLED_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.simulated.thrusters import allocate, electrical_w
@@ -69,8 +78,15 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
         waters,
         scenario.mission.speed_m_s,
         needs_person=needs_person,
-        current_m_s=scenario.apad.drift_m_s,
+        drift_m_s=_drift_of(scenario),
     )
+
+
+def _drift_of(scenario: Scenario) -> Callable[[Point, int], Point]:
+    apad, surface = scenario.apad, surface_of(scenario)
+    if surface is None:
+        return lambda place_m, now_ms: apad.drift_m_s
+    return lambda place_m, now_ms: free_drift_m_s(apad, surface.flow(place_m, now_ms))
 
 
 def _waters(scenario: Scenario, options: GuardOptions) -> Waters:
@@ -92,7 +108,9 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
         InWaters(waters, returns=options.outside is WhenOutside.RETURN),
         RoomToDock(
             waters,
-            options.drift_m_s * SERVO_MS / 1000 + options.search_m + _PULLED_BACK_M,
+            max(options.drift_m_s, fastest_drift_m_s(scenario)) * SERVO_MS / 1000
+            + options.search_m
+            + _PULLED_BACK_M,
             lambda agent_id: docking.profile_of(agent_id) is not DockingProfile.VIRTUAL,
         ),
         LegLimits(options.leg_m or math.inf, options.speed_limit_m_s or math.inf, options.leg_s or math.inf),
@@ -100,8 +118,7 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
     ]
     if options.battery_reserve is not None:
         home_m = scenario.apad.start_m if area.home_m is None else area.home_m
-        per_m = battery_fraction_per_m(scenario.apad, scenario.mission.speed_m_s)
-        guards.append(BatteryForHome(home_m, options.battery_reserve, per_m))
+        guards.append(BatteryForHome(home_m, options.battery_reserve, LegEnergy.of(scenario).fraction))
     return guards
 
 
@@ -124,9 +141,28 @@ def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[C
     return checks
 
 
-def battery_fraction_per_m(apad: APad, speed_m_s: float) -> float:
-    """The part of a full battery that a metre of straight way costs at this speed: the hull's drag and all that is on."""
-    drag_n = apad.drag_n_per_m2_s2 * speed_m_s**2
-    forces, _ = allocate(drag_n, 0.0, 0.0, apad.thruster_max_n)
-    watts = apad.battery.hotel_w + electrical_w(forces, apad.thruster_w_per_n)
-    return watts / speed_m_s / _S_PER_HOUR / apad.battery.capacity_wh
+@dataclass(frozen=True, slots=True)
+class LegEnergy:
+    """Forecasts the part of a full battery that a leg takes at the mission's speed: the hull's drag, and all that is on."""
+
+    apad: APad
+    speed_m_s: float
+    legs: LegForecast
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> LegEnergy:
+        return cls(
+            scenario.apad, scenario.mission.speed_m_s, LegForecast(scenario.apad, surface_of(scenario))
+        )
+
+    def fraction(self, from_m: Point, to_m: Point, at_ms: int) -> float:
+        """The part that a straight leg takes, in the known sea of this time."""
+        sea = self.legs.at(at_ms, self.speed_m_s)
+        metres = math.dist(from_m, to_m) if sea is None else sea.metres(from_m, to_m)
+        seconds = metres / self.speed_m_s if sea is None else sea.seconds(from_m, to_m)
+        forces, _ = allocate(
+            self.apad.drag_n_per_m2_s2 * self.speed_m_s**2, 0.0, 0.0, self.apad.thruster_max_n
+        )
+        thrust_w = electrical_w(forces, self.apad.thruster_w_per_n)
+        watt_seconds = thrust_w * metres / self.speed_m_s + self.apad.battery.hotel_w * seconds
+        return watt_seconds / _S_PER_HOUR / self.apad.battery.capacity_wh

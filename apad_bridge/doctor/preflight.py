@@ -151,9 +151,11 @@ def check_reserve(guards: GuardOptions, apad: str) -> Finding:
     return ok(check, found)
 
 
-def check_clearance(guards: GuardOptions, apad: str, speed_m_s: float, what: str) -> Finding:
+def check_clearance(
+    guards: GuardOptions, apad: str, speed_m_s: float, what: str, known_drift_m_s: float = 0.0
+) -> Finding:
     """The fence's clearance holds the room of a stop (`scenario/area/clearance.py`) at this speed, which `what` names."""
-    check, room = f"{apad} clearance", stopping_room(guards)
+    check, room = f"{apad} clearance", stopping_room(guards, known_drift_m_s)
     if isinstance(room, list):
         return cannot_tell(
             check,

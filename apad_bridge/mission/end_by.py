@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.surface import FlowNow, LegForecast
 
 Point = tuple[float, float]
 SLOWER = 0.8
-"""The share of its ordered speed that an aPad makes good: it starts, brakes, and meets currents."""
+"""The share of its ordered speed that an aPad makes good: it starts, brakes, and meets currents that nobody told."""
 MARGIN_S = 60.0
 """For what was not foreseen."""
 
@@ -24,6 +25,8 @@ class EndBy:
     speed_m_s: float
     dock_s: float
     undock_s: float
+    legs: LegForecast | None = None
+    """The known sea, in which a leg may take longer; None in calm water."""
 
     def must_return(
         self, now_ms: int, here_m: Point, releases_m: Iterable[Point], fetched_m: Point | None = None
@@ -33,20 +36,23 @@ class EndBy:
         `fetched_m` is the place of the aMussel that the aPad is fetching, to which it is brought back too.
         """
         needed_s, from_m, rest = MARGIN_S, here_m, list(releases_m)
+        sea = None if self.legs is None else self.legs.at(now_ms, self.speed_m_s)
         if fetched_m is not None:
-            needed_s += self._way_s(from_m, fetched_m) + self.dock_s
+            needed_s += self._way_s(from_m, fetched_m, sea) + self.dock_s
             from_m = fetched_m
             rest.append(fetched_m)
         # The order of the strategy may be better, and is not worse by much than the nearest first.
         while rest:
             nearest_m = min(rest, key=lambda it: math.dist(from_m, it))
             rest.remove(nearest_m)
-            needed_s += self._way_s(from_m, nearest_m) + self.undock_s
+            needed_s += self._way_s(from_m, nearest_m, sea) + self.undock_s
             from_m = nearest_m
-        needed_s += self._way_s(from_m, self.home_m)
+        needed_s += self._way_s(from_m, self.home_m, sea)
         return now_ms / 1000 + needed_s >= self.deadline_s
 
-    def _way_s(self, from_m: Point, to_m: Point) -> float:
+    def _way_s(self, from_m: Point, to_m: Point, sea: FlowNow | None) -> float:
+        if sea is not None:
+            return sea.seconds(from_m, to_m) / SLOWER
         return math.dist(from_m, to_m) / (SLOWER * self.speed_m_s)
 
 

@@ -744,7 +744,9 @@ class EnergyExchange(OrderBook):
         others: Iterable[Belief] = (),
         leaving: Iterable[Belief] = (),
     ) -> Situation:
-        return situation_of(self.state, self._here, beliefs, docks, now_ms, others, self._model, leaving)
+        rules, legs = self._config, self._legs_ahead
+        sea = legs.at(now_ms, rules.speed_m_s) if legs is not None and rules.costs.flow else None
+        return situation_of(self.state, self._here, beliefs, docks, now_ms, others, self._model, leaving, sea)
 
     def _others_than(self, known: Iterable[Belief]) -> list[Belief]:
         """The beliefs about the rest of the fleet that may be served some time; the docked ones too."""

@@ -12,7 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
-from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.candidates import Candidate, Sea, Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.scenario.schema import Mission, Suspects
 from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
@@ -122,11 +122,12 @@ def situation_of(
     others: Iterable[Belief] = (),
     model: EnergyModel | None = None,
     leaving: Iterable[Belief] = (),
+    sea: Sea | None = None,
 ) -> Situation:
     """The planner's input: `beliefs` as candidates with homes, and docked candidates with their dock of `docks`.
 
     The docks of those who are `leaving` count as free. `others` are the rest of the fleet, as far as it can be served.
-    An aMussel without a known home is let go at the aPad's place.
+    An aMussel without a known home is let go at the aPad's place. `sea` is None in calm water.
     """
     homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
     released_ms = dict(state.released)
@@ -156,4 +157,5 @@ def situation_of(
         tuple(candidate(it, held.get(it.agent_id)) for it in others if it.state not in BEYOND_HELP),
         model,
         tuple(candidate(it, held[it.agent_id]) for it in leaving),
+        sea,
     )

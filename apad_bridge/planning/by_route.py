@@ -13,7 +13,7 @@ aMussels of Cautious.
 from __future__ import annotations
 
 from itertools import pairwise, permutations
-from math import dist, fsum
+from math import fsum
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales, Scales
@@ -42,6 +42,7 @@ class Blend:
             count,
             self._scales.distance_per_m,
             self._scales.energy_per_charge,
+            situation.metres,
         )
         return collect_in_order(chosen, situation)
 
@@ -76,7 +77,7 @@ class ShortestOrder:
         chosen = {step.agent_id for step in Cautious().plan(situation, batch).steps}
         agents = [agent for agent in situation.candidates if agent.agent_id in chosen]
         return collect_in_order(
-            cheapest_choice(situation.apad_m, agents, len(agents), per_m=1.0, per_charge=0.0), situation
+            cheapest_choice(situation.apad_m, agents, len(agents), 1.0, 0.0, situation.metres), situation
         )
 
     def explain(self, situation: Situation, solution: Solution) -> list[Option]:
@@ -105,6 +106,6 @@ class Exact:
 
     def _cost(self, situation: Situation, order: tuple[Candidate, ...]) -> float:
         places = [situation.apad_m, *(agent.place_m for agent in order)]
-        metres = fsum(dist(a, b) for a, b in pairwise(places))
+        metres = fsum(situation.metres(a, b) for a, b in pairwise(places))
         lacking = fsum(1.0 - agent.charge for agent in order)
         return self._scales.distance_per_m * metres - self._scales.energy_per_charge * lacking

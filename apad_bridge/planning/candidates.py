@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import dist, isfinite
+from typing import Protocol
 
 from apad_bridge.planning.energy_model import EnergyModel
 
@@ -48,12 +49,19 @@ class Candidate:
     def place_m(self) -> tuple[float, float]:
         return (self.north_m, self.east_m)
 
-    def metres_from(self, place_m: tuple[float, float]) -> float:
-        return dist(place_m, self.place_m)
-
     @property
     def home_m(self) -> tuple[float, float]:
         return (self.home_north_m, self.home_east_m)
+
+
+class Sea(Protocol):
+    """The current and the wind on the aPad's straight legs, at the time of a decision."""
+
+    def metres(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> float:
+        """The metres of calm water that take as much of the thrusters' energy as this leg."""
+
+    def seconds(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> float:
+        """The time of the way at its speed over ground. It is very long where the aPad makes no way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +71,7 @@ class Situation:
     `others` are the rest of the fleet: in the water above the pool's threshold, or docked (`dock_index` is known).
     `leaving` are docked ones that leave while a collection is flown: each takes the place of a collected one, in this order
     (`planning/exchange.py`). Their docks count as free. `model` is what a strategy that looks ahead may assume; None where
-    nobody knows it, as in a script's plan.
+    nobody knows it, as in a script's plan. Without a `sea` the water is calm.
 
     Raises ValueError if an agent or a dock is named twice.
     """
@@ -75,6 +83,7 @@ class Situation:
     others: tuple[Candidate, ...] = ()
     model: EnergyModel | None = None
     leaving: tuple[Candidate, ...] = ()
+    sea: Sea | None = None
 
     def __post_init__(self) -> None:
         staying = (*self.candidates, *self.others)
@@ -90,3 +99,11 @@ class Situation:
     @property
     def apad_m(self) -> tuple[float, float]:
         return (self.apad_north_m, self.apad_east_m)
+
+    def metres(self, from_m: tuple[float, float], to_m: tuple[float, float]) -> float:
+        """The length of a leg, or that of a leg in calm water that costs as much."""
+        return dist(from_m, to_m) if self.sea is None else self.sea.metres(from_m, to_m)
+
+    def seconds(self, from_m: tuple[float, float], to_m: tuple[float, float], speed_m_s: float) -> float:
+        """The time of a leg; `speed_m_s` is that in calm water."""
+        return dist(from_m, to_m) / speed_m_s if self.sea is None else self.sea.seconds(from_m, to_m)

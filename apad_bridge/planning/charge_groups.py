@@ -21,7 +21,7 @@ from math import fsum
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.planning.explanation import Option, way_m, with_exchanges
+from apad_bridge.planning.explanation import Option, way_m, way_s, with_exchanges
 from apad_bridge.planning.routes import cheapest_choice
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
@@ -43,7 +43,9 @@ class ChargeGroups:
             return Solution(())
         by_charge = sorted(situation.candidates, key=lambda agent: (agent.charge, agent.agent_id))
         groups = [by_charge[first : first + count] for first in range(len(by_charge) - count + 1)]
-        routes = [cheapest_choice(situation.apad_m, group, count, 1.0, 0.0) for group in groups]
+        routes = [
+            cheapest_choice(situation.apad_m, group, count, 1.0, 0.0, situation.metres) for group in groups
+        ]
         worths = [self._worth_per_s(situation, route, model) for route in routes]
         return collect_in_order(routes[worths.index(max(worths))], situation)
 
@@ -57,10 +59,10 @@ class ChargeGroups:
         )
 
     def _worth_per_s(self, situation: Situation, route: Sequence[Candidate], model: EnergyModel) -> float:
-        there_m = way_m(situation, route)
-        there_s = there_m / model.speed_m_s + len(route) * model.dock_s
+        there_m, driving_s = way_m(situation, route), way_s(situation, route, model.speed_m_s)
+        there_s = driving_s + len(route) * model.dock_s
         charging_s = max(model.charging_s(agent.charge, model.full) for agent in route)
-        back_s = there_m / model.speed_m_s + len(route) * model.undock_s
+        back_s = driving_s + len(route) * model.undock_s
         given = fsum(model.full - agent.charge for agent in route)
         worth = self._scales.energy_per_charge * given - self._scales.distance_per_m * 2 * there_m
         return worth / (there_s + charging_s + back_s)

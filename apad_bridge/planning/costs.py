@@ -1,18 +1,21 @@
 """The planner's cost modules: distance and energy, each with a scale factor (paper, sections III and IV-B).
 
-Distance is the Euclidean way from the aPad's place to each goal in turn; it stands for the thrusters' energy
-and leaves wind and current out. Energy is the aMussels' charging DEMAND: the charge that each collected aMussel
-lacks to be full.
+Distance is the Euclidean way from the aPad's place to each goal in turn; it stands for the thrusters' energy. Where the
+situation knows a current or a wind, its cost is that of the metres of calm water that take as much energy. Energy is the
+aMussels' charging DEMAND: the charge that each collected aMussel lacks to be full.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import dist, fsum
 from typing import Protocol
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.solution import Solution, StepKind
+
+Place = tuple[float, float]
 
 
 class Scales(Protocol):
@@ -33,7 +36,10 @@ class CostScales:
 
 @dataclass(frozen=True, slots=True)
 class CostBreakdown:
-    """A plan's cost: the bare quantities, and the same after scaling. `demand` is in whole batteries."""
+    """A plan's cost: the bare quantities, and the same after scaling. `demand` is in whole batteries.
+
+    `distance_m` is the way over ground, in a current too.
+    """
 
     distance_m: float
     demand: float
@@ -47,12 +53,16 @@ class CostBreakdown:
 
 def distance_m(solution: Solution, situation: Situation) -> float:
     """Sums the metres from the aPad's place through the goals of all steps: agents to collect, homes to deploy at."""
+    return _over_legs(solution, situation, dist)
+
+
+def _over_legs(solution: Solution, situation: Situation, metres: Callable[[Place, Place], float]) -> float:
     agents = {agent.agent_id: agent for agent in situation.candidates}
     place_m, total_m = situation.apad_m, 0.0
     for step in solution.steps:
         agent = agents[step.agent_id]
         goal_m = agent.place_m if step.kind is StepKind.COLLECT else agent.home_m
-        total_m += dist(place_m, goal_m)
+        total_m += metres(place_m, goal_m)
         place_m = goal_m
     return total_m
 
@@ -69,6 +79,6 @@ def cost_of(solution: Solution, situation: Situation, scales: Scales | None = No
     Raises KeyError if a step names an agent that is not a candidate; `check_solution` refuses such plans first.
     """
     factors = scales or CostScales()
-    metres = distance_m(solution, situation)
+    metres, calm_m = distance_m(solution, situation), _over_legs(solution, situation, situation.metres)
     demand = charging_demand(solution, situation)
-    return CostBreakdown(metres, demand, metres * factors.distance_per_m, demand * factors.energy_per_charge)
+    return CostBreakdown(metres, demand, calm_m * factors.distance_per_m, demand * factors.energy_per_charge)

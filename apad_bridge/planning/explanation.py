@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import fsum
 
 from apad_bridge.planning.candidates import Candidate, Situation
@@ -61,9 +62,17 @@ def _option(
 
 
 def way_m(situation: Situation, agents: Sequence[Candidate]) -> float:
-    """The metres from the aPad through the agents, in their order."""
+    """The metres from the aPad through the agents, in their order, as the way costs them."""
     place_m, total_m = situation.apad_m, 0.0
     for agent in agents:
-        total_m += agent.metres_from(place_m)
+        total_m += situation.metres(place_m, agent.place_m)
         place_m = agent.place_m
     return total_m
+
+
+def way_s(situation: Situation, agents: Sequence[Candidate], speed_m_s: float) -> float:
+    """The time of the same way; `speed_m_s` is that in calm water."""
+    if situation.sea is None:
+        return way_m(situation, agents) / speed_m_s
+    places_m = [situation.apad_m, *(agent.place_m for agent in agents)]
+    return fsum(situation.sea.seconds(one, other) for one, other in pairwise(places_m))

@@ -3,15 +3,15 @@
 The projection follows the mission's rule of dispatch (`mission/dispatch.py`) and the energy model, leg by leg. It begins
 with the plan that is judged and goes on with a base policy: the next aMussel costs the way to it, less
 `gain_m_per_charge` times the charge that it lacks, and the least cost is next. Where places are exchanged
-(`planning/exchange.py`), one way serves the collected and the released one. Nothing is random, no docking misses, and the
-water stands still.
+(`planning/exchange.py`), one way serves the collected and the released one. Nothing is random and no docking misses. The
+sea, if the situation knows it, stays as it is at the decision, and the aMussels stay in their places.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import hypot, inf
+from math import dist, inf
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
@@ -34,6 +34,7 @@ class Outcome:
     charges: tuple[float, ...]
     """Their charges at the end."""
     metres: float
+    """The way, in a known sea that of calm water which costs as much."""
 
 
 class Projection:
@@ -48,6 +49,8 @@ class Projection:
         self._horizon_s = horizon_s
         self._gain = gain_m_per_charge
         self._apad_m = situation.apad_m
+        self._sea = situation.sea
+        self._way_m = dist if self._sea is None else self._sea.metres
         self._own_places = [
             agent.place_m if agent.dock_index is None else agent.home_m for agent in self._agents
         ]
@@ -120,9 +123,8 @@ class Projection:
                 places[index], places[released] = places[released], places[index]
                 self._undock(released)
         while left and self._now_s < self._horizon_s:
-            north_m, east_m = self._place_m
-            places = self._places
-            nearest = min(left, key=lambda it: (hypot(places[it][0] - north_m, places[it][1] - east_m), it))
+            way_m, place_m, places = self._way_m, self._place_m, self._places
+            nearest = min(left, key=lambda it: (way_m(place_m, places[it]), it))
             left.remove(nearest)
             self._go_to(nearest)
             self._undock(nearest)
@@ -158,22 +160,24 @@ class Projection:
 
     def _next(self, pool: Sequence[int]) -> int:
         """The base policy's choice."""
-        north_m, east_m = self._place_m
+        way_m, place_m = self._way_m, self._place_m
         places, drain, now_s, gain = self._places, self._model.drain_per_s, self._now_s, self._gain
         best, least = pool[0], inf
         for index in pool:
-            place = places[index]
             charge = max(0.0, self._charge[index] - drain * (now_s - self._since_s[index]))
-            cost = hypot(place[0] - north_m, place[1] - east_m) + gain * charge
+            cost = way_m(place_m, places[index]) + gain * charge
             if cost < least:
                 best, least = index, cost
         return best
 
     def _go_to(self, index: int) -> None:
         place_m = self._places[index]
-        way_m = hypot(place_m[0] - self._place_m[0], place_m[1] - self._place_m[1])
+        way_m = self._way_m(self._place_m, place_m)
         self._metres += way_m
-        self._now_s += way_m / self._model.speed_m_s + _LEG_S
+        if self._sea is None:
+            self._now_s += way_m / self._model.speed_m_s + _LEG_S
+        else:
+            self._now_s += self._sea.seconds(self._place_m, place_m) + _LEG_S
         self._place_m = place_m
 
     def _dock(self, index: int) -> None:

@@ -16,7 +16,7 @@ over a horizon of three quarters of a discharge, the same at any time of a missi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, fsum
+from math import fsum
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
@@ -126,7 +126,12 @@ def _by_gain(situation: Situation, gain_m: float, count: int) -> tuple[int, ...]
     for _ in range(min(count, len(candidates))):
         left = [index for index in range(len(candidates)) if index not in plan]
         plan.append(
-            min(left, key=lambda it: dist(place_m, candidates[it].place_m) + gain_m * candidates[it].charge)
+            min(
+                left,
+                key=lambda it: (
+                    situation.metres(place_m, candidates[it].place_m) + gain_m * candidates[it].charge
+                ),
+            )
         )
         place_m = candidates[plan[-1]].place_m
     return tuple(plan)
@@ -136,5 +141,5 @@ def _shortest(situation: Situation, plan: Sequence[int]) -> tuple[int, ...]:
     """The same aMussels along the shortest route."""
     candidates = situation.candidates
     chosen: list[Candidate] = [candidates[index] for index in plan]
-    route = cheapest_choice(situation.apad_m, chosen, len(chosen), per_m=1.0, per_charge=0.0)
+    route = cheapest_choice(situation.apad_m, chosen, len(chosen), 1.0, 0.0, situation.metres)
     return tuple(candidates.index(agent) for agent in route)

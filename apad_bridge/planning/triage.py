@@ -16,8 +16,6 @@ Without overload the plan is that of Cautious.
 
 from __future__ import annotations
 
-from math import dist
-
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.paper_strategies import Cautious
@@ -43,7 +41,7 @@ class Triage:
         floor_s = FLOOR_DISCHARGES / model.drain_per_s
         left, chosen, place_m = list(situation.candidates), list[Candidate](), situation.apad_m
         while len(chosen) < count:
-            agent = min(left, key=lambda it: _rank(it, place_m, model, floor_s))
+            agent = min(left, key=lambda it: _rank(it, place_m, situation, model, floor_s))
             left.remove(agent)
             chosen.append(agent)
             place_m = agent.place_m
@@ -57,13 +55,13 @@ def is_overloaded(amussels: int, model: EnergyModel) -> bool:
 
 
 def _rank(
-    agent: Candidate, place_m: tuple[float, float], model: EnergyModel, floor_s: float
+    agent: Candidate, place_m: tuple[float, float], situation: Situation, model: EnergyModel, floor_s: float
 ) -> tuple[int, float, int]:
     """The lowest is next."""
     if agent.unserved_s > floor_s:
         return 0, -agent.unserved_s, agent.agent_id
     seconds = (
-        dist(place_m, agent.place_m) / model.speed_m_s
+        situation.seconds(place_m, agent.place_m, model.speed_m_s)
         + model.dock_s
         + model.charging_s(agent.charge, model.full)
         + model.undock_s

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 
-from apad_bridge.assembly.safety import battery_fraction_per_m
+from apad_bridge.assembly.safety import LegEnergy
 from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.doctor.finding import Finding, fail, ok
 from apad_bridge.doctor.graph import Graph
@@ -45,6 +45,7 @@ from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.surface import fastest_drift_m_s, hardest_metre
 from apad_bridge.vehicle.stack import Stack
 
 WATCHED_S = 3.0
@@ -125,27 +126,28 @@ def _check_off(graph: Graph, apad: str, stack: Stack, *, hardware_cut: bool) -> 
 
 def _check_room(apad: str, scenario: Scenario, guards: GuardOptions, stacks: Sequence[Stack]) -> Finding:
     """A vehicle that does not obey a go-to's speed goes as fast as its guard lets it."""
+    drift_m_s = fastest_drift_m_s(scenario)
     if all(it.capabilities(1).obeys_speed for it in stacks):
-        return check_clearance(guards, apad, scenario.mission.speed_m_s, "mission.speed_m_s")
+        return check_clearance(guards, apad, scenario.mission.speed_m_s, "mission.speed_m_s", drift_m_s)
     if guards.speed_limit_m_s is None:
         return fail(
             f"{apad} clearance",
             "this generation goes at a speed of its own, and no guard bounds it",
             "set guards.speed_limit_m_s, with the clearance that it needs",
         )
-    return check_clearance(guards, apad, guards.speed_limit_m_s, "guards.speed_limit_m_s")
+    return check_clearance(guards, apad, guards.speed_limit_m_s, "guards.speed_limit_m_s", drift_m_s)
 
 
 def energy_need(scenario: Scenario, place_m: tuple[float, float] | None) -> EnergyNeed:
     """Share of the battery that the mission's time can take, by the scenario's model of the aPad."""
-    apad, speed_m_s = scenario.apad, scenario.mission.speed_m_s
-    per_m = battery_fraction_per_m(apad, speed_m_s)
+    apad, speed_m_s, energy = scenario.apad, scenario.mission.speed_m_s, LegEnergy.of(scenario)
     home_m = apad.start_m if scenario.area.home_m is None else scenario.area.home_m
+    place, ahead, at_ms = hardest_metre(scenario)
     reserve = scenario.guards.battery_reserve if scenario.guards is not None else None
     return EnergyNeed(
         at_rest=apad.battery.hotel_w * scenario.duration_s / _S_PER_HOUR / apad.battery.capacity_wh,
-        under_way=per_m * speed_m_s * scenario.duration_s,
-        way_home=0.0 if place_m is None else per_m * math.dist(place_m, home_m),
+        under_way=energy.fraction(place, ahead, at_ms) * speed_m_s * scenario.duration_s,
+        way_home=0.0 if place_m is None else energy.fraction(place_m, home_m, at_ms),
         reserve=max(reserve or 0.0, scenario.mission.end_at_apad_fraction),
     )
 

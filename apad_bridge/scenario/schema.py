@@ -279,6 +279,8 @@ class Costs:
 
     distance_per_m: NotNegative = 1.0
     energy_per_charge: NotNegative = 1.0
+    flow: bool = True
+    """The scenario's current and wind count in the way's cost and time. False: the way over ground alone."""
 
 
 class FullWhen(StrEnum):

@@ -161,6 +161,52 @@ def made_good_m_s(apad: APad, flow: Flow, towards: Vector) -> float:
     return along + math.sqrt(left) if left >= 0 else 0.0
 
 
+class FlowNow:
+    """Straight legs in the flow of one time, as a planner weighs them (`planning/candidates.py`, `Sea`).
+
+    On each stretch of a leg the aPad makes its ordered speed, or what the flow leaves of it. The thrusters' power
+    grows with the force, so a metre takes the force on the hull over its speed, and in calm water D v at the ordered one.
+    """
+
+    def __init__(self, apad: APad, surface: Surface, at_ms: int, speed_m_s: float) -> None:
+        self._apad = apad
+        self._surface = surface
+        self._at_ms = at_ms
+        self._speed_m_s = speed_m_s
+        self._legs: dict[tuple[Vector, Vector], tuple[float, float]] = {}
+
+    def metres(self, from_m: Vector, to_m: Vector) -> float:
+        return self._leg(from_m, to_m)[0]
+
+    def seconds(self, from_m: Vector, to_m: Vector) -> float:
+        return self._leg(from_m, to_m)[1]
+
+    def _leg(self, from_m: Vector, to_m: Vector) -> tuple[float, float]:
+        leg = from_m, to_m
+        if leg not in self._legs:
+            self._legs[leg] = self._looked_at(from_m, to_m)
+        return self._legs[leg]
+
+    def _looked_at(self, from_m: Vector, to_m: Vector) -> tuple[float, float]:
+        """(metres, seconds) of a leg, with the mean of its points."""
+        length_m = math.dist(from_m, to_m)
+        if not length_m:
+            return 0.0, 0.0
+        towards = _less(to_m, from_m)
+        towards = towards[0] / length_m, towards[1] / length_m
+        thrust: list[float] = []
+        s_per_m: list[float] = []
+        for place_m in _along(from_m, to_m, length_m):
+            flow = self._surface.flow(place_m, self._at_ms)
+            good_m_s = max(LEAST_M_S, min(self._speed_m_s, made_good_m_s(self._apad, flow, towards)))
+            over_ground = good_m_s * towards[0], good_m_s * towards[1]
+            thrust.append(math.hypot(*resistance_n(self._apad, flow, over_ground)) / good_m_s)
+            s_per_m.append(1 / good_m_s)
+        calm = self._apad.drag_n_per_m2_s2 * self._speed_m_s
+        effort = math.fsum(thrust) / len(thrust) / calm if calm else 1.0
+        return length_m * effort, length_m * math.fsum(s_per_m) / len(s_per_m)
+
+
 class LegForecast:
     """Foretells legs by the flow that the scenario states: those that the aPad cannot make, and where it meets a float."""
 
@@ -189,6 +235,10 @@ class LegForecast:
                     f"its top speed through the water is {top_speed_m_s(self._apad):.2f} m/s"
                 )
         return None
+
+    def at(self, at_ms: int, speed_m_s: float) -> FlowNow | None:
+        """The flow of a decision's time, for a planner whose go-tos have this speed over ground; None in calm water."""
+        return None if self._surface is None else FlowNow(self._apad, self._surface, at_ms, speed_m_s)
 
     def meeting_m(self, from_m: Vector, place_m: Vector, speed_m_s: float, at_ms: int) -> Vector | None:
         """The place to which an aMussel floats from `place_m` until an aPad of this speed over ground is there.
@@ -232,6 +282,27 @@ def strongest_flow(scenario: Scenario, surface: Surface) -> tuple[Flow, Vector, 
     times_ms = [round(1000 * scenario.duration_s * n / max(1, looks - 1)) for n in range(looks)]
     found = ((surface.flow(place, at_ms), place, at_ms) for at_ms in times_ms for place in places)
     return max(found, key=lambda it: math.hypot(*resistance_n(scenario.apad, it[0], (0.0, 0.0))))
+
+
+def fastest_drift_m_s(scenario: Scenario) -> float:
+    """The speed with which the known sea takes a hull without thrust, where and when holding takes most."""
+    surface = surface_of(scenario)
+    if surface is None:
+        return 0.0
+    flow, _, _ = strongest_flow(scenario, surface)
+    return math.hypot(*free_drift_m_s(scenario.apad, flow))
+
+
+def hardest_metre(scenario: Scenario) -> tuple[Vector, Vector, int]:
+    """(begin, end, mission ms) of a metre against the drift, where and when holding takes most; any metre in calm water."""
+    surface, place_m, at_ms = surface_of(scenario), scenario.apad.start_m, 0
+    north, east = 1.0, 0.0
+    if surface is not None:
+        flow, place_m, at_ms = strongest_flow(scenario, surface)
+        drift = free_drift_m_s(scenario.apad, flow)
+        if drift_m_s := math.hypot(*drift):
+            north, east = -drift[0] / drift_m_s, -drift[1] / drift_m_s
+    return place_m, (place_m[0] + north, place_m[1] + east), at_ms
 
 
 def doubt_about_legs(scenario: Scenario) -> str | None:

@@ -7,7 +7,7 @@ else. Each later packet tells how far the estimate had gone wrong.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import dist, fsum, sqrt
 from typing import Any
@@ -38,9 +38,11 @@ from apad_bridge.mission.plans import plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.state import MissionState, with_exchanged_homes, with_new_homes
 from apad_bridge.planning import registry
+from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange import tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.schema import Dispatch, Places, Scenario
+from apad_bridge.scenario.surface import LegForecast, surface_of
 from firmware_model.packets import ShortStatus, Status, StatusPacket, basic_of
 from firmware_model.packets.codec import load_codec
 from firmware_model.states import State
@@ -140,6 +142,7 @@ class Shadow:
         self._collection = registry.collection(mission.collection, mission.costs)
         self._redeployment = registry.redeployment(mission.redeployment)
         self._model = energy_model(scenario)
+        self._legs = LegForecast(scenario.apad, surface_of(scenario))
         self._pool = ChargingPool(mission, self._beliefs)
         self._charging = ChargingWatch(mission)
         self._dispatch = dispatch_of(mission, self._charging, self._pool.batch_of)
@@ -414,7 +417,7 @@ class Shadow:
             if exchanged := self._dispatch.to_exchange(led, len(released)) if self._exchanges_places else 0:
                 return self._collection_steps(place_m, led, exchanged, fullest_first(known))
             others = [it for it in self._beliefs.all() if it.agent_id not in released]
-            situation = situation_of(self._state, place_m, known, held, now_ms, others, self._model)
+            situation = self._situation(place_m, known, held, others)
             return self._steps(
                 plan_or_reason(
                     self._mission.redeployment,
@@ -428,13 +431,25 @@ class Shadow:
             count = min(self._mission.batch - len(held), len(pool), free)
         return self._collection_steps(place_m, pool, count) if count > 0 else ()
 
+    def _situation(
+        self,
+        place_m: Place,
+        beliefs: Iterable[Belief],
+        docks: Mapping[int, int],
+        others: Iterable[Belief],
+        leaving: Iterable[Belief] = (),
+    ) -> Situation:
+        rules, now_ms = self._mission, self._now_ms
+        sea = self._legs.at(now_ms, rules.speed_m_s) if rules.costs.flow else None
+        return situation_of(self._state, place_m, beliefs, docks, now_ms, others, self._model, leaving, sea)
+
     def _collection_steps(
         self, place_m: Place, pool: Sequence[Belief], count: int, leaving: Sequence[Belief] = ()
     ) -> tuple[Step, ...]:
         """The steps of a collection of `count` of the pool; docked ones that are `leaving` exchange places with them."""
         known = {it.agent_id for it in (*pool, *leaving)}
         others = [it for it in self._beliefs.all() if it.agent_id not in known]
-        situation = situation_of(self._state, place_m, pool, {}, self._now_ms, others, self._model, leaving)
+        situation = self._situation(place_m, pool, {}, others, leaving)
         steps = self._steps(
             plan_or_reason(
                 self._mission.collection,

@@ -49,8 +49,11 @@ class StoppingRoom:
         return self.position_error_m + self.hull_m / 2 + self.current_m_s * self.reaction_s
 
 
-def stopping_room(guards: GuardOptions) -> StoppingRoom | list[str]:
-    """The room by the scenario's guards; or the keys that are missing for it."""
+def stopping_room(guards: GuardOptions, known_m_s: float = 0.0) -> StoppingRoom | list[str]:
+    """The room by the scenario's guards; or the keys that are missing for it.
+
+    `known_m_s` is the fastest drift in the scenario's own current and wind, which counts where it is above `drift_m_s`.
+    """
     numbers = {
         "position_error_m": guards.position_error_m,
         "hull_m": guards.hull_m,
@@ -60,4 +63,4 @@ def stopping_room(guards: GuardOptions) -> StoppingRoom | list[str]:
     given = {name: value for name, value in numbers.items() if value is not None}
     if len(given) < len(numbers):
         return [f"guards.{name}" for name in numbers if name not in given]
-    return StoppingRoom(current_m_s=guards.drift_m_s, reaction_s=guards.reaction_s, **given)
+    return StoppingRoom(current_m_s=max(guards.drift_m_s, known_m_s), reaction_s=guards.reaction_s, **given)

@@ -8,7 +8,7 @@ before each.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from apad_bridge.events.event import Event
@@ -167,6 +167,7 @@ class Gate:
             self.battery.fraction(now_ms),
             self._bodies,
             self.awaits_person,
+            now_ms,
         )
 
     def _outside(self) -> str:
@@ -255,8 +256,8 @@ class Safety:
     """Speed of the way back inside the fence, where the scenario wants one."""
     needs_person: bool = False
     """A real vehicle that had to be stopped moves again when a person allows it, and not before."""
-    current_m_s: Point = (0.0, 0.0)
-    """The known current (north, east), which takes a vehicle whose controllers are off."""
+    drift_m_s: Callable[[Point, int], Point] = lambda place_m, now_ms: (0.0, 0.0)
+    """The velocity (north, east) with which the known sea takes a vehicle whose controllers are off there."""
 
 
 def plain_safety() -> Safety:

@@ -376,11 +376,11 @@ class GuardedVehicle:
             self._stops.failed(reason)  # the link repeats it until the vehicle takes it
 
     def _drift(self, now_ms: int) -> Drifting:
-        """The course of a vehicle without thrust, by its last speed or the known current, and when it would get out."""
+        """The course of a vehicle without thrust, by its last speed or the known sea, and when it would get out."""
         situation = self.gate.situation(now_ms)
         velocity_m_s = (0.0, 0.0) if situation.position_fault else situation.velocity_m_s
-        if math.hypot(*velocity_m_s) < 0.05:
-            velocity_m_s = self._safety.current_m_s
+        if math.hypot(*velocity_m_s) < 0.05 and situation.place_m is not None:
+            velocity_m_s = self._safety.drift_m_s(situation.place_m, now_ms)
         speed_m_s = math.hypot(*velocity_m_s)
         course = Drifting(
             round(speed_m_s, 3), round(math.atan2(velocity_m_s[1], velocity_m_s[0]), 3), fence_s=None

@@ -147,8 +147,8 @@ class BatteryForHome:
 
     home_m: Point
     reserve: float
-    fraction_per_m: float
-    """Charge that a metre of way costs."""
+    fraction: Callable[[Point, Point, int], float]
+    """The charge that a straight leg costs, at its time."""
     name: str = "battery"
 
     def refusal(self, order: GuardedOrder, situation: Situation) -> str:
@@ -160,7 +160,10 @@ class BatteryForHome:
             return ""
         if situation.battery_fraction is None:
             return "the charge of the aPad's battery is not known, and the way home needs some"
-        needed = self.reserve + self.fraction_per_m * (math.dist(place_m, goal_m) + home_m)
+        legs = self.fraction(place_m, goal_m, situation.at_ms) + self.fraction(
+            goal_m, self.home_m, situation.at_ms
+        )
+        needed = self.reserve + legs
         if situation.battery_fraction >= needed:
             return ""
         return (

@@ -50,6 +50,7 @@ class Situation:
     bodies: tuple[Body, ...] = ()
     awaits_person: str = ""
     """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
+    at_ms: int = 0
 
     @property
     def speed_m_s(self) -> float:

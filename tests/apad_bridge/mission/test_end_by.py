@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
+from agents.water.stream import CurrentConfig
 from apad_bridge.commands.fly.flight import with_end_by_in_seconds
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.end_by import MARGIN_S, EndBy
@@ -18,6 +19,8 @@ from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.surface import LegForecast, Surface
+from apad_bridge.scenario.water.currents import steady_text
 
 HOME_M = (14.0, 10.5)
 
@@ -78,6 +81,18 @@ def test_more_to_bring_back_never_leaves_more_time(
     assert turns_ms(releases) <= alone
     assert end_by.must_return(alone, here, [*releases, more])
     assert not releases or not end_by.must_return(-10_000_000, here, releases)
+
+
+@pytest.mark.parametrize(("north_m_s", "made_good_m_s"), [(0.0, 0.5), (0.8, 0.5), (-0.8, 0.2)])
+def test_the_way_home_against_a_known_current_begins_earlier(
+    pool: Scenario, north_m_s: float, made_good_m_s: float
+) -> None:
+    """The aPad makes 1 m/s through the water, of which the current leaves 0.2 to the north."""
+    legs = LegForecast(pool.apad, Surface(CurrentConfig(steady_text(north_m_s, 0.0)).stream()))
+    end_by = EndBy(10_000.0, (60.0, 0.0), 0.5, 60.0, 60.0, legs)
+    turns_ms = 1000 * (10_000 - MARGIN_S - 60 / (0.8 * made_good_m_s))
+    assert end_by.must_return(math.ceil(turns_ms) + 1, (0.0, 0.0), [])
+    assert not end_by.must_return(math.floor(turns_ms) - 1, (0.0, 0.0), [])
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,14 @@ from typing import Any
 import pytest
 
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.safety import LegEnergy, safety_of
 from apad_bridge.records.summary import FailureCounts
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.cross_checks import contradictions, warnings
+from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import DriftMode, Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.surface import fastest_drift_m_s
 from apad_bridge.scenario.water.options import Current, Water, Wind
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import Hold
@@ -41,6 +44,46 @@ def test_the_pool_in_a_current_has_its_services_at_a_higher_price(pool: Scenario
     # It rests for most of the 40 minutes, at 1.6 N and 13.6 W: 3.9 % of its battery. Going costs more, too.
     assert 0.03 < battery(calm) - battery(moved) < 0.05
     assert not [it for it in recorder.events if it[1] == "beyond_reach"]
+
+
+def test_the_plans_of_a_mission_cost_by_the_sea_where_they_may_know_it(pool: Scenario) -> None:
+    short = in_current(replace(pool, duration_s=900.0), 0.2)
+    ignorant = replace(short, mission=replace(short.mission, costs=replace(short.mission.costs, flow=False)))
+
+    def ways(scenario: Scenario) -> list[tuple[float, float]]:
+        _, recorder = flown(scenario)
+        plans = [data["costs"] for _, kind, data in recorder.events if kind == "plan"]
+        return [(it["distance_m"], it["distance_cost"]) for it in plans]
+
+    known, over_ground = ways(short), ways(ignorant)
+    # Cautious does not look at the way: it flies the same, and only the costs differ.
+    assert [it for it, _ in known] == [it for it, _ in over_ground]
+    assert all(cost == metres for metres, cost in over_ground) and len(known) >= 2
+    # With the current a metre takes (0.3 / 0.5)^2 of a calm one's energy, and against it (0.7 / 0.5)^2.
+    assert all(0.36 <= cost / metres <= 1.96 and cost != metres for metres, cost in known)
+
+
+def test_the_guards_know_the_sea_of_the_scenario(pool: Scenario) -> None:
+    """An aPad without thrust goes with it; the way home against it takes more of the battery; a docking more room."""
+    guards = GuardOptions(battery_reserve=0.2, drift_m_s=0.1)
+    still, moved = (replace(in_current(pool, it), guards=guards) for it in (0.0, 0.3))
+    assert safety_of(moved).drift_m_s((5.0, 5.0), 0) == pytest.approx((0.3, 0.0))
+    assert safety_of(still).drift_m_s((5.0, 5.0), 0) == (0.0, 0.0)
+    measured = replace(pool, guards=guards, apad=replace(pool.apad, drift_m_s=(0.05, 0.1)))
+    assert safety_of(measured).drift_m_s((5.0, 5.0), 0) == (0.05, 0.1)
+
+    north, south = LegEnergy.of(moved), LegEnergy.of(still)
+    ends = (0.0, 0.0), (100.0, 0.0)
+    # 200 s at 25 W and 6 W for each of 4 x F / (2 sqrt 2) N, where F is 40 times the square of the speed through the water
+    for energy, begin, end, through_m_s in (
+        (north, *ends, 0.2),
+        (north, *ends[::-1], 0.8),
+        (south, *ends, 0.5),
+        (south, *ends[::-1], 0.5),
+    ):
+        watts = 25 + 6 * 4 * 40 * through_m_s**2 / (2 * math.sqrt(2))
+        assert energy.fraction(begin, end, 0) == pytest.approx(watts * 200 / 3600 / 230)
+    assert fastest_drift_m_s(moved) == pytest.approx(0.3) and fastest_drift_m_s(still) == 0.0
 
 
 def can_be_met(place_m: tuple[float, float], start_m: tuple[float, float], north_m_s: float) -> bool:

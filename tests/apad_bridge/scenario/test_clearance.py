@@ -84,3 +84,9 @@ def test_the_scenario_of_a_real_apad_has_the_clearance_for_both_generations() ->
     assert room.clearance_m(guards.speed_limit_m_s) == pytest.approx(11.3167, abs=1e-3)
     assert room.clearance_m(guards.speed_limit_m_s) <= guards.clearance_m
     assert stopping_room(replace(guards, hull_m=None)) == ["guards.hull_m"]
+    # A known sea of 0.6 m/s, and one slower than the drift that the guards state.
+    stronger = stopping_room(guards, 0.6)
+    assert isinstance(stronger, StoppingRoom)
+    more_m = stronger.clearance_m(0.5) - room.clearance_m(0.5)
+    assert more_m == pytest.approx((0.6 - guards.drift_m_s) * guards.reaction_s)
+    assert stopping_room(guards, 0.1) == room

@@ -55,7 +55,7 @@ def test_defaults_are_written_out_and_nothing_else_is_left_behind(tmp_path: Path
     write_resolved(tmp_path / "scenario.yaml", POOL)
     assert [path.name for path in tmp_path.iterdir()] == ["scenario.yaml"]
     written = yaml.safe_load((tmp_path / "scenario.yaml").read_text())
-    assert written["mission"]["costs"] == {"distance_per_m": 1.0, "energy_per_charge": 1.0}
+    assert written["mission"]["costs"] == {"distance_per_m": 1.0, "energy_per_charge": 1.0, "flow": True}
     assert written["fleet"]["start"] == str(SCENARIO_FILES / "pool.csv")
 
 

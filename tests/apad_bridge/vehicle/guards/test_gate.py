@@ -115,7 +115,9 @@ class Guarded:
         ]
         self.wire = Wire()
         watch = PositionWatch(REAL_LIMITS if is_real else LIMITS)
-        safety = Safety(Gate(guards, watch, WATERS), Monitor(checks), WATERS, 0.5, is_real, (0.1, 0.0))
+        safety = Safety(
+            Gate(guards, watch, WATERS), Monitor(checks), WATERS, 0.5, is_real, lambda place, now: (0.1, 0.0)
+        )
         self.vehicle = GuardedVehicle(self.wire, safety, obeys_speed=obeys_speed)
         self.now_ms = 0
 
@@ -396,7 +398,10 @@ def test_a_charge_that_was_told_more_than_30_s_ago_is_not_known() -> None:
 
 
 def test_a_sensor_that_says_nothing_is_left_once_refuses_no_leg() -> None:
-    gate = Gate([BatteryForHome((0.0, 0.0), reserve=0.2, fraction_per_m=0.001)], PositionWatch(LIMITS))
+    gate = Gate(
+        [BatteryForHome((0.0, 0.0), 0.2, lambda begin, end, at_ms: 0.001 * math.dist(begin, end))],
+        PositionWatch(LIMITS),
+    )
     leg = GoTo(1, 10.0, 0.0, 0.5, 1.0)
     refused = []
     for at_s, fraction in enumerate((0.9, 0.0, 0.89, 0.0, 0.0, 0.0, 0.0), start=1):

@@ -152,7 +152,7 @@ def test_a_leg_is_neither_too_long_nor_too_fast_nor_too_slow() -> None:
 
 
 def test_the_battery_suffices_for_the_leg_and_the_way_home() -> None:
-    guard = BatteryForHome((0.0, 0.0), reserve=0.2, fraction_per_m=0.01)
+    guard = BatteryForHome((0.0, 0.0), 0.2, lambda begin, end, at_ms: 0.01 * math.dist(begin, end))
     at = Situation((0.0, 10.0), battery_fraction=0.5)
     assert guard.refusal(going(0.0, 20.0), at) == ""  # 10 m there and 20 m home: exactly half
     assert "holds 50.0 %, and the leg and the way home need 51.0 %" in guard.refusal(going(0.0, 20.5), at)
@@ -207,7 +207,7 @@ ALL: list[Guard] = [
     RoomToDock(WATERS, 50.0, lambda agent_id: True),
     LegLimits(0.1, 0.1, 0.1),
     ClearOfBodies(100.0),
-    BatteryForHome((0.0, 0.0), 1.0, 1.0),
+    BatteryForHome((0.0, 0.0), 1.0, lambda begin, end, at_ms: 1.0),
 ]
 
 

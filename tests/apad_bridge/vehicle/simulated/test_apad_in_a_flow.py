@@ -16,6 +16,7 @@ from agents.water.stream import STILL, CurrentConfig, Tide
 from apad_bridge.scenario.schema import APad
 from apad_bridge.scenario.surface import (
     Flow,
+    FlowNow,
     LegForecast,
     Surface,
     Vector,
@@ -88,6 +89,26 @@ def test_against_a_strong_current_the_top_speed_through_the_water_is_what_counts
     (arrived,) = [it for it in facts if isinstance(it, Arrived)]
     assert arrived.at_ms == pytest.approx(1000 * 39.5 / 0.4, rel=0.03)
     assert (apad.pose.north_m, apad.pose.speed_m_s) == (40.0, 0.0)
+
+
+@pytest.mark.parametrize("north_m_s", [0.0, 0.2, -0.2, 0.45, -0.45, -0.7])
+def test_a_planner_foretells_the_energy_and_the_time_that_a_leg_then_takes(
+    config: APad, north_m_s: float
+) -> None:
+    """Half a kilometre to the north at 0.5 m/s, of which the start and the end take 200 J at most."""
+    surface = current(north_m_s)
+    apad = SimulatedAPad(config, surface=surface)
+    apad.receive(GoTo(1, 500.0, 0.0, 0.5, 0.5), 0)
+    ticks = (apad.advance(second * 1000) for second in range(1, 5000))
+    (there,) = next(found for facts in ticks if (found := [it for it in facts if isinstance(it, Arrived)]))
+    seconds = there.at_ms / 1000
+    thrust_j = apad.energy_used_fraction * FULL_J - 25 * seconds
+    ahead = FlowNow(config, surface, 0, 0.5)
+    calm_j_per_m = 6 * 4 * (40 * 0.5**2) / X / 0.5
+    assert ahead.seconds((0.0, 0.0), (500.0, 0.0)) == pytest.approx(seconds, rel=0.01)
+    assert ahead.metres((0.0, 0.0), (500.0, 0.0)) * calm_j_per_m == pytest.approx(
+        thrust_j, rel=0.03, abs=200.0
+    )
 
 
 def test_a_current_beyond_its_thrust_takes_it_away_under_full_power(config: APad) -> None:
