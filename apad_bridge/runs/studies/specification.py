@@ -78,7 +78,7 @@ class Setting:
 
     scenario: str
     parameters: tuple[tuple[str, Any], ...]
-    """Where a study has cells, the first is the name of one, by the key `cell`."""
+    """The first is the name of a cell, by the key `cell`, if the study has cells."""
     theta: int
 
     @property
