@@ -11,6 +11,7 @@ others, MASS 2013.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
@@ -23,7 +24,7 @@ from apad_bridge.mission.charging_watch import (
     room_above,
 )
 from apad_bridge.planning.exchange import is_worth_it
-from apad_bridge.scenario.schema import Dispatch, Mission
+from apad_bridge.scenario.schema import Dispatch, Mission, Places
 
 Docked = Mapping[int, Belief | None]
 """The beliefs of the docked aMussels, by id; None for one that was never heard."""
@@ -40,6 +41,40 @@ class DispatchRule(Protocol):
 
     def to_exchange(self, pool: Sequence[Belief], released: int) -> int:
         """Returns the number of the pool to collect on the tour on which so many are released."""
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """The docked aMussels to release now, and how many of a pool to collect now: on the same tour, if any are released."""
+
+    released: tuple[int, ...] = ()
+    pool: Sequence[Belief] = ()
+    count: int = 0
+
+
+def due_now(
+    rule: DispatchRule,
+    config: Mission,
+    watch: ChargingWatch,
+    pool: Pool,
+    docked: Docked,
+    free_docks: int,
+    kept: Collection[int] = (),
+) -> Due:
+    """Decides what is due: a release, which comes first and may be an exchange of places, or a collection, or nothing.
+
+    `kept` are docked ones that cannot be released now. The mission flies what this says, and a shadow compares with it.
+    """
+    released = tuple(it for it in rule.to_release(docked, pool) if it not in kept) if docked else ()
+    if released:
+        if config.places is not Places.EXCHANGED:
+            return Due(released)
+        led = worth_an_exchange(pool(), {it: docked[it] for it in released}, config, watch)
+        return Due(released, led, rule.to_exchange(led, len(released)))
+    if not free_docks:
+        return Due()
+    waiting = pool()
+    return Due((), waiting, rule.to_collect(waiting, docked, free_docks))
 
 
 def worth_an_exchange(

@@ -27,7 +27,7 @@ from apad_bridge.events.mission import (
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first, worth_an_exchange
+from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, due_now, fullest_first
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -50,7 +50,7 @@ from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.exchange import exchanges, tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.scenario.schema import Mission, Places
+from apad_bridge.scenario.schema import Mission
 from apad_bridge.scenario.surface import LegForecast
 from apad_bridge.vehicle.primitives import (
     DockChanged,
@@ -358,15 +358,21 @@ class EnergyExchange(OrderBook):
             return Decision(_Choice.CHARGE)
         if self._is_called_home(now_ms):
             return Decision(_Choice.GO_HOME)
-        return _WAIT if self._returns else self._decide_collection({}, now_ms)
+        return _WAIT if self._returns else self._decide_service({}, now_ms)
 
-    def _decide_collection(self, docked: Docked, now_ms: int) -> Decision:
-        free_docks = self.docks.count(None)
-        if not free_docks:
-            return _WAIT
-        pool = self._candidates(now_ms)
-        count = self._dispatch.to_collect(pool, docked, free_docks)
-        return Decision(_Choice.COLLECT, pool, count) if count else _WAIT
+    def _decide_service(self, docked: Docked, now_ms: int) -> Decision:
+        due = due_now(
+            self._dispatch,
+            self._config,
+            self._charging,
+            lambda: self._candidates(now_ms),
+            docked,
+            self.docks.count(None),
+            self._beyond_reach.keys(),
+        )
+        if due.released:
+            return Decision(_Choice.RELEASE, due.pool, due.count, due.released)
+        return Decision(_Choice.COLLECT, due.pool, due.count) if due.count else _WAIT
 
     def _do(self, decision: Decision, now_ms: int) -> None:
         match decision.choice:
@@ -378,7 +384,7 @@ class EnergyExchange(OrderBook):
                 if self._plan_collection(decision.pool, decision.count, now_ms):
                     self._go_collect(now_ms)
             case _Choice.RELEASE:
-                if not self._exchange(decision.released, now_ms):
+                if not self._exchange(decision, now_ms):
                     self._release(decision.released, now_ms)
             case _Choice.BRING_BACK:
                 self._release(decision.released, now_ms)
@@ -534,26 +540,14 @@ class EnergyExchange(OrderBook):
             if self._returns or self._home.releases_first:
                 return Decision(_Choice.BRING_BACK, released=tuple(docked))
             return Decision(_Choice.GO_HOME)
-        released = [
-            it
-            for it in self._dispatch.to_release(docked, lambda: self._candidates(now_ms))
-            if it not in self._beyond_reach
-        ]
-        if released:
-            return Decision(_Choice.RELEASE, released=released)
-        return self._decide_collection(docked, now_ms)
+        return self._decide_service(docked, now_ms)
 
-    def _exchange(self, agent_ids: Collection[int], now_ms: int) -> bool:
+    def _exchange(self, decision: Decision, now_ms: int) -> bool:
         """Has the docked aMussels take the places of others that are collected on the same tour; False if none is."""
-        if self._config.places is not Places.EXCHANGED:
+        if not decision.count:
             return False
-        leaving = {agent_id: self._beliefs.get(agent_id) for agent_id in agent_ids}
-        pool = worth_an_exchange(self._candidates(now_ms), leaving, self._config, self._charging)
-        count = self._dispatch.to_exchange(pool, len(agent_ids))
-        if not count:
-            return False
-        known = [it or placeholder_belief(agent_id, self._here) for agent_id, it in leaving.items()]
-        is_planned = self._plan_collection(pool, count, now_ms, fullest_first(known))
+        known = [self._beliefs.get(it) or placeholder_belief(it, self._here) for it in decision.released]
+        is_planned = self._plan_collection(decision.pool, decision.count, now_ms, fullest_first(known))
         if is_planned:
             self._next_step(now_ms)
         return is_planned or self.state.phase is Phase.ENDED

@@ -33,7 +33,7 @@ from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Docked, Released
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import dispatch_of, fullest_first, worth_an_exchange
+from apad_bridge.mission.dispatch import dispatch_of, due_now, fullest_first
 from apad_bridge.mission.plans import plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.state import MissionState, with_exchanged_homes, with_new_homes
@@ -409,14 +409,12 @@ class Shadow:
         candidates = self._pool.candidates(now_ms, served=self._state.served)
         pool = [it for it in candidates if it.agent_id not in held]
         free = self._state.dock_count - len(held)
-        count = self._dispatch.to_collect(pool, docked, free)
-        if released := list(self._dispatch.to_release(docked, lambda: pool)):
-            known = [docked[it] or placeholder_belief(it, place_m) for it in released]
-            leaving = {it: docked[it] for it in released}
-            led = worth_an_exchange(pool, leaving, self._mission, self._charging)
-            if exchanged := self._dispatch.to_exchange(led, len(released)) if self._exchanges_places else 0:
-                return self._collection_steps(place_m, led, exchanged, fullest_first(known))
-            others = [it for it in self._beliefs.all() if it.agent_id not in released]
+        due = due_now(self._dispatch, self._mission, self._charging, lambda: pool, docked, free)
+        if due.released:
+            known = [docked[it] or placeholder_belief(it, place_m) for it in due.released]
+            if due.count:
+                return self._collection_steps(place_m, due.pool, due.count, fullest_first(known))
+            others = [it for it in self._beliefs.all() if it.agent_id not in due.released]
             situation = self._situation(place_m, known, held, others)
             return self._steps(
                 plan_or_reason(
@@ -426,6 +424,7 @@ class Shadow:
                     StepKind.DEPLOY,
                 )
             )
+        count = due.count
         if held and self._collects and self._mission.dispatch is Dispatch.BATCH:
             # Their batch is under way, and we have another opinion of its rest.
             count = min(self._mission.batch - len(held), len(pool), free)
