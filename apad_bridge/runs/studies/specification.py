@@ -191,7 +191,7 @@ def plan_of(data: Any, source: str, directory: Path) -> Plan:
     _check_draws(study, strategies, source)
     scenarios = [load(directory / file) for file in study.scenarios]
     settings, rows, mistakes = [], [], []
-    cells = list(study.cells) or [None]
+    cells: list[str | None] = [*study.cells] or [None]
     for scenario, cell, values in itertools.product(
         scenarios, cells, itertools.product(*study.parameters.values())
     ):
