@@ -1,10 +1,14 @@
-"""The result of a check: one line for a person, with the mend in the same line."""
+"""A check, and its result: one line for a person, with the mend in the same line."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
+from typing import Generic, TypeVar
+
+Subject = TypeVar("Subject")
 
 
 class Status(StrEnum):
@@ -49,11 +53,53 @@ def cannot_tell(check: str, found: str, mend: str) -> Finding:
     return Finding(check, Status.CANNOT_TELL, found, mend)
 
 
-def run_check(check: str, examine: Callable[[], Iterable[Finding]]) -> list[Finding]:
+@dataclass(frozen=True, slots=True)
+class Check(Generic[Subject]):
+    """One check of a table `CHECKS`: the function that examines its subject, and its weight before a real aPad moves.
+
+    A module has the table of its checks, so that a new check is one entry beside its function. Its findings have its
+    name, after the aPad's for a check of one aPad.
+    """
+
+    name: str
+    examine: Callable[[Subject], Finding | Iterable[Finding]]
+    is_never_overridden: bool = False
+    """A FAIL stops a run whatever a person says by `--despite`."""
+    is_red_at_warning: bool = False
+    """A WARN of the doctor is a FAIL before a mission."""
+    may_be_red_in_trial: bool = False
+    """The trial of a stop flies despite it: a few metres, with a person who watches."""
+
+    @property
+    def key(self) -> str:
+        return key_of(self.name)
+
+
+def key_of(check: str, apad: str = "") -> str:
+    """The key of a check, for `--despite KEY` and `--accept KEY`: its name without the aPad's, in small letters.
+
+    It is `versions` for the aPad's own line.
+    """
+    name = check.removeprefix(apad).strip() if apad else check
+    return name.lower().replace(" ", "-") if name else "versions"
+
+
+def run_checks(
+    checks: Iterable[Check[Subject]], subject: Subject, apad: str = "", *, before_mission: bool = False
+) -> Iterator[Finding]:
+    """The findings of a table's checks, in its order; `apad` names the subject of checks of one aPad."""
+    for check in checks:
+        for finding in run_check(f"{apad} {check.name}".strip(), partial(check.examine, subject)):
+            is_red = before_mission and check.is_red_at_warning and finding.status is Status.WARN
+            yield replace(finding, status=Status.FAIL) if is_red else finding
+
+
+def run_check(check: str, examine: Callable[[], Finding | Iterable[Finding]]) -> list[Finding]:
     """Returns the findings of `examine`. A check that breaks becomes a FAIL and does not stop other checks."""
     findings: list[Finding] = []
     try:
-        findings += examine()
+        found = examine()
+        findings += [found] if isinstance(found, Finding) else found
     except Exception as error:
         reason = f"this check broke: {type(error).__name__}: {error}"
         findings.append(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 from xmlrpc.server import SimpleXMLRPCServer
 
-from apad_bridge.doctor.finding import Finding, fail, ok, warn
+from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
 from apad_bridge.doctor.network import (
     CALLER,
     TIMEOUT_S,
@@ -289,3 +289,24 @@ def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str
         mend = "give other ids to a fleet on this master: fleet.first_id in the scenario"
         return warn("aMussel ids", f"{taken_ids} are published already", mend)
     return ok("aMussel ids", f"{taken_ids} are published already, none of them the scenario's")
+
+
+@dataclass(frozen=True, slots=True)
+class MasterSeen:
+    """A master as nodes of this machine see it: `announced` is their host name, `bind` the address at which they listen."""
+
+    graph: Graph
+    announced: str
+    bind: str
+    ids: Iterable[int] | None
+    """The scenario's aMussels, None without a scenario."""
+    namespace: str
+
+
+CHECKS: tuple[Check[MasterSeen], ...] = (
+    Check("own address", lambda it: check_addresses(it.graph.uri, it.announced)),
+    Check("call back", lambda it: check_call_back(it.graph.uri, it.announced, it.bind)),
+    Check("clock", lambda it: check_clock(it.graph), may_be_red_in_trial=True),
+    Check("nodes", lambda it: check_nodes(it.graph), may_be_red_in_trial=True),
+    Check("aMussel ids", lambda it: check_agents_present(it.graph, it.ids, it.namespace)),
+)

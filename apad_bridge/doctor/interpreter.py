@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from apad_bridge.doctor.finding import Finding, fail, ok, warn
+from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
 
 INSTALL = "run launch_scripts/install"
 OUR_PACKAGES = ("agents", "apad_bridge", "firmware_model")
@@ -133,3 +133,10 @@ def _removal(module: Path) -> str:
         if module.is_relative_to(entry):
             return f"take {entry} off PYTHONPATH"
     return "uninstall the package it belongs to from this environment, or give musselbed one of its own"
+
+
+CHECKS: tuple[Check[None], ...] = (
+    Check("python", lambda _: check_python()),
+    Check("packages", lambda _: check_packages()),
+    Check("our packages", lambda _: check_shadows()),
+)

@@ -9,7 +9,7 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
-from apad_bridge.doctor.finding import Finding, fail, ok, warn
+from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
 
 AGENTS_BY_DEFAULT = 1000
 _OWN_FILES = 256
@@ -123,3 +123,14 @@ def _number(path: str) -> int | None:
     except OSError:
         return None
     return int(text) if text.isdigit() else None
+
+
+CHECKS: tuple[Check[int], ...] = (
+    Check("open files", check_open_files),
+    Check("processes", check_processes),
+    Check("memory", check_memory, may_be_red_in_trial=True),
+    Check("pseudo-terminals", lambda _: check_terminals()),
+    Check("disk", lambda _: check_disk(Path.cwd()), may_be_red_in_trial=True),
+    Check("loopback", lambda _: check_loopback()),
+)
+"""Checks for so many aMussels."""

@@ -1,18 +1,14 @@
-"""Checks before a real aPad moves: pure functions of what was measured, each with a finding for people.
-
-`key_of` names a finding for `musselbed run --despite KEY` and `--accept KEY`. A FAIL of a check in `NEVER_OVERRIDDEN`
-stops a run whatever is said.
-"""
+"""Checks before a real aPad moves: pure functions of what was measured, each with a finding for people."""
 
 from __future__ import annotations
 
 import math
 import statistics
 from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok, warn
+from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, key_of, ok, warn
 from apad_bridge.scenario.area.clearance import stopping_room
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import LOOK_MS
@@ -20,10 +16,6 @@ from apad_bridge.scenario.guard_options import LOOK_MS
 if TYPE_CHECKING:
     from apad_bridge.scenario.area.fence import Fence
     from apad_bridge.scenario.guard_options import GuardOptions
-
-NEVER_OVERRIDDEN = frozenset({"fence", "position", "pilot", "stop"})
-_RED_AT_SEA = frozenset({"docks"})
-"""Checks of the doctor whose warning is red for a mission."""
 
 SLOW_S, TOO_SLOW_S = 0.2, 1.0
 """A worse way there and back causes a warning; a far worse one is red, for a stop would be as late."""
@@ -37,19 +29,6 @@ REACTION_S = 3.0
 """A bad position has to end in a safe state within so long. The guards look at it five times a second."""
 _LOOK_S = LOOK_MS / 1000
 _TOO_LATE_S = 10.0
-
-
-def key_of(check: str, apad: str = "") -> str:
-    """The key of a check: its name without the aPad's, in small letters; `versions` for the aPad's own line."""
-    name = check.removeprefix(apad).strip() if apad else check
-    return name.lower().replace(" ", "-") if name else "versions"
-
-
-def at_sea(finding: Finding, apad: str) -> Finding:
-    """The doctor's finding as a mission sees it."""
-    if finding.status is Status.WARN and key_of(finding.check, apad) in _RED_AT_SEA:
-        return replace(finding, status=Status.FAIL)
-    return finding
 
 
 def red_keys(

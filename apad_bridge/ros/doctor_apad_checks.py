@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 from genpy import DeserializationError
 
 from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.doctor.definitions import Md5s, python_md5s
-from apad_bridge.doctor.finding import Finding, cannot_tell, fail, ok, warn
+from apad_bridge.doctor.finding import Check, Finding, cannot_tell, fail, ok, run_checks, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.doctor.positions import told_places
@@ -45,11 +46,21 @@ _LATE_S = 0.5
 """A larger offset of clocks causes a warning: it is far above a network's delay."""
 
 
-def check_apads(graph: Graph, scenario: Scenario | None = None) -> Iterator[Finding]:
-    """Asks the aPads on the graph, of any generation, for their md5s, and compares them with our definitions.
+@dataclass(frozen=True, slots=True)
+class FoundAPad:
+    """An aPad on the graph, with our definitions' md5s, and the scenario that may be flown with it."""
 
-    Of generation A it also asks whether the action server lives, and what the docks hold: by `scenario`, whose that is.
-    """
+    graph: Graph
+    name: str
+    stack: Stack
+    ours: Md5s
+    scenario: Scenario | None
+
+
+def check_apads(
+    graph: Graph, scenario: Scenario | None = None, flown: Container[str] = ()
+) -> Iterator[Finding]:
+    """Makes `CHECKS` of each aPad on the graph, of any generation; a mission is about to begin with those `flown`."""
     found = [(name, stack) for stack in STACKS for name in named_like(graph, stack)]
     dead = sorted(
         _with_parts_of_a(graph) - {name for name, stack in found if stack.generation is Generation.A}
@@ -65,14 +76,9 @@ def check_apads(graph: Graph, scenario: Scenario | None = None) -> Iterator[Find
         return
     ours = python_md5s(generated_folder(), ("apad", "auv_msgs", "misc_msgs", "navcon_msgs"))
     for name, stack in sorted(found, key=lambda it: (it[0], it[1].generation)):
-        yield _check_md5s(graph, name, stack, ours)
-        yield from _check_beside(graph, name, stack, ours)
-        yield _tell_capabilities(name, stack, _dock_count(graph, name))
-        yield _check_offset(graph, f"{name}/position", name)
-        yield _check_battery(graph, name)
-        if stack.generation is Generation.A:
-            yield _check_action_server(graph, name)
-            yield from check_docks(graph, name, scenario)
+        apad = FoundAPad(graph, name, stack, ours, scenario)
+        checks = CHECKS if stack.generation is Generation.A else CHECKS_OF_ANY
+        yield from run_checks(checks, apad, name, before_mission=name in flown)
 
 
 def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[Finding]:
@@ -341,3 +347,25 @@ def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
         "set both clocks alike (chrony, ntpdate) before a run, or subtract this when logs are merged; "
         "with /clock on the master, fly with --time ros",
     )
+
+
+CHECKS_OF_ANY: tuple[Check[FoundAPad], ...] = (
+    Check("versions", lambda it: _check_md5s(it.graph, it.name, it.stack, it.ours)),
+    Check("beside", lambda it: _check_beside(it.graph, it.name, it.stack, it.ours)),
+    Check("capabilities", lambda it: _tell_capabilities(it.name, it.stack, _dock_count(it.graph, it.name))),
+    Check(
+        "clock", lambda it: _check_offset(it.graph, f"{it.name}/position", it.name), may_be_red_in_trial=True
+    ),
+    Check("battery", lambda it: _check_battery(it.graph, it.name), may_be_red_in_trial=True),
+)
+CHECKS = (
+    *CHECKS_OF_ANY,
+    Check("action server", lambda it: _check_action_server(it.graph, it.name)),
+    Check(
+        "docks",
+        lambda it: check_docks(it.graph, it.name, it.scenario),
+        is_red_at_warning=True,
+        may_be_red_in_trial=True,
+    ),
+)
+"""The last two ask generation A's own services."""

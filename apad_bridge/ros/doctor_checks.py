@@ -16,7 +16,7 @@ from genmsg.msg_loader import load_depends, load_msg_by_type, load_srv_by_type
 from rospkg.rospack import list_by_path  # type: ignore[import-untyped]
 
 from apad_bridge.doctor.definitions import Definitions, Md5s, check_definitions, python_md5s
-from apad_bridge.doctor.finding import Finding, fail, ok
+from apad_bridge.doctor.finding import Check, Finding, fail, ok
 from apad_bridge.ros.types.generate import SYSTEM_DEFINITIONS
 from apad_bridge.ros.types.messages import (
     DEFINITIONS,
@@ -138,3 +138,10 @@ def announced_host() -> str:
 def bind_address() -> str:
     """The address at which rospy nodes of this machine listen."""
     return str(rosgraph.network.get_bind_address())
+
+
+CHECKS: tuple[Check[None], ...] = (
+    Check("ROS packages", lambda _: check_ros_packages()),
+    Check("messages", lambda _: check_messages()),
+    Check("definitions", lambda _: check_other_definitions()),
+)

@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 
 from apad_bridge.assembly.safety import LegEnergy
 from apad_bridge.assembly.stacks import STACKS
-from apad_bridge.doctor.finding import Finding, fail, ok
+from apad_bridge.doctor.finding import Check, Finding, fail, ok
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable, call_for_reply, connect
 from apad_bridge.doctor.positions import (
@@ -73,69 +75,118 @@ def check_parameters(graph: Graph, apad: str) -> Finding:
     return ok(f"{apad} parameters", ", ".join(found))
 
 
-def check_vehicle(
-    graph: Graph, scenario: Scenario, starts: Sequence[Start], namespace: str = ""
-) -> Iterator[Finding]:
-    """Watches the scenario's aPad for `WATCHED_S`, and judges it by the scenario. `graph` is seen by the run's names."""
-    apad = in_full(namespace, scenario.apad.name)
-    guards = scenario.guards or GuardOptions()
-    topic = of_apad(apad, "position")
-    stacks = [it for it in STACKS if apad in named_like(graph, it)]
-    generations = [it.generation for it in stacks]
-    yield check_generation(apad, scenario.apad.generation, generations)
-    for stack in stacks:
-        yield _check_off(graph, apad, stack, hardware_cut=guards.hardware_cut)
-        if stack.capabilities(1).reports_contact:
-            yield check_held(graph, apad, namespace)
-    samples = positions(graph, topic, WATCHED_S)
-    yield check_position(
-        apad,
-        samples,
+@dataclass
+class WatchedAPad:
+    """The scenario's aPad on the graph, which is seen by the run's names; measured once, when a check first asks."""
+
+    graph: Graph
+    scenario: Scenario
+    starts: Sequence[Start]
+    namespace: str = ""
+
+    @property
+    def name(self) -> str:
+        return in_full(self.namespace, self.scenario.apad.name)
+
+    @property
+    def guards(self) -> GuardOptions:
+        return self.scenario.guards or GuardOptions()
+
+    @cached_property
+    def stacks(self) -> list[Stack]:
+        """Each stack whose software the graph has under this name."""
+        return [it for it in STACKS if self.name in named_like(self.graph, it)]
+
+    @cached_property
+    def samples(self) -> list[PositionSample]:
+        """Its positions of `WATCHED_S`."""
+        return positions(self.graph, self.topic("position"), WATCHED_S)
+
+    @property
+    def place_m(self) -> tuple[float, float] | None:
+        finite = [it for it in self.samples if math.isfinite(it.north_m) and math.isfinite(it.east_m)]
+        return (finite[-1].north_m, finite[-1].east_m) if finite else None
+
+    @property
+    def is_b(self) -> bool:
+        return Generation.B in {it.generation for it in self.stacks}
+
+    def topic(self, leaf: str) -> str:
+        return of_apad(self.name, leaf)
+
+
+def _check_generation(apad: WatchedAPad) -> Finding:
+    return check_generation(apad.name, apad.scenario.apad.generation, [it.generation for it in apad.stacks])
+
+
+def _check_off(apad: WatchedAPad) -> Iterator[Finding]:
+    for stack in apad.stacks:
+        missing = []
+        for leaf in stack.off_services:
+            try:
+                service_md5(apad.graph, f"{apad.name}/{leaf}")
+            except NotAnnounced:
+                missing.append(leaf)
+        yield check_off(apad.name, missing, stack.off_services, hardware_cut=apad.guards.hardware_cut)
+
+
+def _check_docks_held(apad: WatchedAPad) -> Iterator[Finding]:
+    if any(it.capabilities(1).reports_contact for it in apad.stacks):
+        yield check_held(apad.graph, apad.name, apad.namespace)
+
+
+def _check_position(apad: WatchedAPad) -> Finding:
+    return check_position(
+        apad.name,
+        apad.samples,
         WATCHED_S,
-        min(guards.jump_m, MOST_JUMP_M),
-        2 * scenario.apad.max_speed_m_s,
-        graph.publishers.get(topic, []),
+        min(apad.guards.jump_m, MOST_JUMP_M),
+        2 * apad.scenario.apad.max_speed_m_s,
+        apad.graph.publishers.get(apad.topic("position"), []),
     )
-    yield check_gps(apad, samples, guards.position_error_m)
-    yield check_loss(apad, samples, WATCHED_S)
-    yield check_lag(apad, samples, clock_offset_s(graph, apad))
-    place_m = _last_place(samples)
-    places = [(it.north_m, it.east_m) for it in starts]
-    yield from check_fence(apad, place_m, fence_of(scenario.area), guards.clearance_m, places)
-    yield _check_room(apad, scenario, guards, stacks)
-    yield check_reaction(guards, apad)
-    yield check_reserve(guards, apad)
-    is_b = Generation.B in generations
-    yield check_pilot(apad, hears_pilot=is_b, manual=heard_bool(graph, of_apad(apad, "manual")))
-    yield check_watchdog(apad, drifts=is_b, state=heard_text(graph, of_apad(apad, "watchdog")))
-    yield check_energy(apad, charge(graph, apad), energy_need(scenario, place_m))
-    yield check_parameters(graph, apad)
-    told = ", ".join(f"{it} {version(it)}" for it in ("musselbed", "rospy"))
-    yield ok(f"{apad} software", f"generation {', '.join(generations) or 'unknown'}; here {told}")
 
 
-def _check_off(graph: Graph, apad: str, stack: Stack, *, hardware_cut: bool) -> Finding:
-    missing = []
-    for leaf in stack.off_services:
-        try:
-            service_md5(graph, f"{apad}/{leaf}")
-        except NotAnnounced:
-            missing.append(leaf)
-    return check_off(apad, missing, stack.off_services, hardware_cut=hardware_cut)
+def _check_fence(apad: WatchedAPad) -> list[Finding]:
+    starts_m = [(it.north_m, it.east_m) for it in apad.starts]
+    return check_fence(
+        apad.name, apad.place_m, fence_of(apad.scenario.area), apad.guards.clearance_m, starts_m
+    )
 
 
-def _check_room(apad: str, scenario: Scenario, guards: GuardOptions, stacks: Sequence[Stack]) -> Finding:
+def _check_clearance(apad: WatchedAPad) -> Finding:
     """A vehicle that does not obey a go-to's speed goes as fast as its guard lets it."""
-    drift_m_s = fastest_drift_m_s(scenario)
-    if all(it.capabilities(1).obeys_speed for it in stacks):
-        return check_clearance(guards, apad, scenario.mission.speed_m_s, "mission.speed_m_s", drift_m_s)
+    guards, drift_m_s = apad.guards, fastest_drift_m_s(apad.scenario)
+    if all(it.capabilities(1).obeys_speed for it in apad.stacks):
+        speed_m_s = apad.scenario.mission.speed_m_s
+        return check_clearance(guards, apad.name, speed_m_s, "mission.speed_m_s", drift_m_s)
     if guards.speed_limit_m_s is None:
         return fail(
-            f"{apad} clearance",
+            f"{apad.name} clearance",
             "this generation goes at a speed of its own, and no guard bounds it",
             "set guards.speed_limit_m_s, with the clearance that it needs",
         )
-    return check_clearance(guards, apad, guards.speed_limit_m_s, "guards.speed_limit_m_s", drift_m_s)
+    return check_clearance(guards, apad.name, guards.speed_limit_m_s, "guards.speed_limit_m_s", drift_m_s)
+
+
+def _check_pilot(apad: WatchedAPad) -> Finding:
+    manual = heard_bool(apad.graph, apad.topic("manual"))
+    return check_pilot(apad.name, hears_pilot=apad.is_b, manual=manual)
+
+
+def _check_watchdog(apad: WatchedAPad) -> Finding:
+    state = heard_text(apad.graph, apad.topic("watchdog"))
+    return check_watchdog(apad.name, drifts=apad.is_b, state=state)
+
+
+def _check_energy(apad: WatchedAPad) -> Finding:
+    need = energy_need(apad.scenario, apad.place_m)
+    return check_energy(apad.name, charge(apad.graph, apad.name), need)
+
+
+def _tell_software(apad: WatchedAPad) -> Finding:
+    here = ", ".join(f"{it} {version(it)}" for it in ("musselbed", "rospy"))
+    generations = ", ".join(it.generation for it in apad.stacks) or "unknown"
+    return ok(f"{apad.name} software", f"generation {generations}; here {here}")
 
 
 def energy_need(scenario: Scenario, place_m: tuple[float, float] | None) -> EnergyNeed:
@@ -158,6 +209,28 @@ def _round_trip_s(uri: str) -> float:
     return time.monotonic() - begun_s
 
 
-def _last_place(samples: Sequence[PositionSample]) -> tuple[float, float] | None:
-    finite = [it for it in samples if math.isfinite(it.north_m) and math.isfinite(it.east_m)]
-    return (finite[-1].north_m, finite[-1].east_m) if finite else None
+CHECKS_OF_WAY: tuple[Check[Graph], ...] = (Check("delay", check_way, may_be_red_in_trial=True),)
+CHECKS: tuple[Check[WatchedAPad], ...] = (
+    Check("generation", _check_generation),
+    Check("off", _check_off),
+    Check("docks held", _check_docks_held, may_be_red_in_trial=True),
+    Check("position", _check_position, is_never_overridden=True),
+    Check(
+        "GPS", lambda it: check_gps(it.name, it.samples, it.guards.position_error_m), may_be_red_in_trial=True
+    ),
+    Check("loss", lambda it: check_loss(it.name, it.samples, WATCHED_S), may_be_red_in_trial=True),
+    Check(
+        "lag",
+        lambda it: check_lag(it.name, it.samples, clock_offset_s(it.graph, it.name)),
+        may_be_red_in_trial=True,
+    ),
+    Check("fence", _check_fence, is_never_overridden=True),
+    Check("clearance", _check_clearance, may_be_red_in_trial=True),
+    Check("reaction", lambda it: check_reaction(it.guards, it.name)),
+    Check("reserve", lambda it: check_reserve(it.guards, it.name), may_be_red_in_trial=True),
+    Check("pilot", _check_pilot, is_never_overridden=True),
+    Check("watchdog", _check_watchdog, may_be_red_in_trial=True),
+    Check("energy", _check_energy, may_be_red_in_trial=True),
+    Check("parameters", lambda it: check_parameters(it.graph, it.name)),
+    Check("software", _tell_software),
+)

@@ -54,17 +54,14 @@ def _refuse_several(live: Sequence[Service], scenario: Scenario) -> None:
 
 
 def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Start]]:
-    """The scenario with the command line's changes, and its starts; UserError with every mistake found."""
+    """The scenario with the command line's changes, and its starts; UserError with every mistake found.
+
+    A command has only the arguments that suit it.
+    """
+    changeable = ("theta", "agents", "strategy", "seed", "hosting", "generation")
     try:
-        scenario = with_overrides(
-            load(arguments.scenario),
-            theta=arguments.theta,
-            agents=arguments.agents,
-            strategy=getattr(arguments, "strategy", None),
-            seed=arguments.seed,
-            hosting=arguments.hosting,
-            generation=arguments.generation,
-        )
+        changes = {it: getattr(arguments, it, None) for it in changeable}
+        scenario = with_overrides(load(arguments.scenario), **changes)
         registry.collection(scenario.mission.collection)
         registry.redeployment(scenario.mission.redeployment)
         return scenario, starts_of(scenario)

@@ -193,14 +193,12 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         raise UserError("--manual needs ROS, which carries the calls: use --time wall, or a script")
     if manual and dry_run:
         raise UserError("--manual plans nothing: there is no first plan to print")
-    for remapping in arguments.remap:
-        if not _REMAPPING.fullmatch(remapping):
-            raise UserError(f"--remap {remapping}: use FROM:=TO, two names of ROS, as /a/b:=/c")
-    if arguments.remap and time is TimeSource.ASAP:
+    remappings = remappings_of(arguments)
+    if remappings and time is TimeSource.ASAP:
         raise UserError("--remap renames topics and services of ROS, and --time asap has none: leave it out")
     return RunOptions(
         namespace="" if time is TimeSource.ASAP else namespace_of_shell(),
-        remappings=tuple(arguments.remap),
+        remappings=remappings,
         despite=tuple(arguments.despite),
         accept=tuple(arguments.accept),
         open_modems=tuple(sorted(set(arguments.open_modem))),
@@ -213,6 +211,13 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         dry_run=dry_run,
         manual=manual,
     )
+
+
+def remappings_of(arguments: argparse.Namespace) -> tuple[str, ...]:
+    for remapping in arguments.remap:
+        if not _REMAPPING.fullmatch(remapping):
+            raise UserError(f"--remap {remapping}: use FROM:=TO, two names of ROS, as /a/b:=/c")
+    return tuple(arguments.remap)
 
 
 def namespace_of_shell() -> str:

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,21 +25,23 @@ from apad_bridge.commands.prepare.preflight_checks import (
     Report,
     accepted_by,
     called_back_at,
+    every_check,
     findings_of,
     names_in_full,
+    never_overridden,
     now,
     proofs,
     recording_commands,
     report_path,
 )
 from apad_bridge.doctor.finding import Finding, Status, fail, ok, run_check
-from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, check_lookout, check_stop, red_keys
+from apad_bridge.doctor.preflight import check_lookout, check_stop, red_keys
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
-from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting import PROVE_STOP
 
@@ -145,20 +146,22 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _read(arguments: argparse.Namespace) -> tuple[RunOptions, Scenario, Sequence[Any]]:
-    words = ["run", str(arguments.scenario), "--apad", APadKind.ROS.value]
-    words += [word for it in arguments.remap for word in ("--remap", it)]
-    parser = argparse.ArgumentParser()
-    run_command.add_parser(parser.add_subparsers())
-    as_run = parser.parse_args(words)
-    scenario, starts = read_scenario(as_run)
+    options = RunOptions(
+        arguments.part,
+        APadKind.ROS,
+        TimeSource.WALL,
+        speed=1.0,
+        on_death=OnDeath.WAIT,
+        namespace=run_command.namespace_of_shell(),
+        remappings=run_command.remappings_of(arguments),
+    )
+    scenario, starts = read_scenario(arguments)
     if problems := problems_with_real_vehicle(scenario):
         raise UserError("\n".join(problems))
     if arguments.echo is not None and arguments.modem is None:
         raise UserError("--echo needs --modem PORT, the modem that pings")
     with peers_may_fail():
-        options = replace(run_command.options_of(as_run), part=arguments.part).on_master(somebodys_master())
-    assert options.time is TimeSource.WALL
-    return options, scenario, starts
+        return options.on_master(somebodys_master()), scenario, starts
 
 
 def _ask_for_hands(*, confirmed: bool) -> None:
@@ -189,7 +192,7 @@ def _all(
         yield from run_check("modem", lambda: check_modem(arguments.modem, arguments.echo))
     former = {it.check: it for it in proofs(scenario, options.master_uri, apads)}
     accepted = accepted_by(arguments.accept, passive, apads)
-    may_move = not NEVER_OVERRIDDEN.intersection(red_keys(passive, apads, accepted))
+    may_move = not never_overridden().intersection(red_keys(passive, apads, accepted))
     for apad, name in zip(apads, (scenario.apad.name, *(it.name for it in scenario.apads)), strict=True):
         for what, asked in zip(PROOFS, (arguments.prove_stop, arguments.prove_docks), strict=True):
             check = f"{apad} {what}"
@@ -215,8 +218,9 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str, accept: Sequ
         command = [*PYTHON, "-m", "apad_bridge.commands.main", "script", str(PROVE_STOP), "--json"]
         command += ["--scenario", str(scenario_file), "--apad", "ros", "--no-fleet", "--out", f"{folder}/run"]
         command += [word for it in options.remappings for word in ("--remap", it)]
-        # Passed over: what is red was told, and none of it is of those that never are.
-        command += [word for it in _OF_A_TRIAL for word in ("--despite", it, "--accept", it)]
+        # Each was told before, and endangers no trial of a few metres.
+        passed_over = [it.key for it in every_check() if it.may_be_red_in_trial]
+        command += [word for it in passed_over for word in ("--despite", it, "--accept", it)]
         command += [word for it in accept for word in ("--accept", it)]
         try:
             flown = subprocess.run(command, capture_output=True, text=True, timeout=_PROOF_S, check=False)
@@ -229,24 +233,6 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str, accept: Sequ
             )
         said = [it for it in json.loads(flown.stdout).get("events", []) if "came to rest" in it]
     return check_stop(apad, None, said[-1] if said else "it came to rest")
-
-
-_OF_A_TRIAL = (
-    *(
-        "watchdog",
-        "docks",
-        "docks-held",
-        "energy",
-        "battery",
-        "reserve",
-        "clearance",
-        "delay",
-        "loss",
-        "gps",
-        "lag",
-    ),
-    *("clock", "nodes", "disk", "memory"),
-)
 
 
 def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Finding]:
@@ -275,7 +261,7 @@ def _show(report: Report, red: dict[str, list[Finding]], path: Path) -> None:
     console.print(table)
     doubts = sum(it.status is Status.WARN for it in report.findings)
     if red:
-        never = sorted(NEVER_OVERRIDDEN.intersection(red))
+        never = sorted(never_overridden().intersection(red))
         told = f", of which {', '.join(never)} cannot be overridden" if never else ""
         console.print(f"[bold red]RED[/]: {', '.join(red)}{told}", highlight=False)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.doctor import graph, interpreter, machine, network, scenario_check
-from apad_bridge.doctor.finding import Finding, Status, fail, run_check, warn
+from apad_bridge.doctor.finding import Finding, Status, fail, run_check, run_checks, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit
 
@@ -61,42 +61,32 @@ def run(arguments: argparse.Namespace) -> int:
 
 def diagnose(scenario_file: Path | None, master_uri: str) -> Iterator[Finding]:
     """All checks, in an order in which the first FAIL is the one to mend first."""
-    yield from run_check("python", interpreter.check_python)
-    yield from run_check("packages", interpreter.check_packages)
-    yield from run_check("our packages", interpreter.check_shadows)
+    yield from run_checks(interpreter.CHECKS, None)
     scenario: Scenario | None = None
     if scenario_file is not None:
         scenario, findings = scenario_check.read(scenario_file)
         yield from findings
-    yield from check_machine(machine.AGENTS_BY_DEFAULT if scenario is None else scenario.fleet.count)
+    agents = machine.AGENTS_BY_DEFAULT if scenario is None else scenario.fleet.count
+    yield from run_checks(machine.CHECKS, agents)
     yield from check_ros(master_uri, scenario)
 
 
-def check_machine(agents: int) -> Iterator[Finding]:
-    """Limits, memory, disk and loopback, for so many aMussels."""
-    yield from run_check("open files", lambda: [machine.check_open_files(agents)])
-    yield from run_check("processes", lambda: [machine.check_processes(agents)])
-    yield from run_check("memory", lambda: [machine.check_memory(agents)])
-    yield from run_check("pseudo-terminals", lambda: [machine.check_terminals()])
-    yield from run_check("disk", lambda: [machine.check_disk(Path.cwd())])
-    yield from run_check("loopback", machine.check_loopback)
-
-
 def check_ros(
-    master_uri: str, scenario: Scenario | None, mapping: Mapping[str, str] | None = None
-) -> Iterable[Finding]:
+    master_uri: str,
+    scenario: Scenario | None,
+    mapping: Mapping[str, str] | None = None,
+    flown: Container[str] = (),
+) -> Iterator[Finding]:
     """ROS here, the network both ways, and the aPads on the master; an empty URI for none.
 
-    `mapping` are a run's remappings, from name to name in full.
+    `mapping` are a run's remappings, from name to name in full. A mission is about to begin with the aPads `flown`.
     """
     try:
         from apad_bridge.ros import doctor_apad_checks, doctor_checks
     except ImportError as error:
         yield Finding("ROS", Status.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
         return
-    yield from run_check("ROS packages", doctor_checks.check_ros_packages)
-    yield from run_check("messages", lambda: [doctor_checks.check_messages()])
-    yield from run_check("definitions", doctor_checks.check_other_definitions)
+    yield from run_checks(doctor_checks.CHECKS, None)
     if not master_uri:
         yield warn(
             "master",
@@ -111,15 +101,10 @@ def check_ros(
         return
     yield Finding("master", Status.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
     host, bind = doctor_checks.announced_host(), doctor_checks.bind_address()
-    ids, namespace = None, os.environ.get("ROS_NAMESPACE", "").strip("/")
-    if scenario is not None:
-        ids = scenario.fleet.ids
-    yield from run_check("own address", lambda: graph.check_addresses(master_uri, host))
-    yield from run_check("call back", lambda: [graph.check_call_back(master_uri, host, bind)])
-    yield from run_check("clock", lambda: [graph.check_clock(found)])
-    yield from run_check("nodes", lambda: graph.check_nodes(found))
-    yield from run_check("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
-    yield from run_check("aPad", lambda: doctor_apad_checks.check_apads(found, scenario))
+    namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
+    ids = None if scenario is None else scenario.fleet.ids
+    yield from run_checks(graph.CHECKS, graph.MasterSeen(found, host, bind, ids, namespace))
+    yield from run_check("aPad", lambda: doctor_apad_checks.check_apads(found, scenario, flown))
     if scenario is not None:
         for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
             apad = in_full(namespace, name)

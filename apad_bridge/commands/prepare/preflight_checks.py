@@ -9,15 +9,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 from apad_bridge.assembly.division import members
-from apad_bridge.commands.prepare.doctor import check_machine, check_ros
-from apad_bridge.doctor.finding import Finding, Status, run_check
-from apad_bridge.doctor.graph import Graph
+from apad_bridge.commands.prepare.doctor import check_ros
+from apad_bridge.doctor import graph, machine
+from apad_bridge.doctor.finding import Check, Finding, Status, run_checks
 from apad_bridge.doctor.network import Unreachable
-from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN, at_sea, key_among, not_proven, red_keys
+from apad_bridge.doctor.preflight import key_among, not_proven, red_keys
 from apad_bridge.records.run_directory import RUNS
 from apad_bridge.ros.system.route import environment_for
 from apad_bridge.ros_names.names import in_full, plain
@@ -81,7 +81,7 @@ def recording_commands(scenario: Scenario, namespace: str) -> list[str]:
 
 def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions) -> Iterator[Finding]:
     """The doctor's checks as a mission sees them, then those of each aPad. They need no order, and give none."""
-    from apad_bridge.ros.preflight_probe import check_vehicle, check_way
+    from apad_bridge.ros import preflight_probe
 
     master_uri, namespace = options.master_uri, options.namespace
     flown = [(it.scenario, it.starts) for it in members(scenario, starts)]
@@ -89,19 +89,33 @@ def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions
     with called_back_at(master_uri, namespace):
         agents = 0 if options.part is Part.MISSION else scenario.fleet.count
         mapping = dict(_remapping(it, namespace) for it in options.remappings)
-        for finding in (*check_machine(agents), *check_ros(master_uri, scenario, mapping)):
+        yield from run_checks(machine.CHECKS, agents)
+        for finding in check_ros(master_uri, scenario, mapping, apads):
             if options.part is Part.MISSION and finding.check == "aMussel ids":
                 continue  # they are there already, as they should be
-            apad = next((it for it in apads if finding.check.startswith(it)), "")
-            yield at_sea(finding, apad)
+            yield finding
         try:
-            found = Graph.read(master_uri).remapped(mapping)
+            found = graph.Graph.read(master_uri).remapped(mapping)
         except Unreachable:
             return  # the doctor has said so
-        yield from run_check("delay", lambda: check_way(found))
-        for apad, (one, its_starts) in zip(apads, flown, strict=True):
-            check = partial(check_vehicle, found, one, its_starts, namespace)
-            yield from run_check(f"{apad} position", check)
+        yield from run_checks(preflight_probe.CHECKS_OF_WAY, found)
+        for one, its_starts in flown:
+            apad = preflight_probe.WatchedAPad(found, one, its_starts, namespace)
+            yield from run_checks(preflight_probe.CHECKS, apad, apad.name)
+
+
+def every_check() -> tuple[Check[Any], ...]:
+    """All checks that `findings_of` makes."""
+    from apad_bridge.ros import doctor_apad_checks, doctor_checks, preflight_probe
+
+    before: tuple[Check[Any], ...] = (*machine.CHECKS, *doctor_checks.CHECKS, *graph.CHECKS)
+    of_apads: tuple[Check[Any], ...] = (*doctor_apad_checks.CHECKS, *preflight_probe.CHECKS)
+    return (*before, *preflight_probe.CHECKS_OF_WAY, *of_apads)
+
+
+def never_overridden() -> frozenset[str]:
+    """The keys of checks whose red stops a run, whatever a person says."""
+    return frozenset({"stop", *(it.key for it in every_check() if it.is_never_overridden)})
 
 
 @contextmanager
@@ -142,7 +156,8 @@ def accepted_by(given: Iterable[str], findings: Iterable[Finding], apads: Sequen
 
 def refuse_red(report: Report, apads: Sequence[str], despite: Sequence[str]) -> list[str]:
     """The keys that are red and overridden. UserError for any other, with each finding's mend."""
-    if never := sorted(NEVER_OVERRIDDEN.intersection(despite)):
+    fixed = never_overridden()
+    if never := sorted(fixed.intersection(despite)):
         raise UserError(f"--despite {never[0]}: this is never overridden: mend it")
     red = red_keys(report.findings, apads, report.accepted)
     failed = red_keys((it for it in report.findings if it.status is Status.FAIL), apads)
@@ -150,7 +165,7 @@ def refuse_red(report: Report, apads: Sequence[str], despite: Sequence[str]) -> 
         it for key, its in red.items() for it in its if key not in despite or it.status is Status.CANNOT_TELL
     ]
     if refused:
-        words = [f"--despite {key}" for key in failed if key not in despite and key not in NEVER_OVERRIDDEN]
+        words = [f"--despite {key}" for key in failed if key not in despite and key not in fixed]
         words += [f"--accept {key}" for key in red if key not in failed or key in despite]
         mend = f"; a person may decide otherwise by {' '.join(words)}" if words else ""
         lines = "\n".join(it.line() for it in refused)

@@ -13,13 +13,14 @@ from apad_bridge.commands.prepare import preflight_checks
 from apad_bridge.commands.prepare.preflight_checks import (
     Report,
     accepted_by,
+    every_check,
+    never_overridden,
     now,
     proofs,
     refuse_red,
     report_path,
 )
 from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok
-from apad_bridge.doctor.preflight import NEVER_OVERRIDDEN
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.loader import load
 
@@ -38,7 +39,15 @@ def test_green_starts_and_red_says_its_mend_and_how_a_person_decides_otherwise()
     assert refuse_red(red("/apad1 watchdog"), ["/apad1"], ["watchdog", "delay"]) == ["watchdog"]
 
 
-@pytest.mark.parametrize("key", sorted(NEVER_OVERRIDDEN))
+def test_the_table_names_each_key_that_no_person_overrides_or_that_a_trial_passes_over() -> None:
+    assert never_overridden() == {"fence", "position", "pilot", "stop"}
+    passed_over = {it.key for it in every_check() if it.may_be_red_in_trial}
+    assert not passed_over & never_overridden()
+    assert not passed_over & {"off", "origin", "reaction", "call-back", "messages", "action-server"}
+    assert [it.key for it in every_check() if it.is_red_at_warning] == ["docks"]
+
+
+@pytest.mark.parametrize("key", ["fence", "position", "pilot", "stop"])
 def test_fence_position_pilot_and_stop_are_never_overridden(key: str) -> None:
     with pytest.raises(UserError, match="never overridden"):
         refuse_red(GREEN, ["/apad1"], [key])

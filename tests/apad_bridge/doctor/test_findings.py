@@ -6,7 +6,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok, run_check
+from apad_bridge.doctor.finding import (
+    Check,
+    Finding,
+    Status,
+    cannot_tell,
+    fail,
+    ok,
+    run_check,
+    run_checks,
+    warn,
+)
 
 
 def test_a_line_holds_status_what_was_found_and_the_mend() -> None:
@@ -31,3 +41,35 @@ def test_a_check_that_breaks_keeps_what_it_had_found() -> None:
     assert first == ok("first", "fine")
     assert (broken.check, broken.status) == ("both", Status.FAIL)
     assert "KeyError: 'second'" in broken.found
+
+
+def test_a_table_is_checked_in_its_order_and_a_broken_entry_stops_no_other() -> None:
+    table = (
+        Check("ports", lambda ports: fail("ports", f"{1 // ports}", "more")),
+        Check("disk", lambda _: [ok("disk", "room"), ok("disk", "writable")]),
+    )
+    findings = list(run_checks(table, 0, "/apad1"))
+    assert [(it.check, it.status) for it in findings] == [
+        ("/apad1 ports", Status.FAIL),
+        ("disk", Status.OK),
+        ("disk", Status.OK),
+    ]
+    assert "ZeroDivisionError" in findings[0].found
+
+
+@pytest.mark.parametrize(
+    ("is_red_at_warning", "before_mission", "wanted"),
+    [(True, True, Status.FAIL), (True, False, Status.WARN), (False, True, Status.WARN)],
+)
+def test_a_warning_is_red_before_a_mission_where_its_entry_says_so(
+    is_red_at_warning: bool, before_mission: bool, wanted: Status
+) -> None:
+    table = (
+        Check(
+            "docks",
+            lambda it: [ok("docks", it), warn("docks", it, "empty them")],
+            is_red_at_warning=is_red_at_warning,
+        ),
+    )
+    fine, doubt = run_checks(table, "held", before_mission=before_mission)
+    assert (fine.status, doubt.status, doubt.mend) == (Status.OK, wanted, "empty them")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.doctor.finding import Finding, Status, fail, ok, warn
+from apad_bridge.doctor.finding import Finding, Status, fail, ok
 from apad_bridge.doctor.positions import (
     PositionSample,
     check_gps,
@@ -22,7 +22,6 @@ from apad_bridge.doctor.preflight import (
     WATCHDOG_STATES,
     EnergyNeed,
     Heard,
-    at_sea,
     check_clearance,
     check_delay,
     check_energy,
@@ -314,14 +313,6 @@ def test_a_stop_that_failed_is_red_and_nobody_on_the_lookout_is_told() -> None:
     assert status(check_stop(APAD, "it was not at rest 20 s after the stop")) == "FAIL"
     assert status(check_stop(APAD, None, "at rest within 2 s")) == "OK"
     assert [status(check_lookout(it)) for it in ("", "Ana")] == ["WARN", "OK"]
-
-
-def test_what_the_doctor_warns_of_is_red_where_a_mission_would_go_to_other_places_or_into_full_docks() -> (
-    None
-):
-    doubts = [warn(it, "found", "mend") for it in ("/apad1 docks", "/apad1 clock", "disk")]
-    assert [status(at_sea(it, APAD)) for it in doubts] == ["FAIL", "WARN", "WARN"]
-    assert at_sea(ok("origin", "the same"), APAD) == ok("origin", "the same")
 
 
 def test_red_findings_are_named_without_their_apad() -> None:
