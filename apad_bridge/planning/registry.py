@@ -21,7 +21,7 @@ from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedepl
 from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.planning.triage import Triage
+from apad_bridge.planning.triage import Triage, by_load
 
 GROUP = "musselbed.strategies"
 
@@ -38,6 +38,7 @@ _BUILT_IN: dict[str, Callable[[], Any]] = {
 }
 _SCALED: dict[str, Callable[[Scales], Any]] = {
     "blend": Blend,
+    "by-load": by_load,
     "charge-groups": ChargeGroups,
     "exact": Exact,
     "rollout": Rollout,

@@ -11,16 +11,18 @@ Scheduling", Real-Time Systems 4, 1992.
 - The others follow by the charge given for each second of the aPad: the charge that one lacks, by the seconds to go
   there, to dock it, to charge it and to release it.
 
-Without overload the plan is that of Cautious.
+Without overload the plan is that of Cautious. `by_load` makes it that of a blend.
 """
 
 from __future__ import annotations
 
+from apad_bridge.planning.by_route import Blend
 from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
+from apad_bridge.planning.strategy import CollectionStrategy, collect_in_order, docks_to_fill
 
 FLOOR_DISCHARGES = 4.0
 
@@ -30,6 +32,10 @@ class Triage:
 
     plans = StepKind.COLLECT
 
+    def __init__(self, without_overload: CollectionStrategy | None = None) -> None:
+        """`without_overload` plans where the docks sustain the fleet; None is Cautious."""
+        self._without_overload = Cautious() if without_overload is None else without_overload
+
     def plan(self, situation: Situation, batch: int) -> Solution:
         model, count = situation.model, docks_to_fill(situation, batch)
         if model is None:
@@ -37,7 +43,7 @@ class Triage:
         if not is_overloaded(
             len(situation.candidates) + len(situation.others) + len(situation.leaving), model
         ):
-            return Cautious().plan(situation, batch)
+            return self._without_overload.plan(situation, batch)
         floor_s = FLOOR_DISCHARGES / model.drain_per_s
         left, chosen, place_m = list(situation.candidates), list[Candidate](), situation.apad_m
         while len(chosen) < count:
@@ -46,6 +52,11 @@ class Triage:
             chosen.append(agent)
             place_m = agent.place_m
         return collect_in_order(chosen, situation)
+
+
+def by_load(scales: Scales) -> Triage:
+    """Chooses between two strategies by the load of the docks: triage in overload, or else a blend."""
+    return Triage(Blend(scales))
 
 
 def is_overloaded(amussels: int, model: EnergyModel) -> bool:

@@ -13,20 +13,21 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.planning import registry
+from apad_bridge.planning.by_route import Blend
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import CostScales
 from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution
-from apad_bridge.planning.triage import FLOOR_DISCHARGES, Triage, is_overloaded
+from apad_bridge.planning.triage import FLOOR_DISCHARGES, Triage, by_load, is_overloaded
 from apad_bridge.scenario.loader import load
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 
 POOL = load(POOL_FILE)
 MODEL = energy_model(POOL)
 PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
-LOOKING_AHEAD = ("rollout", "rollout-fair", "charge-groups", "triage")
+LOOKING_AHEAD = ("rollout", "rollout-fair", "charge-groups", "triage", "by-load")
 RATE_AT_0_7 = 0.002911 / 60 * POOL.theta
 """Charge a second in a dock, of the paper's equation (2)."""
 charges = st.floats(0, 1)
@@ -234,6 +235,13 @@ def test_triage_is_cautious_without_overload_and_passes_the_empty_over_with_it()
     assert not is_overloaded(12, MODEL) and is_overloaded(24, MODEL)
     assert Triage().plan(fleet_of(12), 4) == Cautious().plan(fleet_of(12), 4)
     assert all(step.agent_id % 2 == 0 for step in Triage().plan(fleet_of(24), 4).steps)
+
+
+def test_by_load_is_a_blend_without_overload_and_triage_with_it() -> None:
+    scales = CostScales(distance_per_m=1.0, energy_per_charge=50.0)
+    far = replace(fleet_of(12), candidates=tuple(swimming(k, 130 - 10 * k, 10, 0.5) for k in range(1, 13)))
+    assert by_load(scales).plan(far, 4) == Blend(scales).plan(far, 4) != Cautious().plan(far, 4)
+    assert by_load(scales).plan(fleet_of(24), 4) == Triage().plan(fleet_of(24), 4)
 
 
 def test_triage_passes_nobody_over_for_longer_than_its_floor() -> None:
