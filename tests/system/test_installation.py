@@ -7,13 +7,14 @@ clone whose one package comes from an index of the test's own.
 from __future__ import annotations
 
 import os
+import pty
 import re
 import shutil
 import subprocess
 import sys
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 
@@ -145,6 +146,34 @@ def test_a_pipe_shows_steps_while_they_are_slow(programs: Path) -> None:
     replace(programs, "apt-get", slow)
     done = run_install(programs)
     assert re.search(r"^ +1\d s: Unpacking rosbash$", done.stdout, re.MULTILINE)
+
+
+def test_what_pip_leaves_in_place_is_in_the_log_and_not_shown(programs: Path) -> None:
+    replace(programs, "dpkg-query", LACKING_TWO)
+    replace(programs, "id", "echo 0")
+    left = "Can't uninstall 'python-dateutil'. No files were found to uninstall."
+    failed = "Can't uninstall 'python-dateutil'. It is a distutils installed project."
+    replace(programs, "apt-get", f"""printf '    %s\\n' "Unpacking rosbash" "{left}" "{failed}"; exit 100""")
+    # A terminal gets each line as it comes.
+    ours, its = pty.openpty()
+    done = subprocess.run(
+        [str(INSTALL)],
+        env=os.environ | {"PATH": f"{programs}:/usr/bin:/bin", "TMPDIR": str(programs.parent)},
+        stdin=subprocess.DEVNULL,
+        stdout=its,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=300,
+    )
+    os.close(its)
+    shown = ""
+    # The read of a terminal that its programs have closed is an error.
+    with os.fdopen(ours, "rb", buffering=0) as terminal, suppress(OSError):
+        while chunk := terminal.read(4096):
+            shown += chunk.decode()
+    assert "Unpacking rosbash" in shown and failed in shown
+    assert "No files were found" not in shown
+    assert left in Path(done.stderr.rsplit("its log: ", 1)[1].rstrip(")\n")).read_text()
 
 
 @pytest.mark.parametrize(
