@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside
@@ -20,7 +21,6 @@ from apad_bridge.scenario.surface import (
     free_drift_m_s,
     surface_of,
 )
-from apad_bridge.vehicle.generation_b.messages import PULL_BACK_M_S, PULL_BACK_MS, SERVO_MS
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.guards import (
     BatteryForHome,
@@ -53,7 +53,9 @@ from apad_bridge.vehicle.simulated.thrusters import allocate, electrical_w
 _S_PER_HOUR = 3600
 CLOCK_STEP_MS = 1_000
 """Stamps of a real vehicle that jump ahead by more belong to a clock that was set."""
-_PULLED_BACK_M = PULL_BACK_M_S * PULL_BACK_MS / 1000
+_ADRIFT_MS = max(it.adrift_in_docking_ms for it in STACKS)
+_PULLED_BACK_M = max(it.pulls_back_m for it in STACKS)
+"""Room for a docking is asked for before it is known which stack flies it."""
 
 
 def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
@@ -108,7 +110,7 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
         InWaters(waters, returns=options.outside is WhenOutside.RETURN),
         RoomToDock(
             waters,
-            max(options.drift_m_s, fastest_drift_m_s(scenario)) * SERVO_MS / 1000
+            max(options.drift_m_s, fastest_drift_m_s(scenario)) * _ADRIFT_MS / 1000
             + options.search_m
             + _PULLED_BACK_M,
             lambda agent_id: docking.profile_of(agent_id) is not DockingProfile.VIRTUAL,

@@ -30,13 +30,13 @@ from apad_bridge.ros.types.workspace_services import service_by_text
 from apad_bridge.ros.vehicle_probe import battery_percent, positions
 from apad_bridge.ros_names.names import AMUSSEL, in_full
 from apad_bridge.scenario.area.local_frame import OriginLike
-from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.schema import LIMITS, Scenario
 from apad_bridge.vehicle.generation_a.messages import RELEASE
 from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS
 from apad_bridge.vehicle.stack import Stack
 
 _PART_OF_A = re.compile(r"(.*)/action_server/(goal|feedback|result)")
+_SERVER, _DOCKS = "action_server", "check_docking_availability"
 _AT_ONCE = 16
 _HELD_S, _HELD_HZ = 1.0, 5.0
 """The published server tells of a held aMussel at 20 Hz, and of one that was released once."""
@@ -63,7 +63,7 @@ def check_apads(
     """Makes `CHECKS` of each aPad on the graph, of any generation; a mission is about to begin with those `flown`."""
     found = [(name, stack) for stack in STACKS for name in named_like(graph, stack)]
     dead = sorted(
-        _with_parts_of_a(graph) - {name for name, stack in found if stack.generation is Generation.A}
+        _with_parts_of_a(graph) - {name for name, stack in found if _SERVER in stack.recognised_actions}
     )
     for name in dead:
         yield _check_action_server(graph, name)
@@ -77,8 +77,7 @@ def check_apads(
     ours = python_md5s(generated_folder(), ("apad", "auv_msgs", "misc_msgs", "navcon_msgs"))
     for name, stack in sorted(found, key=lambda it: (it[0], it[1].generation)):
         apad = FoundAPad(graph, name, stack, ours, scenario)
-        checks = CHECKS if stack.generation is Generation.A else CHECKS_OF_ANY
-        yield from run_checks(checks, apad, name, before_mission=name in flown)
+        yield from run_checks(CHECKS, apad, name, before_mission=name in flown)
 
 
 def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[Finding]:
@@ -120,7 +119,7 @@ def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[
 
 def _docking_info(graph: Graph, name: str) -> Any:
     """The answer of `check_docking_availability`, None where nobody offers it. NotAnnounced or DeserializationError."""
-    service = f"{name}/check_docking_availability"
+    service = f"{name}/{_DOCKS}"
     if service not in graph.services:
         return None
     use_generated_messages()
@@ -349,7 +348,7 @@ def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
     )
 
 
-CHECKS_OF_ANY: tuple[Check[FoundAPad], ...] = (
+CHECKS: tuple[Check[FoundAPad], ...] = (
     Check("versions", lambda it: _check_md5s(it.graph, it.name, it.stack, it.ours)),
     Check("beside", lambda it: _check_beside(it.graph, it.name, it.stack, it.ours)),
     Check("capabilities", lambda it: _tell_capabilities(it.name, it.stack, _dock_count(it.graph, it.name))),
@@ -357,15 +356,16 @@ CHECKS_OF_ANY: tuple[Check[FoundAPad], ...] = (
         "clock", lambda it: _check_offset(it.graph, f"{it.name}/position", it.name), may_be_red_in_trial=True
     ),
     Check("battery", lambda it: _check_battery(it.graph, it.name), may_be_red_in_trial=True),
-)
-CHECKS = (
-    *CHECKS_OF_ANY,
-    Check("action server", lambda it: _check_action_server(it.graph, it.name)),
+    Check(
+        "action server",
+        lambda it: (
+            [_check_action_server(it.graph, it.name)] if _SERVER in it.stack.recognised_actions else []
+        ),
+    ),
     Check(
         "docks",
-        lambda it: check_docks(it.graph, it.name, it.scenario),
+        lambda it: check_docks(it.graph, it.name, it.scenario) if _DOCKS in it.stack.service_types else [],
         is_red_at_warning=True,
         may_be_red_in_trial=True,
     ),
 )
-"""The last two ask generation A's own services."""

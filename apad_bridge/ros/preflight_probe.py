@@ -43,7 +43,6 @@ from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5
 from apad_bridge.ros.vehicle_probe import charge, clock_offset_s, heard_bool, heard_text, positions
 from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, of_apad
 from apad_bridge.scenario.area.fence import fence_of
-from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -107,10 +106,6 @@ class WatchedAPad:
         finite = [it for it in self.samples if math.isfinite(it.north_m) and math.isfinite(it.east_m)]
         return (finite[-1].north_m, finite[-1].east_m) if finite else None
 
-    @property
-    def is_b(self) -> bool:
-        return Generation.B in {it.generation for it in self.stacks}
-
     def topic(self, leaf: str) -> str:
         return of_apad(self.name, leaf)
 
@@ -170,12 +165,12 @@ def _check_clearance(apad: WatchedAPad) -> Finding:
 
 def _check_pilot(apad: WatchedAPad) -> Finding:
     manual = heard_bool(apad.graph, apad.topic("manual"))
-    return check_pilot(apad.name, hears_pilot=apad.is_b, manual=manual)
+    return check_pilot(apad.name, hears_pilot=any(it.hears_pilot for it in apad.stacks), manual=manual)
 
 
 def _check_watchdog(apad: WatchedAPad) -> Finding:
     state = heard_text(apad.graph, apad.topic("watchdog"))
-    return check_watchdog(apad.name, drifts=apad.is_b, state=state)
+    return check_watchdog(apad.name, drifts=any(it.drifts_between_orders for it in apad.stacks), state=state)
 
 
 def _check_energy(apad: WatchedAPad) -> Finding:

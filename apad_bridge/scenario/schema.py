@@ -389,7 +389,7 @@ class GenerationLimits:
 
 
 _LIMITS_OF_A = GenerationLimits(OF_A)
-LIMITS = {
+LIMITS = dict.fromkeys(Generation, GenerationLimits(frozenset({Fault.NONE}))) | {
     Generation.AUTO: _LIMITS_OF_A,
     Generation.A: _LIMITS_OF_A,
     Generation.B: GenerationLimits(OF_B, docks=4),  # its docking primitive knows slots 0 to 3

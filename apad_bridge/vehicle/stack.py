@@ -13,12 +13,11 @@ from apad_bridge.vehicle.capabilities import Capabilities
 class Stack:
     """One generation of the aPad's software: its names on the graph, its abilities and its definitions.
 
-    `package` is the name of its folder below `vehicle/` and of its modules in `ros/links/` and `ros/simulated_node/`.
-    Names of topics, services and actions are below the aPad's namespace.
+    Names of topics, services and actions are below the aPad's namespace. A stack without `link` and `server` is one that
+    the doctor recognises, and that nobody can fly yet.
     """
 
     generation: Generation
-    package: str
     known_by: str
     """Names, for a person, the interface by which it is recognised."""
     capabilities: Callable[[int], Capabilities]
@@ -34,13 +33,15 @@ class Stack:
     """The services that together cut its thrust, whatever its position."""
     unused_types: Mapping[str, str] = field(default_factory=dict)
     """The types of topics and services that we do not use: where one differs, only the simulated aPad differs."""
-
-    @property
-    def link(self) -> str:
-        """MODULE:FUNCTION that opens the link, as `apad_bridge.ros.links.legacy_link.OpenLink`."""
-        return f"apad_bridge.ros.links.{self.package}:open_link"
-
-    @property
-    def server(self) -> str:
-        """MODULE:CLASS of the simulated node's server, a `LegacyServer`."""
-        return f"apad_bridge.ros.simulated_node.{self.package}:Server"
+    hears_pilot: bool = False
+    """The topic `manual` tells of a pilot."""
+    drifts_between_orders: bool = True
+    """Its controllers go off at the end of an order, also where it is not known."""
+    adrift_in_docking_ms: int = 0
+    """Before it docks or undocks it stands still for so long, while the vehicle drifts."""
+    pulls_back_m: float = 0.0
+    """It backs off so far in a docking."""
+    link: str = ""
+    """MODULE:FUNCTION that opens the link, as `apad_bridge.ros.links.legacy_link.OpenLink`."""
+    server: str = ""
+    """MODULE:CLASS of the simulated node's server, a `LegacyServer`."""

@@ -21,7 +21,6 @@ def capabilities(docks: int) -> Capabilities:
 
 STACK = Stack(
     Generation.A,
-    "generation_a",
     "an action_server",
     capabilities,
     recognised_actions={"action_server": "apad/aPadAction"},
@@ -36,4 +35,7 @@ STACK = Stack(
         "get_battery_level": "misc_msgs/GetChargeInfo",
     },
     off_services=("VelCon_enable", "FADP_enable"),
+    drifts_between_orders=False,
+    link="apad_bridge.ros.links.generation_a:open_link",
+    server="apad_bridge.ros.simulated_node.generation_a:Server",
 )

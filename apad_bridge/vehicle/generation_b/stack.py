@@ -6,7 +6,12 @@ import math
 
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.vehicle.capabilities import Capabilities, DockPlaces
-from apad_bridge.vehicle.generation_b.messages import dock_direction_rad
+from apad_bridge.vehicle.generation_b.messages import (
+    PULL_BACK_M_S,
+    PULL_BACK_MS,
+    SERVO_MS,
+    dock_direction_rad,
+)
 from apad_bridge.vehicle.stack import Stack
 
 DOCK_M = 0.4
@@ -33,7 +38,6 @@ def capabilities(docks: int) -> Capabilities:
 
 STACK = Stack(
     Generation.B,
-    "generation_b",
     "commander/primitive services",
     capabilities,
     recognised_services=("commander/primitive/go2point",),
@@ -50,4 +54,9 @@ STACK = Stack(
         "go2point/result": "navcon_msgs/GoToPointActionResult",
         "go2point/feedback": "navcon_msgs/GoToPointActionFeedback",
     },
+    hears_pilot=True,
+    adrift_in_docking_ms=SERVO_MS,
+    pulls_back_m=PULL_BACK_M_S * PULL_BACK_MS / 1000,
+    link="apad_bridge.ros.links.generation_b:open_link",
+    server="apad_bridge.ros.simulated_node.generation_b:Server",
 )

@@ -7,6 +7,7 @@ import pytest
 from apad_bridge.assembly.stacks import STACKS, load, stack_of
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.choices import Generation
+from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.stack import Stack
 
 
@@ -25,6 +26,11 @@ def test_every_entry_names_parts_that_exist(stack: Stack) -> None:
 
     assert callable(load(stack.link))
     assert issubclass(load(stack.server), LegacyServer)
+
+
+def test_a_part_that_a_stack_does_not_have_is_told() -> None:
+    with pytest.raises(VehicleNotReady, match="cannot be flown"):
+        load(Stack(Generation.B, "nothing", stack_of(Generation.B).capabilities).link)
 
 
 @pytest.mark.parametrize("stack", STACKS, ids=lambda it: it.generation)
