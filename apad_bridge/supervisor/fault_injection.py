@@ -1,7 +1,8 @@
 """Carries out the faults of a run, from their begin to their end: those of the scenario, and those that people cause.
 
-The one place that knows the effect of a row of `apad_bridge.scenario.timed_faults`. Effects go to the aMussels' bodies as
-stimuli, to their links and processes by the `FaultyHost`, and to the aPad's reports and orders by the `FaultyLink`.
+It has the effect of each row of `apad_bridge.scenario.timed_faults`, which goes to the aMussels' bodies as stimuli, or to
+their links and processes by the `FaultyHost`. A row that names a part of the board fails that part. The `FaultyLink` has
+the effects of the aPad's faults.
 """
 
 from __future__ import annotations
@@ -38,17 +39,6 @@ if TYPE_CHECKING:
     from apad_bridge.beliefs.fleet import FleetBeliefs
 
 REAL_HULL = "a real aPad flies: faults are for runs with the simulated one"
-_PARTS = {
-    TimedFault.BUS_SILENT: Part.BUS,
-    TimedFault.READINGS_SCATTER: Part.CONVERTER,
-    TimedFault.UART_OVERRUN: Part.UARTS,
-    TimedFault.WRITE_TORN: Part.WRITES,
-    TimedFault.FLASH_WORN: Part.CELLS,
-    TimedFault.READINGS_STAND: Part.HOLD,
-    TimedFault.DEPTH_STANDS: Part.DEPTH,
-    TimedFault.FLASH_SILENT: Part.FLASH,
-    TimedFault.WRITE_BROWN_OUT: Part.SUPPLY,
-}
 _LEAK_MS = 10_000
 """A leaking battery loses its charge in steps of so much mission time."""
 
@@ -158,7 +148,11 @@ class FaultInjection:
         return None
 
     def _begin(self, injection: Injection) -> list[Action]:
-        host, link, value, agent_id = self._host, self._link, injection.value, injection.agent_id or 0
+        host, value, agent_id = self._host, injection.value, injection.agent_id or 0
+        if injection.agent_id is None:
+            if self._link is not None:
+                self._link.begin(injection)
+            return []
         match injection.fault:
             case TimedFault.BROWN_OUT:
                 return _to(injection, WasReset(ResetCause.BROWN_OUT))
@@ -180,15 +174,9 @@ class FaultInjection:
                 return self._pin(injection, begins=True)
             case TimedFault.READINGS_SCATTER:
                 return _to(injection, PartFailed(Part.CONVERTER, grains(value)))
-            case fault if fault in _PARTS:
+            case _ if (part := injection.row.part) is not None:
                 has_value = injection.row.parameter is not None
-                return _to(injection, PartFailed(_PARTS[fault], round(value) if has_value else 1))
-            case TimedFault.APAD_FROZEN if link is not None:
-                link.is_frozen = True
-            case TimedFault.APAD_LIES if link is not None:
-                link.north_error_m = value
-            case TimedFault.DOCK_JAMMED if link is not None:
-                link.jammed_docks |= {int(value)}
+                return _to(injection, PartFailed(part, round(value) if has_value else 1))
             case TimedFault.KILLED if host is not None:
                 host.kill(agent_id)
             case TimedFault.STOPPED if host is not None:
@@ -209,7 +197,11 @@ class FaultInjection:
 
     def _end(self, injection: Injection) -> list[Action]:
         """Heals what lasts; the rest heals by itself."""
-        host, link, agent_id = self._host, self._link, injection.agent_id or 0
+        host, agent_id = self._host, injection.agent_id or 0
+        if injection.agent_id is None:
+            if self._link is not None:
+                self._link.end(injection)
+            return []
         match injection.fault:
             case TimedFault.CLOCK_SKEW:
                 return _to(injection, CrystalSkewed(0))
@@ -217,14 +209,8 @@ class FaultInjection:
                 return _to(injection, BuoyancyJammed(0))
             case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
                 return self._pin(injection, begins=False)
-            case fault if fault in _PARTS:
-                return _to(injection, PartFailed(_PARTS[fault], 0))
-            case TimedFault.APAD_FROZEN if link is not None:
-                link.is_frozen = False
-            case TimedFault.APAD_LIES if link is not None:
-                link.north_error_m = 0.0
-            case TimedFault.DOCK_JAMMED if link is not None:
-                link.jammed_docks -= {int(injection.value)}
+            case _ if (part := injection.row.part) is not None:
+                return _to(injection, PartFailed(part, 0))
             case TimedFault.MEMORY_LIMIT if host is not None:
                 host.limit_memory(agent_id, None)
             case TimedFault.LINK_CUT if host is not None:

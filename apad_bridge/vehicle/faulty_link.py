@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from apad_bridge.scenario.timed_faults import Injection, TimedFault
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, OpenDock, PoseReported, VehicleCommand
 from apad_bridge.vehicle.link import APadSeen, Carried, Cleared, LetGo, LinkFact, VehicleLink
 
@@ -21,6 +22,25 @@ class FaultyLink:
         self._facts: list[LinkFact] = []
         self._commands: list[Cleared[VehicleCommand]] = []
         self.close = link.close
+
+    def begin(self, injection: Injection) -> None:
+        """Begins a fault of the aPad."""
+        match injection.fault:
+            case TimedFault.APAD_FROZEN:
+                self.is_frozen = True
+            case TimedFault.APAD_LIES:
+                self.north_error_m = injection.value
+            case TimedFault.DOCK_JAMMED:
+                self.jammed_docks |= {int(injection.value)}
+
+    def end(self, injection: Injection) -> None:
+        match injection.fault:
+            case TimedFault.APAD_FROZEN:
+                self.is_frozen = False
+            case TimedFault.APAD_LIES:
+                self.north_error_m = 0.0
+            case TimedFault.DOCK_JAMMED:
+                self.jammed_docks -= {int(injection.value)}
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         if not self.is_frozen and self._commands:
