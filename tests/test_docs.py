@@ -200,6 +200,12 @@ def test_the_guide_to_studies_has_2500_words_at_most() -> None:
     assert words(ROOT / "docs" / "studies.md") <= 2500
 
 
+def test_the_page_of_results_is_what_the_archived_studies_give() -> None:
+    make = [sys.executable, ROOT / "docs/results/make", "--check"]
+    done = subprocess.run(make, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     "page", [it for it in PAGES[2:] if it.name not in TABLES], ids=lambda page: page.name
 )
