@@ -14,6 +14,7 @@ from apad_bridge.scenario.quantities import (
     RatePerMinute,
     frozen,
 )
+from firmware_model.power.charge import ChargeModel
 
 
 @frozen
@@ -64,3 +65,10 @@ class Board:
             raise ValueError(
                 f"{' and '.join(given)} must be left out where `whole` is: its numbers are in whole.power"
             )
+
+    def charge_as_new(self) -> ChargeModel:
+        """The model of its batteries' charge, when they are new."""
+        if self.whole is not None:
+            return self.whole.power.charge_as_new()
+        assert self.discharge_per_min is not None and self.charge_segments is not None  # checked at birth
+        return ChargeModel.from_minutes(self.discharge_per_min, self.charge_segments)

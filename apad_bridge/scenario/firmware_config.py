@@ -29,14 +29,12 @@ from firmware_model.power.charge import (
     ChargeModel,
     Flow,
     grains,
-    grains_per_ms,
 )
 from firmware_model.power.rails import Loads, Rail, bits, rails_of
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
 
 _MS_PER_HOUR = 3_600_000
-_COIL_UNIT = 10_000
 _PPB_OF_PPM = 1000
 _CELL_MV = 3700
 _RANGE_MV = FULL_MV - EMPTY_MV
@@ -49,7 +47,7 @@ def board_config(board: Board, seed: int = 0, modems: Generation = Generation.V3
     """
     as_new = config.BoardConfig(
         agent_id=0,
-        charge=_charge_as_new(board),
+        charge=board.charge_as_new(),
         pin_debounce_ms=board.pin_debounce_ms,
         boot_ms=board.boot_ms,
         float_timeout_ms=_ms(board.float_timeout_s),
@@ -101,16 +99,6 @@ def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: Generation) ->
         whole.turnaround_ms,
         duration_ms(modems, ShortStatus.BYTES),
     )
-
-
-def _charge_as_new(board: Board) -> ChargeModel:
-    if board.whole is None:
-        assert board.discharge_per_min is not None and board.charge_segments is not None  # checked by Board
-        return ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
-    power = board.whole.power
-    one_coil = tuple((grains(end), grains_per_ms(rate)) for end, rate in power.charge_segments)
-    factor = round(power.two_coils * _COIL_UNIT)
-    return ChargeModel(0, one_coil, tuple((end, rate * factor // _COIL_UNIT) for end, rate in one_coil))
 
 
 def takes_samples(board: Board) -> bool:

@@ -22,7 +22,10 @@ from apad_bridge.scenario.quantities import (
 )
 from firmware_model import config
 from firmware_model.power.ageing import capacity_left
+from firmware_model.power.charge import ChargeModel, grains, grains_per_ms
 from firmware_model.power.rails import Rail
+
+_COIL_UNIT = 10_000
 
 
 def _known_module(name: str) -> str:
@@ -102,6 +105,12 @@ class BoardPower:
     """None: the board knows the charges exactly."""
     ageing: Ageing | None = None
     """None: the batteries are new."""
+
+    def charge_as_new(self) -> ChargeModel:
+        """The model of its batteries' charge, when they are new."""
+        one_coil = tuple((grains(end), grains_per_ms(rate)) for end, rate in self.charge_segments)
+        factor = round(self.two_coils * _COIL_UNIT)
+        return ChargeModel(0, one_coil, tuple((end, rate * factor // _COIL_UNIT) for end, rate in one_coil))
 
 
 @frozen

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from firmware_model.config import BoardConfig
-from firmware_model.power.charge import ChargeModel, Segments
 from firmware_model.power.rails import Loads
 
 AS_NEW = 10_000
@@ -63,12 +62,7 @@ def rescaled(config: BoardConfig, drain: int, capacity: int) -> BoardConfig:
     def drawn(rate: int) -> int:
         return rate * drain // capacity
 
-    def curve(segments: Segments) -> Segments:
-        return tuple((end, faster(rate)) for end, rate in segments)
-
-    charge = ChargeModel(
-        drawn(config.charge.discharge), curve(config.charge.segments), curve(config.charge.segments_by_two)
-    )
+    charge = config.charge.rescaled(drain, capacity, AS_NEW)
     whole = config.whole
     if whole is not None:
         power, metering = whole.power, whole.power.metering

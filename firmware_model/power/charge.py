@@ -85,6 +85,19 @@ class ChargeModel:
             grains_per_ms(discharge), tuple((grains(end), grains_per_ms(rate)) for end, rate in segments)
         )
 
+    def rescaled(self, drain: int, capacity: int, whole: int) -> ChargeModel:
+        """The model of batteries with `capacity` of `whole` of this capacity, under `drain` of its own discharge.
+
+        Every rate is rounded down.
+        """
+
+        def curve(segments: Segments) -> Segments:
+            return tuple((end, rate * whole // capacity) for end, rate in segments)
+
+        return ChargeModel(
+            self.discharge * drain // capacity, curve(self.segments), curve(self.segments_by_two)
+        )
+
     def charge_at(self, battery: Battery, now_ms: int) -> int:
         """Grains at `now_ms`, clamped to [0, FULL]."""
         elapsed_ms = now_ms - battery.anchor_ms
