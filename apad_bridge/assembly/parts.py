@@ -17,12 +17,12 @@ from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import CommandSource, ManualMission
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.sources import Allocation, BeliefSource
 from apad_bridge.mission.state import MissionState
-from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
@@ -141,9 +141,9 @@ def flight(
     *,
     state: MissionState | None = None,
     first_command_id: int = 1,
-    command_sources: Sequence[CommandSource] = (),
+    calls: CallQueue | None = None,
+    command_sources: Sequence[CommandSource] | None = None,
     samples: SampleCollection | NoSampleCollection | None = None,
-    takeover: CallQueue | None = None,
     learned: LearnedState | None = None,
     first_failure: PrimitiveFailed | None = None,
     start_ms: MissionMs = START_MS,
@@ -154,9 +154,9 @@ def flight(
         config,
         state,
         first_command_id,
+        calls,
         command_sources,
         samples,
-        takeover,
         learned,
         context,
         first_failure,
@@ -168,38 +168,38 @@ def supervisor(
     config: FlightConfig,
     state: MissionState | None = None,
     first_command_id: int = 1,
-    command_sources: Sequence[CommandSource] = (),
+    calls: CallQueue | None = None,
+    command_sources: Sequence[CommandSource] | None = None,
     samples: SampleCollection | NoSampleCollection | None = None,
-    takeover: CallQueue | None = None,
     learned: LearnedState | None = None,
     context: FlightContext | None = None,
     first_failure: PrimitiveFailed | None = None,
 ) -> Supervisor:
     """Builds a supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
-    It flies the paper's mission, which `takeover` can take over, or, with `command_sources`, a manual mission that executes
-    their orders. Without `samples` it does not collect the aMussels' logs. `learned` holds the state learned so far, and
-    `first_failure` the vehicle's first since a success. Without a `context` nothing is guarded, and every docking catches.
+    It flies the paper's mission, which `calls` can take over. With `command_sources` no mission plans: they and the calls
+    fly the aPad by hand. Without `samples` it does not collect the aMussels' logs. `learned` holds the state learned so
+    far, and `first_failure` the vehicle's first since a success. Without a `context` nothing is guarded, and every docking
+    catches.
     """
     scenario, learned = config.scenario, learned or initial_learned_state(config)
     state = state or MissionState(dock_count=scenario.apad.docks)
     beliefs, allocation = learned.beliefs, learned.allocation
+
+    def planned(mission_state: MissionState | None) -> EnergyExchange:
+        return _energy_exchange(scenario, allocation, mission_state)
+
+    def by_hand(mission_state: MissionState) -> ManualMission:
+        return ManualMission(
+            scenario.mission, scenario.apad.max_speed_m_s, beliefs, command_sources or (), mission_state
+        )
+
     mission: Mission
-    if command_sources:
-        mission = ManualMission(
-            scenario.mission, scenario.apad.max_speed_m_s, beliefs, command_sources, state
-        )
-    elif takeover is not None:
-        mission = Takeover(
-            lambda mission_state: _energy_exchange(scenario, allocation, mission_state),
-            lambda mission_state: ManualMission(
-                scenario.mission, scenario.apad.max_speed_m_s, beliefs, (), mission_state
-            ),
-            takeover,
-            state,
-        )
+    if calls is None and command_sources is None:
+        mission = planned(state)
     else:
-        mission = _energy_exchange(scenario, allocation, state)
+        plan = planned if command_sources is None else None
+        mission = FlightMission(plan, by_hand, calls or CallQueue(), state)
     port = DockingPort(
         scenario.mission.docking,
         first_command_id=first_command_id,

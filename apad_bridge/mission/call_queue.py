@@ -1,4 +1,4 @@
-"""Queues calls of other threads, such as ROS services or a test, for a commanded mission.
+"""Queues calls of other threads, such as ROS services or a test, for the mission of a flight.
 
 The supervisor's thread runs a call at the next tick; the caller waits for the answer, for a limited time.
 """
@@ -8,16 +8,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
-from apad_bridge.events.event import Event
-from apad_bridge.mission.orders import AllowMotion, Order
-from apad_bridge.mission.state import MissionEnd
+from apad_bridge.mission.flight_mission import FlightMission
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused, Status
-from apad_bridge.vehicle.primitives import GoToPoint
-
-if TYPE_CHECKING:
-    from apad_bridge.mission.manual import ManualMission
 
 ANSWER_S = 10.0
 """A tick comes once a mission second; after so many wall seconds without one the caller withdraws the call."""
@@ -48,48 +43,6 @@ def _snapshot_of(mission: ManualMission) -> Snapshot:
         mission.failure,
         mission.paused,
     )
-
-
-class FlightMission(Protocol):
-    """The mission of a flight: flown by hand all the time, or one that can be taken over."""
-
-    now_ms: int
-    """The mission time of its newest tick."""
-
-    def go_to_target(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> GoToPoint:
-        """The target that `go_to` would take; Refused for one that it would not take."""
-        ...
-
-    def go_to(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> None:
-        """A person's go-to; it takes the aPad over where a plan flies it."""
-        ...
-
-    def hold(self, north_m: float, east_m: float) -> None:
-        """A person's order to hold position at a point; it takes the aPad over where a plan flies it."""
-        ...
-
-    def finish(self, end: MissionEnd) -> None: ...
-
-    def tell(self, event: Event) -> None: ...
-
-    def order(self, order: Order) -> None: ...
-
-    def take_over(self, by: str = "person") -> str: ...
-
-    def give_back(self) -> str: ...
-
-    def stop(self) -> str:
-        """The aPad holds its position until `go_on`; a commanded mechanism is not stopped half-way."""
-        ...
-
-    @property
-    def waits(self) -> bool:
-        """`go_on` would change something in the mission."""
-        ...
-
-    def go_on(self, allowed: AllowMotion) -> str:
-        """Goes on after a stop; `allowed` goes to the vehicle first. Refused where it cannot go on."""
-        ...
 
 
 class _Call:
@@ -167,10 +120,6 @@ class CallQueue:
     def listen(self, listener: Callable[[Snapshot], None]) -> None:
         """Registers a listener. The supervisor's thread calls it after each tick, so it must not wait."""
         self._listeners.append(listener)
-
-    def act(self, mission: ManualMission, now_ms: int) -> None:
-        self.serve(mission, lambda: mission)
-        self.show(mission)
 
     def serve(self, flown: FlightMission, manual: Callable[[], ManualMission | None]) -> None:
         """Runs the calls since the last tick; each may change who flies the aPad, so each asks `manual` again."""

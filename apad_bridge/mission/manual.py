@@ -1,7 +1,7 @@
-"""A mission without a plan of its own: the aPad follows a script or a person's calls.
+"""The aPad by hand: it follows a script or a person's calls, and plans nothing.
 
-It takes the place of the paper's mission in the supervisor, so port, beliefs, records and vehicles are the
-same. It runs in the supervisor's one thread; a `CommandSource` gives the orders at every tick.
+`flight_mission.py` flies it in place of the paper's mission, so port, beliefs, records and vehicles are the same. It runs
+in the supervisor's one thread; a `CommandSource` gives the orders at every tick.
 """
 
 from __future__ import annotations
@@ -14,19 +14,17 @@ from typing import Protocol
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.events.mission import PRE_EMPTED, Phase, StepGivenUp
-from apad_bridge.events.persons import Overridden
 from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import AllowMotion, Order, TellClear
+from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.state import MissionEnd, MissionState, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
-from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -120,15 +118,21 @@ class ManualMission(OrderBook):
                 )
         return self.take_orders()
 
+    def begin(self, now_ms: int) -> None:
+        """Has the aPad hold where it is, once, as soon as its place is known: before anybody's first order."""
+        if self._begun or self.pose is None or self.state.phase is Phase.ENDED:
+            return
+        self._begun, self.now_ms = True, now_ms
+        self.set(homes=with_new_homes(self.state.homes, self.beliefs.all()))
+        self.order(HoldPosition(self.next_id(), *self.pose))
+        self.snapshot()
+
     def advance(self, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
         self.set(homes=with_new_homes(self.state.homes, self.beliefs.all()))
         if self.pose is None or self.state.phase is Phase.ENDED:
             return self.take_orders()
-        if not self._begun:
-            self._begun = True
-            self.order(HoldPosition(self.next_id(), *self.pose))
-            self.snapshot()
+        self.begin(now_ms)
         self.events.compare(self.beliefs.all(), now_ms)
         if not self.paused:
             self._advance_docking(self.pose)
@@ -139,16 +143,6 @@ class ManualMission(OrderBook):
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         return []
-
-    def take_over(self, by: str = "person") -> str:
-        """Changes nobody's part here. A person's word lets a vehicle move again that another party had; a stop stays."""
-        if by == "person":
-            self.tell(Overridden(True, by))
-            self.order(AllowMotion(by, ends=StopsEnded.NONE))
-        return "no mission plans in this flight: orders are taken without it"
-
-    def give_back(self) -> str:
-        raise Refused("this flight has no mission to which to give the aPad back")
 
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
@@ -289,15 +283,12 @@ class ManualMission(OrderBook):
             self._start_go_to(self._target)
         return True
 
-    def stop(self) -> str:
-        """Like `pause`, which it calls where the aPad's place is known; a message when it was paused already."""
-        if self.paused:
-            return "the mission waits already"
+    def stop(self) -> None:
+        """Like `pause`, and before the aPad's place is known, too."""
         if self.pose is None:
             self.paused, self._paused_ms = True, self.now_ms
         else:
             self.pause()
-        return ""
 
     def forget_stopped(self) -> None:
         """Forgets the go-to that `pause` stopped, for another order in its place; the aPad goes on holding."""
@@ -310,17 +301,6 @@ class ManualMission(OrderBook):
             self.goto = Status.PREEMPTED
             self.events.record(self.now_ms, "goto", status=self.goto, reason=PRE_EMPTED)
         self.snapshot()
-
-    @property
-    def waits(self) -> bool:
-        """A person's word to continue would change something."""
-        return self.paused
-
-    def go_on(self, allowed: AllowMotion) -> str:
-        """Like `resume`, after a person's word to the vehicle."""
-        self.order(allowed)
-        self.resume()
-        return ""
 
     def go_on_with(self, mechanism: DockMussel | UndockMussel | None) -> None:
         """Awaits the end of a mechanism that the mission before this one has ordered; None for none."""

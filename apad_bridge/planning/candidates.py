@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import dist, isfinite
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from apad_bridge.planning.energy_model import EnergyModel
 
@@ -54,6 +54,7 @@ class Candidate:
         return (self.home_north_m, self.home_east_m)
 
 
+@runtime_checkable
 class Sea(Protocol):
     """The current and the wind on the aPad's straight legs, at the time of a decision."""
 

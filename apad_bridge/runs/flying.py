@@ -78,9 +78,9 @@ class RunSpec:
     """None: the flight starts at the mission's beginning."""
     learned: LearnedState | None = None
     """State that a former supervisor learned; None for none."""
-    command_sources: tuple[CommandSource, ...] = ()
+    command_sources: tuple[CommandSource, ...] | None = None
     """If there are any, they command the aPad, and no mission of our own runs."""
-    takeover: CallQueue | None = None
+    calls: CallQueue | None = None
     """The queue of calls that can take the mission over."""
     until_first_plan: bool = False
     """The flight ends with the first plan instead of the mission."""
@@ -298,8 +298,8 @@ def _flight(
         state=None if point is None else point.state,
         first_command_id=1 + (0 if point is None else point.epoch * _COMMAND_IDS_PER_EPOCH),
         samples=samples,
+        calls=spec.calls,
         command_sources=spec.command_sources,
-        takeover=spec.takeover,
         learned=spec.learned,
         first_failure=None if point is None else point.first_failure,
         start_ms=spec.start_ms,

@@ -74,16 +74,16 @@ class MemoryRecorder:
 
 def open_flight(
     scenario: Scenario,
-    command_sources: Sequence[CommandSource] = (),
-    takeover: CallQueue | None = None,
+    command_sources: Sequence[CommandSource] | None = None,
+    calls: CallQueue | None = None,
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
     recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
     sea: Sea | RemoteSea | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
 
-    With `command_sources` these command the aPad; `takeover` can take the mission over. `join` changes the flight's context
-    before the flight is built. `sea` is the one that several flights share.
+    With `command_sources` these command the aPad, else a mission plans; `calls` can take it over. `join` changes the
+    flight's context before the flight is built. `sea` is the one that several flights share.
     """
     config, initial_states = (
         flight_config(scenario),
@@ -97,9 +97,9 @@ def open_flight(
         config,
         context,
         recorder,
+        calls=calls,
         command_sources=command_sources,
         samples=SampleCollection(config.ids),
-        takeover=takeover,
     )
     return flight, recorder
 

@@ -50,24 +50,18 @@ from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.vehicle.errors import PeerFailed
 
 
-def command_sources_of(
-    scenario: Scenario, options: RunOptions, call_queue: CallQueue | None
-) -> tuple[CommandSource, ...]:
-    """The sources of commands in place of the paper's mission: a person's calls, and a script if there is one."""
-    if call_queue is None or not options.without_mission:
+def command_sources_of(scenario: Scenario, options: RunOptions) -> tuple[CommandSource, ...] | None:
+    """The sources of commands beside a person's calls, where no mission plans: a script if there is one."""
+    if not options.without_mission:
+        return None
+    if not options.script:
         return ()
-    command_sources: tuple[CommandSource, ...] = (call_queue,)
-    if options.script:
-        # Imported here, because most runs fly no script.
-        from apad_bridge.scripting.program import ScriptSource, as_program
-        from apad_bridge.scripting.rendezvous import REAL_TIME
+    # Imported here, because most runs fly no script.
+    from apad_bridge.scripting.program import ScriptSource, as_program
+    from apad_bridge.scripting.rendezvous import REAL_TIME
 
-        path = Path(options.script)
-        command_sources = (
-            *command_sources,
-            ScriptSource(scenario, as_program(path), path.name, say, REAL_TIME),
-        )
-    return command_sources
+    path = Path(options.script)
+    return (ScriptSource(scenario, as_program(path), path.name, say, REAL_TIME),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +214,7 @@ def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: C
 def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None) -> dict[str, Any]:
     """Flies, and returns the summary. A script has ended by then, and its error is printed."""
     options, start_state = run.options, run.start_state
-    command_sources = command_sources_of(run.config.scenario, options, call_queue)
+    command_sources = None if call_queue is None else command_sources_of(run.config.scenario, options)
     if not options.script:  # a script cannot be resumed in the middle
         start_state.recorder.begin_checkpoint(start_state.learned, start_state.start_ms)
     summary = flying.fly(
@@ -231,15 +225,15 @@ def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None
         flying.RunSpec(
             start_state.resume_point,
             start_state.learned,
-            tuple(command_sources),
-            takeover=None if command_sources else call_queue,
+            command_sources,
+            calls=call_queue,
             until_first_plan=options.dry_run,
         ),
     )
     if options.script:
         from apad_bridge.scripting.program import ScriptSource
 
-        for command_source in command_sources:
+        for command_source in command_sources or ():
             if isinstance(command_source, ScriptSource):
                 command_source.join()
                 command_source.print_error()

@@ -24,10 +24,10 @@ from agents.nursery.protocol import is_of_our_user
 from apad_bridge.events.guards import StopState
 from apad_bridge.events.persons import PersonOrdered, Remarked
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
+from apad_bridge.mission.call_queue import ANSWER_S, CallQueue
+from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.mission.state import MissionEnd
-from apad_bridge.mission.takeover import FLIES_ALREADY
 from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
 from apad_bridge.supervisor.line_server import CLIENT_S, LONGEST_LINE, LineServer

@@ -7,8 +7,8 @@ from typing import Any
 from agents.time_scale import MissionMs
 from apad_bridge.events.mission import Phase
 from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.takeover import Takeover
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
@@ -26,15 +26,17 @@ class Flying:
         self.calls = CallQueue()
         self.flight: Flight
         self.records: MemoryRecorder
-        self.flight, self.records = open_flight(pool, takeover=self.calls, join=join)
+        self.flight, self.records = open_flight(pool, calls=self.calls, join=join)
         self.now_ms = -1000
 
     @classmethod
-    def by_calls(cls, pool: Scenario) -> "Flying":
+    def by_calls(
+        cls, pool: Scenario, join: Callable[[FlightContext], FlightContext] = lambda context: context
+    ) -> "Flying":
         """A flight by hand: no mission plans."""
         flying = cls.__new__(cls)
         flying.calls = CallQueue()
-        flying.flight, flying.records = open_flight(pool, (flying.calls,))
+        flying.flight, flying.records = open_flight(pool, (), flying.calls, join)
         flying.now_ms = -1000
         return flying
 
@@ -79,7 +81,7 @@ class Flying:
     def by_hand(self) -> ManualMission:
         """The mission that follows calls; the flight was taken over."""
         mission = self.flight.supervisor.mission
-        assert isinstance(mission, Takeover) and mission.by_hand is not None
+        assert isinstance(mission, FlightMission) and mission.by_hand is not None
         return mission.by_hand
 
     @property

@@ -207,7 +207,7 @@ def _fly(
         nurseries = begin_nurseries(stack, all_members, whole)
         from apad_bridge.runs.several.lockstep import fly_in_step
 
-        sources: tuple[ScriptSource, ...] = ()
+        sources: tuple[ScriptSource, ...] | None = None
         if script is not None:
             from apad_bridge.scripting import program
 
@@ -215,7 +215,7 @@ def _fly(
                 program.ScriptSource(scenario, script.program, script.file.name, progress.print_message),
             )
         flown = fly_in_step(all_members, scenario.sharing, whole, progress, sources, nurseries)
-    for source in sources:
+    for source in sources or ():
         source.join()
         source.print_error()
     return flown

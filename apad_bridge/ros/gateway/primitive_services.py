@@ -15,7 +15,8 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.mission.call_queue import CallQueue, FlightMission, Snapshot
+from apad_bridge.mission.call_queue import CallQueue, Snapshot
+from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused
 from apad_bridge.ros.gateway.primitive_actions import PrimitiveActions, docking_act

@@ -171,7 +171,7 @@ def fly_in_step(
     sharing: Sharing,
     whole: RunDirectory,
     progress: ProgressDisplay,
-    command_sources: Sequence[CommandSource] = (),
+    command_sources: Sequence[CommandSource] | None = None,
     nurseries: Mapping[str, StartedNursery] = MappingProxyType({}),
 ) -> Flown:
     """Flies with each aPad's own mission, or a single one with these sources of commands in its place.
@@ -192,7 +192,7 @@ def fly_in_step(
                 member.starts,
                 whole.of_apad(name, len(members)),
                 display.of(name),
-                flying.RunSpec(command_sources=tuple(command_sources)),
+                flying.RunSpec(command_sources=None if command_sources is None else tuple(command_sources)),
                 join=(lambda context: context) if is_alone else partial(exchange.join, name, sharing),
                 sea=sea,
                 nursery=nurseries.get(name),

@@ -56,7 +56,7 @@ def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[ManualMissio
 
 def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) -> None:
     command_source, told = CallQueue(), []
-    flight, _ = open_flight(pool, (command_source,))
+    flight, _ = open_flight(pool, (), command_source)
 
     def caller() -> None:
         told.append(
@@ -83,7 +83,7 @@ def test_a_call_that_no_tick_answers_is_withdrawn(pool: Scenario) -> None:
     with pytest.raises(Refused, match="nothing was ordered"):
         command_source.call(lambda mission: done.append(1), timeout_s=0.01)
     # A later tick does not run it either.
-    command_source.act(commanded(pool)[0], 5000)
+    open_flight(pool, (), command_source)[0].step()
     assert done == []
 
 

@@ -1,27 +1,31 @@
 """A mission is taken over in flight, flown by hand, and given back."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from flying import Flying
 
+from apad_bridge.assembly import parts
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.events.guards import StopKind
 from apad_bridge.events.mission import Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.state import MissionEnd, MissionState
-from apad_bridge.mission.takeover import FLIES_ALREADY, Takeover
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import NOTHING_STOPPED, Act, Request, carry_out
-from apad_bridge.vehicle.commands import CommandedByOthers
+from apad_bridge.vehicle.commands import CommandedByOthers, PoseReported
+from apad_bridge.vehicle.link import InProcessVehicle, LinkFact
 from apad_bridge.vehicle.primitives import DockChanged, GoToPoint, PrimitiveSucceeded, UndockMussel
 from firmware_model.states import State
 
@@ -90,7 +94,7 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
         homes=((3, 5.0, 5.0),),
         failed_tries=((7, 5),),
     )
-    takeover = Takeover(
+    takeover = FlightMission(
         lambda state: EnergyExchange(
             pool.mission,
             told,
@@ -154,8 +158,8 @@ def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> N
 def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -> None:
     flying = Flying(pool)
     mission = flying.flight.supervisor.mission
-    assert isinstance(mission, Takeover) and mission.by_hand is None
-    again = Takeover(
+    assert isinstance(mission, FlightMission) and mission.by_hand is None
+    again = FlightMission(
         mission._planned, mission._by_hand, CallQueue(), MissionState(phase=Phase.COMMANDED, cost_m=7.0)
     )
     assert again.by_hand is not None
@@ -163,8 +167,8 @@ def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -
 
 
 def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
-    hand = open_flight(pool, (CallQueue(),))[0].supervisor.mission
-    assert isinstance(hand, ManualMission)
+    hand = open_flight(pool, ())[0].supervisor.mission
+    assert isinstance(hand, FlightMission)
     assert hand.take_over() == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to which to give the aPad back"):
         hand.give_back()
@@ -281,6 +285,22 @@ def test_a_flight_by_hand_that_was_not_stopped_has_nothing_to_continue(pool: Sce
     assert asked(flying, Act.CONTINUE) == (False, NOTHING_STOPPED)
     assert asked(flying, Act.STOP) == (True, "")
     assert asked(flying, Act.CONTINUE) == (True, "")
+
+
+class WithoutPosition(InProcessVehicle):
+    """A vehicle that says everything but where it is."""
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        return [it for it in super().advance(now_ms) if not isinstance(it, PoseReported)]
+
+
+def test_a_stop_by_hand_does_not_wait_for_the_first_position(pool: Scenario) -> None:
+    vehicle = WithoutPosition(parts.simulated_apad(pool))
+    flying = Flying.by_calls(pool, lambda context: replace(context, vehicle=vehicle))
+    flying.seconds(3)
+    assert asked(flying, Act.STOP) == (True, "")
+    stop = flying.gate.stops.in_force
+    assert stop is not None and stop.kind is StopKind.OFF and stop.taken_ms is not None
 
 
 def test_a_stop_by_hand_that_stopped_no_order_is_continued_all_the_same(pool: Scenario) -> None:

@@ -1,19 +1,20 @@
-"""A mission that a person may take over, fly by hand, and give back (the paper's scenario, section V-A).
+"""The mission of a flight that takes calls: flown by the plan or by hand.
 
-Both missions share one state: the docked aMussels, homes, the distance so far. While a person flies, nobody
-plans. After the person gives the aPad back, the mission begins at the start of its figure and charges the
-aMussels aboard first.
+A person may take the plan's aPad over, fly it by hand, and give it back (the paper's scenario, section V-A). Both missions
+share one state: the docked aMussels, homes, the distance so far. While a person flies, nobody plans. After the person gives
+the aPad back, the mission begins at the start of its figure and charges the aMussels aboard first. Where no mission plans,
+calls and a script fly the aPad from beginning to end.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Protocol
 
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import Phase
 from apad_bridge.events.persons import Overridden
-from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import AllowMotion, Order
@@ -24,16 +25,36 @@ from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.primitives import GoToPoint, Outcome
 
 FLIES_ALREADY = "the mission flies the aPad already"
+WAITS_ALREADY = "the mission waits already"
 
 
-class Takeover:
-    """`planned` makes the mission that plans, `by_hand` the mission that follows calls, each from a state."""
+class Calls(Protocol):
+    """The calls of other threads (`call_queue.py`)."""
+
+    def serve(self, flown: FlightMission, manual: Callable[[], ManualMission | None]) -> None:
+        """Runs the calls since the last tick; each may change who flies the aPad, so each asks `manual` again."""
+        ...
+
+    def show(self, manual: ManualMission | None) -> None:
+        """Ends the tick."""
+        ...
+
+    def close(self, reason: str) -> None:
+        """Takes no calls any more, for this reason."""
+        ...
+
+
+class FlightMission:
+    """`planned` makes the mission that plans, `by_hand` the mission that follows calls, each from a state.
+
+    Without `planned` no mission plans, and the aPad cannot be given back to one.
+    """
 
     def __init__(
         self,
-        planned: Callable[[MissionState | None], EnergyExchange],
+        planned: Callable[[MissionState | None], EnergyExchange] | None,
         by_hand: Callable[[MissionState], ManualMission],
-        calls: CallQueue,
+        calls: Calls,
         state: MissionState | None = None,
     ) -> None:
         self._planned = planned
@@ -45,9 +66,10 @@ class Takeover:
         self._orders: list[Order] = []
         self._flying: EnergyExchange | ManualMission
         # A resumed flight goes on as it was flown, by hand or by the plan.
-        self._flying = (
-            by_hand(state) if state is not None and state.phase is Phase.COMMANDED else planned(state)
-        )
+        if planned is None or (state is not None and state.phase is Phase.COMMANDED):
+            self._flying = by_hand(state or MissionState())
+        else:
+            self._flying = planned(state)
 
     @property
     def state(self) -> MissionState:
@@ -81,10 +103,14 @@ class Takeover:
 
     def advance(self, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
+        if self.by_hand is not None:
+            self.by_hand.begin(now_ms)
         self._calls.serve(self, lambda: self.by_hand)
         orders, self._orders = self._orders, []
         orders += self._flying.advance(now_ms)
         self._calls.show(self.by_hand)
+        if self.state.phase is Phase.ENDED:
+            self._calls.close(str(self.state.ended_by))
         return orders
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
@@ -117,6 +143,8 @@ class Takeover:
         if self.by_hand is not None:
             if by == "person":
                 self.tell(Overridden(True, by))
+            if self._planned is None:
+                return "no mission plans in this flight: orders are taken without it"
             return "the aPad was taken over already"
         self._leave_to(by)
         return ""
@@ -134,7 +162,10 @@ class Takeover:
         return (self.by_hand or self._by_hand(self.state)).go_to_target(north_m, east_m, speed_m_s)
 
     def go_to(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> None:
-        """A person's go-to. It takes the aPad over where the plan flies it, and replaces an order that was stopped."""
+        """A person's go-to. It takes the aPad over where the plan flies it, and then replaces an order that was stopped.
+
+        Where no mission plans, a script may wait for the stopped order, which goes on first.
+        """
         self.go_to_target(north_m, east_m, speed_m_s)
         self._taken_over().go_to(north_m, east_m, speed_m_s)
 
@@ -153,6 +184,8 @@ class Takeover:
 
     def _give_back(self, allowed: AllowMotion) -> str:
         manual = self.by_hand
+        if self._planned is None:
+            raise Refused("this flight has no mission to which to give the aPad back")
         if manual is None:
             self.order(allowed)
             return FLIES_ALREADY
@@ -176,29 +209,35 @@ class Takeover:
         if manual is None:
             self._leave_to("person")
             return ""
-        if manual.is_busy:
-            return manual.stop()
-        return "the mission waits already"
+        if (manual.is_busy or self._planned is None) and not manual.paused:
+            manual.stop()
+            return ""
+        return WAITS_ALREADY
 
     @property
     def waits(self) -> bool:
-        """A person has the aPad, and may continue what was stopped, or else give it back."""
-        return self.by_hand is not None
+        """`go_on` would change something: a person may continue what was stopped, or else give the aPad back."""
+        manual = self.by_hand
+        return manual is not None and (manual.paused or self._planned is not None)
 
     def go_on(self, allowed: AllowMotion) -> str:
         """Goes on with a person's order that was stopped, or else gives the aPad back."""
-        if self.by_hand is not None and self.by_hand.paused:
-            self.order(allowed)
-            self.by_hand.resume()
-            return "a person still flies the aPad: continue again to give it back"
-        return self._give_back(allowed)
+        manual = self.by_hand
+        if manual is None or not (manual.paused or self._planned is None):
+            return self._give_back(allowed)
+        self.order(allowed)
+        manual.resume()
+        return (
+            "" if self._planned is None else "a person still flies the aPad: continue again to give it back"
+        )
 
     def _taken_over(self) -> ManualMission:
         if self.by_hand is None:
             self.take_over()
         manual = self.by_hand
         assert manual is not None
-        manual.forget_stopped()
+        if self._planned is not None:
+            manual.forget_stopped()
         return manual
 
     def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool, by: str) -> None:
