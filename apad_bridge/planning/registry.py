@@ -21,7 +21,7 @@ from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedepl
 from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.planning.triage import Triage, by_load
+from apad_bridge.planning.triage import ByLoad, Triage
 
 GROUP = "musselbed.strategies"
 
@@ -38,7 +38,7 @@ _BUILT_IN: dict[str, Callable[[], Any]] = {
 }
 _SCALED: dict[str, Callable[[Scales], Any]] = {
     "blend": Blend,
-    "by-load": by_load,
+    "by-load": ByLoad,
     "charge-groups": ChargeGroups,
     "exact": Exact,
     "rollout": Rollout,

@@ -20,7 +20,7 @@ from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution
-from apad_bridge.planning.triage import FLOOR_DISCHARGES, Triage, by_load, is_overloaded
+from apad_bridge.planning.triage import ByLoad, Triage, is_overloaded
 from apad_bridge.scenario.loader import load
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 
@@ -237,17 +237,21 @@ def test_triage_is_cautious_without_overload_and_passes_the_empty_over_with_it()
     assert all(step.agent_id % 2 == 0 for step in Triage().plan(fleet_of(24), 4).steps)
 
 
-def test_by_load_is_a_blend_without_overload_and_triage_with_it() -> None:
+def test_by_load_is_a_blend_without_overload_and_spares_metres_with_it() -> None:
     scales = CostScales(distance_per_m=1.0, energy_per_charge=50.0)
     far = replace(fleet_of(12), candidates=tuple(swimming(k, 130 - 10 * k, 10, 0.5) for k in range(1, 13)))
-    assert by_load(scales).plan(far, 4) == Blend(scales).plan(far, 4) != Cautious().plan(far, 4)
-    assert by_load(scales).plan(fleet_of(24), 4) == Triage().plan(fleet_of(24), 4)
+    assert ByLoad(scales).plan(far, 4) == Blend(scales).plan(far, 4) != Cautious().plan(far, 4)
+    # The second gives a tenth more charge for the aPad's time. That is worth a metre, and 28 m are too far for it.
+    near, low = swimming(1, 10, 12, 0.0), swimming(2, 10, 40, 0.6)
+    crowd = replace(fleet_of(24), candidates=(near, low), others=fleet_of(24).candidates[2:])
+    assert [it.plan(crowd, 1).steps[0].agent_id for it in (Triage(), ByLoad(scales))] == [2, 1]
 
 
-def test_triage_passes_nobody_over_for_longer_than_its_floor() -> None:
-    floor_s = FLOOR_DISCHARGES / MODEL.drain_per_s
+@pytest.mark.parametrize(("strategy", "discharges"), [(Triage(), 4.0), (ByLoad(CostScales()), 8.0)])
+def test_triage_passes_nobody_over_for_longer_than_its_floor(strategy: Triage, discharges: float) -> None:
+    floor_s = discharges / MODEL.drain_per_s
     first = [
-        Triage().plan(fleet_of(24, unserved_s), 4).steps[0].agent_id
+        strategy.plan(fleet_of(24, unserved_s), 4).steps[0].agent_id
         for unserved_s in (floor_s - 1, floor_s + 1)
     ]
     assert first == [2, 1]
