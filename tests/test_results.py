@@ -1,0 +1,80 @@
+"""The page of results: what an archive keeps of a study, and what is said of the goal."""
+
+from __future__ import annotations
+
+import sys
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from scenario_files import POOL_FILE
+
+from apad_bridge.runs.studies.runner import fly_study
+from apad_bridge.runs.studies.specification import plan_of
+from apad_bridge.runs.studies.statistics import estimate_of
+
+MAKE = Path(__file__).parents[1] / "docs/results/make"
+
+
+@pytest.fixture
+def make(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The command as a module."""
+    loader = SourceFileLoader("make_results", str(MAKE))
+    spec = spec_from_loader(loader.name, loader)
+    assert spec is not None
+    module = module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, loader.name, module)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    loader.exec_module(module)
+    return module
+
+
+def test_an_archive_has_the_figures_of_each_mission(
+    make: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = plan_of(
+        {
+            "name": "short",
+            "scenarios": [str(POOL_FILE)],
+            "strategies": ["greedy", "cautious"],
+            "seeds": 2,
+            "parameters": {"duration_s": [300.0]},
+            "cells": {"few": {"fleet.count": 3}, "all": {}},
+        },
+        "test",
+        Path("/"),
+    )
+    rows = fly_study(plan, tmp_path / "short", 1)
+    monkeypatch.setattr(make, "HERE", tmp_path)
+    monkeypatch.setattr(make, "plan_named", lambda name: plan)
+    make.archive(tmp_path / "short")
+    found = make.archived("short")
+    assert [(it["setting"], it["strategy"], it["seed"]) for it in found] == [
+        (f"{cell}, 2 h", strategy, seed)
+        for cell in ("few", "all")
+        for strategy in ("greedy", "cautious")
+        for seed in (1, 2)
+    ]
+    flown = {(row["setting"], row["strategy"], row["seed"]): row for row in rows}
+    for row in found:
+        mission = flown[int(row["setting"].startswith("all")), row["strategy"], row["seed"]]
+        assert row["uptime_paper_mean"] == pytest.approx(mission["uptime_paper_mean"], abs=0.0005)
+        assert row["metres"] == pytest.approx(mission["metres"], abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("left", "gains", "missed", "verdict"),
+    [
+        (4.9, [9.0, 9.5], [], "forbidden by the bound"),
+        (20.0, [9.0, 9.1], ["metres"], "missed: metres"),
+        (20.0, [9.0, 9.1], [], "met"),
+        (20.0, [4.0, 9.1], [], "met by the mean"),
+        (20.0, [9.0], [], "met by the mean"),
+    ],
+)
+def test_the_goal_is_met_where_its_interval_is_above_it(
+    make: ModuleType, left: float, gains: list[float], missed: list[str], verdict: str
+) -> None:
+    assert make.verdict(left, estimate_of(gains, 0.95), missed) == verdict
