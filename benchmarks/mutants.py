@@ -1,10 +1,11 @@
 """Mutants of the boards in C, judged by the conformance kit: the changes that its cases catch, and those that they miss.
 
 A mutant is a board with one change, at `tries` places of each board on each route of `benchmarks.mutations` (`--row`: on
-this one alone). Cases were added for what the first route found; the held out one was chosen before a run, and none was
-added for it. `caught` ones fail a case of `musselbed mu conform`. `differing` ones only differ in a case that cites our
-own choice, and `by_chance` ones in a random script alone. `equivalent` ones show nothing outside, for the reason in
-`EQUIVALENT`; `survivors` are missed. Firmware that asks for ever is caught after the 8 s that a turn may take.
+this one alone). Cases were added for what the first route found, and a few for the held out one. The fresh one was
+chosen before a run, from places that no other route has judged, and no case was added for it. `caught` ones fail a case
+of `musselbed mu conform`. `differing` ones only differ in a case that cites our own choice, and `by_chance` ones in a
+random script alone. `equivalent` ones show nothing outside, for the reason in `EQUIVALENT`, or because the compiler makes
+the same machine code; `survivors` are missed. Firmware that asks for ever is caught after the 8 s that a turn may take.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from rich.table import Table
 
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.commands.firmware.mu_program import our_rig, rig_of
-from benchmarks.mutations import Change, first_changes, held_out_changes
+from benchmarks.mutations import Change, first_changes, fresh_changes, held_out_changes
 from benchmarks.rows import told
 from firmware_model.bench.conformance import Case, Source, Verdict, history, judged, random_cases
 from firmware_model.bench.conformance_cases import CASES
@@ -31,7 +32,7 @@ from firmware_model.bench.rigs import History, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
 TRIES, SHORT_TRIES = 42, 2
-RANDOM = 60
+RANDOM = 150
 _CC = (
     "cc",
     "-std=c99",
@@ -61,13 +62,12 @@ class Route:
     warnings: tuple[str, ...]
 
 
+# A mistake that the Makefile's compiler finds needs no kit.
+_STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 ROUTES = {
     "first": Route(lambda it: first_changes(it.files), ("-w",)),
-    # A mistake that the Makefile's compiler finds needs no kit.
-    "held out": Route(
-        lambda it: held_out_changes(it.files, it.headers),
-        ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"),
-    ),
+    "held out": Route(lambda it: held_out_changes(it.files, it.headers), _STRICT),
+    "fresh": Route(lambda it: fresh_changes(it.files, it.headers), _STRICT),
 }
 
 
@@ -142,7 +142,7 @@ def measure(tries: int = TRIES, short: bool = False, row: Sequence[str] | None =
             "boards": [
                 told(
                     {"board": name, "route": route}
-                    | _judge_mutants(board, ROUTES[route], Path(folder), SHORT_TRIES if short else tries)
+                    | _judge_mutants(board, route, Path(folder), SHORT_TRIES if short else tries)
                 )
                 for route in row or ROUTES
                 for name, board in BOARDS.items()
@@ -181,13 +181,13 @@ def show(result: dict[str, Any], console: Console) -> None:
             )
 
 
-def _judge_mutants(board: Board, route: Route, folder: Path, tries: int) -> dict[str, Any]:
+def _judge_mutants(board: Board, route: str, folder: Path, tries: int) -> dict[str, Any]:
     count, caught, differing, by_chance = 0, 0, 0, 0
     survivors, equivalent = [], []
     # Short cases first: most mutants are caught by one of them.
     cases = sorted(board.cases, key=lambda it: (it.source is Source.CHOICE, lasts_ms(it.script)))
     ours: dict[Case, History] = {}
-    for change in _compiling(board, route, folder, tries):
+    for change in _chosen(board, route, folder, tries):
         count, where = count + 1, str(change)
         if (case := _first_failed(folder / "mutant", cases, ours)) is not None:
             caught += case.source is not Source.CHOICE
@@ -198,6 +198,8 @@ def _judge_mutants(board: Board, route: Route, folder: Path, tries: int) -> dict
         ) is not None:
             by_chance += 1
             told({"mutant": where, "caught_by": case.name})
+        elif _is_same_code(board, folder, change):
+            equivalent.append(f"{where}: the same machine code")
         elif (reason := EQUIVALENT.get(change.key)) is not None:
             equivalent.append(f"{where}: {reason}")
         else:
@@ -213,19 +215,39 @@ def _judge_mutants(board: Board, route: Route, folder: Path, tries: int) -> dict
     }
 
 
-def _compiling(board: Board, route: Route, folder: Path, tries: int) -> Iterator[Change]:
-    """Yields `tries` changes that compile; `mutant` in the folder is the program with the one just yielded."""
-    compiling = (it for it in route.changes(board) if _compiled(board, route, folder, it))
-    yield from islice(compiling, tries)
+def _chosen(board: Board, chosen: str, folder: Path, tries: int) -> Iterator[Change]:
+    """Yields `tries` changes of a route that compile, and that no route before it has.
+
+    `mutant` in the folder is the program with the one just yielded.
+    """
+    before: set[Change] = set()
+    for name, route in ROUTES.items():
+        changes = (it for it in route.changes(board) if it not in before)
+        compiling = islice((it for it in changes if _compiled(board, folder, it, route.warnings)), tries)
+        if name == chosen:
+            yield from compiling
+            return
+        before |= set(compiling)
 
 
-def _compiled(board: Board, route: Route, folder: Path, change: Change) -> bool:
-    """Compiles the board with this change into `mutant`; False if the compiler refuses it."""
+def _is_same_code(board: Board, folder: Path, change: Change) -> bool:
+    """True if an optimizing compiler makes the same program with and without the change."""
+    programs = []
+    for it in (change, replace(change, new=change.old)):
+        _compiled(board, folder, it, ("-w", "-O2", "-s"), "optimized")
+        programs.append((folder / "optimized").read_bytes())
+    return programs[0] == programs[1]
+
+
+def _compiled(
+    board: Board, folder: Path, change: Change, options: Sequence[str], program: str = "mutant"
+) -> bool:
+    """Compiles the board with this change into `program`; False if the compiler refuses it."""
     path = change.path
     (folder / path.name).write_text(change.applied())
-    others = [it for it in path.parent.glob("*.c") if it != path] if board.is_whole else []
+    others = sorted(it for it in path.parent.glob("*.c") if it != path) if board.is_whole else []
     sources = map(str, (folder / path.name, *others, NATIVE / "musselbed.c"))
-    command = [*_CC, str(folder / "mutant"), *route.warnings, *sources]
+    command = [*_CC, str(folder / program), *options, *sources]
     return subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 0
 
 

@@ -5,7 +5,8 @@ the exec of the nursery to the last agent's first reply, when each firmware has 
 processor of agents, firmware and this process, by the kernel's account, over a flight of `MISSION_S` at theta 30 with the
 paper's reports; no agent runs ahead, ours neither. `window_ms` is the wall time of one window of a mission second: the
 round trip to all agents and back. `speed` is the mission's time over the wall's: a fleet with 1 or more flies in real
-time. `turn_us` is the cost of one interrupt's round trip to the C board, above that of the same interrupt to ours.
+time. `in_real_time` is the number of agents that would fly with 1, if the time of a window grew as their number.
+`turn_us` is the cost of one interrupt's round trip to the C board, above that of the same interrupt to ours.
 `ratios` compare each fleet of C boards with as many of ours.
 """
 
@@ -69,12 +70,13 @@ def show(result: dict[str, Any], console: Console) -> None:
         "CPU, ms an hour",
         "window, ms",
         "times real time",
+        "in real time",
     ):
         table.add_column(name, justify="left" if name == "firmware" else "right")
     for row in result["fleets"]:
         names = ("pss_mb_per_agent", "ready_s", "cpu_ms_per_agent_hour", "window_ms", "speed")
-        figures = [row[name] for name in names]
-        table.add_row(row["kind"], str(row["agents"]), *(f"{it:.2f}" for it in figures))
+        figures = [f"{row[name]:.2f}" for name in names]
+        table.add_row(row["kind"], str(row["agents"]), *figures, str(row["in_real_time"]))
     console.print(table)
     for it in result["ratios"]:
         cpu, ready = it["cpu_ms_per_agent_hour"], it["ready_s"]
@@ -124,6 +126,7 @@ def fleet_row(agents: int, board: Path | None, mission_s: int = MISSION_S) -> di
     return row | {
         "cpu_ms_per_agent_hour": 1000 * cpu_s / hours,
         "speed": mission_s / wall_s,
+        "in_real_time": round(agents * mission_s / wall_s),
         "window_ms": 1000 * wall_s / mission_s,
     }
 

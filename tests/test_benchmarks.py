@@ -22,7 +22,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DriftMode
 from benchmarks import bounds, chaos, planner, plans, ten_days
 from benchmarks.instances import check
-from benchmarks.mutations import first_changes, held_out_changes
+from benchmarks.mutations import first_changes, fresh_changes, held_out_changes
 
 RUN = Path(__file__).parents[1] / "benchmarks" / "run"
 GOOD = '''"""Counts its runs <and> says so."""
@@ -256,6 +256,9 @@ def test_a_held_out_mutant_has_a_mistake_of_another_kind_than_the_first_ones(tmp
     (swapped,) = [it for it in held_out_changes(files, ()) if it.key[1] == "spray(until, from);"]
     assert swapped.applied() == SOURCE.replace("spray(from, until)", "spray(until, from)")
     assert str(swapped) == "paint.c:4: spray(from, until);  ->  spray(until, from);"
+    fresh = [it.key for it in fresh_changes(files, ())]
+    assert len(set(fresh)) == len(fresh)
+    assert set(fresh) == held_out | {it.key for it in first_changes(files)}
 
 
 INSTANCES = sorted(it for it in plans.FOLDER.glob("*.json") if not it.stem.endswith("-best"))

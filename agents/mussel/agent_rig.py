@@ -8,12 +8,14 @@ from dataclasses import replace
 from typing import Any
 
 from agents.fleet import FleetConfig, resting_on_bottom
+from agents.modem.frames import Generation
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.body import BodyConfig
 from agents.mussel.defects import Part
 from agents.mussel.outputs import Output, SoundSent, WifiSent
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
+    BuoyancyJammed,
     ChargeLost,
     ClockShifted,
     CoilSlipped,
@@ -26,11 +28,12 @@ from agents.mussel.stimuli import (
     WasReset,
     WifiArrived,
 )
+from agents.water.patches import CALM, Waters
 from firmware_model.actions import Buoyancy, RunBuoyancy
 from firmware_model.bench.conformance import Case, Whole
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import Event, History, Rig, charging, ends, flowed
-from firmware_model.config import BoardConfig, Timekeeping
+from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
 from firmware_model.packets import Beacon
 from firmware_model.packets.codec import BUILT_IN, MusselbedCodec
 from firmware_model.port import FirmwareLike
@@ -39,45 +42,76 @@ from firmware_model.sinking import Sinking
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import CYCLES, METERING, board, power
 
-_DEPTH_UM = 3_000_000
+_NORTH_UM, _EAST_UM, _DEPTH_UM = 12_340_000, -5_670_000, 3_000_000
 _TRAVEL_MS = 60_000
 _BEACON_WAIT_MS = 60_000
 _NO_REPORTS_MS = 10**12
-_NUMBER = re.compile(r"(beacon|jump|loses|bus|readings|uart|writes|cells|supply):(-?\d+)")
+_TURBID = CALM | {"turbidity_ntu": Waters(((0, 2000.0),))}
+"""More than the sensor of turbidity can tell."""
+_UNEVEN = Cycle(
+    alarm_ms=2_700_000,
+    sample_ms=15_000,
+    processing_ms=40_000,
+    slots=Timeslots(frame_ms=240_000, slot_ms=6000, guard_ms=900),
+    listen_ms=50_000,
+    report_ms=20_000,
+)
+_NUMBER = re.compile(r"(beacon|jump|loses|jam|bus|readings|uart|writes|cells|supply|flash):(-?\d+)")
 _PARTS = {
     "bus": Part.BUS,
     "uart": Part.UARTS,
     "writes": Part.WRITES,
     "cells": Part.CELLS,
     "supply": Part.SUPPLY,
+    "flash": Part.FLASH,
 }
 STIMULI = (
     "slips, the coils in the dock",
     "beacon:MS, the time that an aPad tells",
     "jump:MS, of the clock chip",
     "loses:PERCENT, of the primary battery",
+    "jam:1, motors that do not move",
     "bus:1, sensors that do not answer",
     "readings:PERCENT, of noise in the batteries' readings",
     "uart:BYTES, which are kept of each packet",
     "writes:BYTES, which are written of each record",
     "cells:MASK, the bits that stay erased",
     "supply:BYTES, after which the next write ends with a brown-out",
+    "flash:1, which does not answer",
 )
 """The parts of a board fail until the same word comes with 0."""
 
 
-def whole_board(whole: Whole) -> BoardConfig:
-    """The board of a case, with Table I's loads and the id 1."""
+def whole_board(whole: Whole, agent_id: int = 1) -> BoardConfig:
+    """The board of a case, with Table I's loads."""
     metering = METERING if whole.metered else None
-    config = board(
-        CYCLES[whole.sleep], power(whole.last_resort, 0, metering, grains(whole.low_level)), agent_id=1
-    )
-    assert config.whole is not None
+    cycle = _UNEVEN if whole.uneven else CYCLES[whole.sleep]
+    config = board(cycle, power(whole.last_resort, 0, metering, grains(whole.low_level)), agent_id)
+    full = config.whole
+    assert full is not None
+    if whole.uneven:
+        config = replace(
+            config,
+            pin_debounce_ms=80,
+            pin_chatter_ms=3000,
+            pin_check_ms=45_000,
+            boot_ms=5000,
+            release_wait_ms=75_000,
+        )
+        full = replace(
+            full,
+            transmit_ms=1500,
+            call_ms=420_000,
+            hover_ms=780_000,
+            stay_down_ms=14_400_000,
+            turnaround_ms=700,
+            answer_ms=250,
+        )
     if whole.doubt_ppm is not None:
-        timekeeping = Timekeeping(1000 * whole.doubt_ppm, _BEACON_WAIT_MS)
-        config = replace(config, whole=replace(config.whole, timekeeping=timekeeping))
+        full = replace(full, timekeeping=Timekeeping(1000 * whole.doubt_ppm, _BEACON_WAIT_MS))
     return replace(
         config,
+        whole=full,
         drift_ppb=1000 * whole.drift_ppm,
         surfacing_timeout_ms=3 * _TRAVEL_MS,
         float_timeout_ms=60_000 * whole.float_min,
@@ -107,7 +141,7 @@ class AgentRig(Rig):
     def __init__(self, case: Case, command: tuple[str, ...] = (), cost_ms: int = 0, seed: int = 1) -> None:
         whole = case.whole or Whole()
         reports_ms = _NO_REPORTS_MS if whole.report_min is None else 60_000 * whole.report_min
-        self._model = whole_board(whole)
+        self._model = whole_board(whole, case.agent_id)
         fleet = FleetConfig(
             theta=1,
             seed=1,
@@ -116,10 +150,15 @@ class AgentRig(Rig):
             body=BodyConfig(
                 Sinking(_DEPTH_UM, _TRAVEL_MS, _TRAVEL_MS), drifts_always=False, drift_amplitude_um=0
             ),
-            reports=ReportConfig(reports_ms, heard_always=False),
+            reports=ReportConfig(
+                reports_ms, heard_always=False, modem=Generation.V2 if whole.short_modem else Generation.V3
+            ),
+            waters=_TURBID if whole.turbid else CALM,
         )
         config = AgentConfig(self._model, fleet.maker().config(1).water, fleet.reports, command)
-        physical = resting_on_bottom(0.0, 0.0, _DEPTH_UM / 1e6, case.primary, whole.secondary)
+        physical = resting_on_bottom(
+            _NORTH_UM / 1e6, _EAST_UM / 1e6, _DEPTH_UM / 1e6, case.primary, whole.secondary
+        )
         if whole.docked:
             physical = replace(
                 physical,
@@ -141,7 +180,7 @@ class AgentRig(Rig):
         self.outputs += self.agent.advance(self.now_ms)
 
     def pin(self, high: bool, *, noticed: bool) -> None:
-        contact = ContactClosed(0, 0) if high else ContactOpened()
+        contact = ContactClosed(_NORTH_UM, _EAST_UM) if high else ContactOpened()
         if noticed:
             self._tell(contact)
         else:
@@ -167,6 +206,8 @@ class AgentRig(Rig):
             self._tell(SoundArrived(Beacon(1, number).encode()))
         elif word == "jump":
             self._tell(ClockShifted(number))
+        elif word == "jam":
+            self._tell(BuoyancyJammed(number))
         elif word == "loses":
             self._tell(ChargeLost(grains(number / 100), 0))
         elif word == "readings":

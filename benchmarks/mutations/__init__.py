@@ -2,8 +2,8 @@
 
 The `first` route changes an operator or a constant, or deletes a statement. The `held out` route makes mistakes of other
 kinds, each kind in its turn: a negated condition, a bound off by one, a missing `else`, arguments the wrong way round, a
-wrong unit or width, a name for another of its kind, and two statements in the wrong order. Lines that only say something to
-people are left out.
+wrong unit or width, a name for another of its kind, and two statements in the wrong order. The `fresh` route takes all
+these kinds in another order. Lines that only say something to people are left out.
 """
 
 from __future__ import annotations
@@ -116,10 +116,23 @@ def first_changes(files: Sequence[Path]) -> Iterator[Change]:
 
 def held_out_changes(files: Sequence[Path], headers: Sequence[Path]) -> Iterator[Change]:
     """One of each kind after the other. `headers` have enumerations whose members the files use, besides their own."""
-    kinds = [_replaced(files, patterns) for patterns in _HELD_OUT.values()]
-    kinds += [_names(files, headers), _orders(files)]
     first = set(_replaced(files, _FIRST))
-    in_turn = zip_longest(*(_hashed((it for it in kind if it not in first), "held out") for kind in kinds))
+    kinds = _held_out_kinds(files, headers)
+    yield from _in_turn([(it for it in kind if it not in first) for kind in kinds], "held out")
+
+
+def fresh_changes(files: Sequence[Path], headers: Sequence[Path]) -> Iterator[Change]:
+    """One of each kind of both other routes after the other."""
+    yield from dict.fromkeys(_in_turn([*_held_out_kinds(files, headers), _replaced(files, _FIRST)], "fresh"))
+
+
+def _held_out_kinds(files: Sequence[Path], headers: Sequence[Path]) -> list[Iterator[Change]]:
+    kinds = [_replaced(files, patterns) for patterns in _HELD_OUT.values()]
+    return [*kinds, _names(files, headers), _orders(files)]
+
+
+def _in_turn(kinds: Sequence[Iterator[Change]], salt: str) -> Iterator[Change]:
+    in_turn = zip_longest(*(_hashed(kind, salt) for kind in kinds))
     yield from (it for it in chain.from_iterable(in_turn) if it is not None)
 
 

@@ -80,6 +80,12 @@ class Whole:
     """It sinks again after so many minutes afloat."""
     report_min: int | None = None
     """The minutes between the reports that the experiment asks for; None for none."""
+    uneven: bool = False
+    """Each of its times differs from every other one and from the usual one; `sleep` has no effect."""
+    turbid: bool = False
+    """The water is beyond the range of a sensor."""
+    short_modem: bool = False
+    """A v2 nanomodem, whose packets have 7 bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +117,8 @@ class Case:
     """A time that the board must have by the paper, whatever ours does."""
     is_near_tie: bool = False
     """Milliseconds decide it, so firmware that takes time may rightly decide otherwise."""
+    agent_id: int = 1
+    """The board's id. The commands by name are for aMussel 1."""
 
 
 @dataclass(frozen=True, slots=True)

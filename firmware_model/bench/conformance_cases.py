@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from binascii import crc_hqx
-
 from firmware_model.bench.conformance import Case, PaperTime, Source
+from firmware_model.bench.wrong_packets import UNKNOWN_LAYOUTS, by_sound, checked, damages
 from firmware_model.packets import (
     EVERYONE,
     Beacon,
@@ -18,7 +17,7 @@ from firmware_model.packets import (
     StatusPacket,
     Threshold,
 )
-from firmware_model.states import State
+from firmware_model.states import TABLE, State, Trigger
 
 _UP = "3s permission 70s"
 """It floats."""
@@ -26,6 +25,7 @@ _DOCKED = f"{_UP} rises 10min"
 _RELEASED = f"{_DOCKED} falls 1s"
 _SINKING = f"{_UP} sink 30s"
 _PERMISSION = CommandPacket(Kind.PERMISSION, 1).encode()
+_RELEASE = CommandPacket(Kind.RELEASE, 1).encode()
 _STATUS = StatusPacket(1, 0, State.ACTIVE, 0.5, 0.5, 0.0, 0.0, 0.0, 0).encode()
 
 
@@ -33,15 +33,7 @@ def _of(kind: Kind, agent_id: int) -> str:
     return CommandPacket(kind, agent_id).encode().hex()
 
 
-def _checked(body: bytes) -> str:
-    """A body with the check of docs/packets.md: CRC-16/CCITT, little-endian."""
-    return (body + crc_hqx(body, 0xFFFF).to_bytes(2, "little")).hex()
-
-
-def _damaged(n: int) -> str:
-    data = bytearray(_PERMISSION)
-    data[n // 8] ^= 1 << n % 8
-    return data.hex()
+_DAMAGED = damages(_PERMISSION)
 
 
 _PAPER = [
@@ -107,6 +99,28 @@ _PACKETS = [
         "a command has the id of its receiver",
         f"3s sound:{_of(Kind.PERMISSION, 2)} 3min",
     ),
+    *(
+        Case(
+            f"{kind.name.lower()}-for-all",
+            Source.PACKETS,
+            "id 0 addresses all",
+            f"{_UP} sound:{_of(kind, EVERYONE)} 3min",
+        )
+        for kind in (Kind.RELEASE, Kind.SINK)
+    ),
+    Case(
+        "with-the-id-300",
+        Source.PACKETS,
+        "an id has two bytes",
+        " ".join(
+            [
+                "3s",
+                *(f"sound:{_of(Kind.PERMISSION, it)}" for it in (1, 44, 257)),
+                f"1min sound:{_of(Kind.PERMISSION, 300)} 3min",
+            ]
+        ),
+        agent_id=300,
+    ),
     Case("for-257", Source.PACKETS, "an id has two bytes", f"3s sound:{_of(Kind.PERMISSION, 257)} 3min"),
     Case("for-256", Source.PACKETS, "an id is little-endian", f"3s sound:{_of(Kind.PERMISSION, 256)} 3min"),
     Case(
@@ -117,7 +131,7 @@ _PACKETS = [
             f"bit-{n}-flipped",
             Source.PACKETS,
             "the CRC detects every single bit error",
-            f"3s sound:{_damaged(n)} 3min",
+            f"3s sound:{_DAMAGED[n].hex()} 3min",
         )
         for n in (0, 9, 17, 30, 39, 47)
     ),
@@ -140,7 +154,7 @@ _PACKETS = [
         "every-bit-flipped",
         Source.PACKETS,
         "the CRC detects every single bit error",
-        " ".join(["3s", *(f"sound:{_damaged(n)}" for n in range(8 * len(_PERMISSION))), "3min"]),
+        f"3s {by_sound(_DAMAGED)} 3min",
     ),
     Case(
         "every-length",
@@ -158,14 +172,26 @@ _PACKETS = [
         "every-kind",
         Source.PACKETS,
         "an unknown kind is dropped",
-        " ".join(["3s", *(f"sound:{_checked(bytes([1, kind, 1, 0]))}" for kind in range(13, 256)), "3min"]),
+        f"3s {by_sound([checked(bytes([1, kind, 1, 0])) for kind in range(13, 256)])} 3min",
+    ),
+    Case(
+        "every-layout",
+        Source.PACKETS,
+        "version, kind and size belong together",
+        f"3s {by_sound(UNKNOWN_LAYOUTS)} 3min",
+    ),
+    Case(
+        "every-bit-of-a-release",
+        Source.PACKETS,
+        "the CRC detects every single bit error",
+        f"{_UP} {by_sound(damages(_RELEASE))} 3min",
     ),
     Case("a-status", Source.PACKETS, "a status is no command", f"3s sound:{_STATUS.hex()} 3min"),
     Case(
         "another-version",
         Source.PACKETS,
         "an unknown version is dropped",
-        f"3s sound:{_checked(bytes([9, Kind.PERMISSION, 1, 0]))} 3min",
+        f"3s sound:{checked(bytes([9, Kind.PERMISSION, 1, 0])).hex()} 3min",
     ),
     Case(
         "a-beacon",
@@ -424,4 +450,76 @@ _STATES = [
     Case("permission-in-a-boot", Source.CHOICE, "a booting board takes no command", "1s permission 3min"),
     Case("boot-time", Source.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 3min"),
 ]
-CASES = (*_PAPER, *_PACKETS, *_STATES)
+WAYS_INTO: dict[State, tuple[float, str]] = {
+    State.BOOTING: (0.5, "1s"),
+    State.ACTIVE: (0.5, "10s"),
+    State.SURFACING: (0.5, "3s permission 20s"),
+    State.FLOATING: (0.5, _UP),
+    State.CHARGING: (0.5, _DOCKED),
+    State.RELEASED: (0.5, _RELEASED),
+    State.SINKING: (0.5, _SINKING),
+    State.EMPTY: (0.05, "2h"),
+}
+"""A way into each state: the charge and a script."""
+_ORDERS = {
+    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
+    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
+    Kind.SINK: Trigger.SINK_TOLD,
+}
+_TABLE = [
+    *(
+        Case(
+            f"{kind.name.lower()}-in-{state.name.lower()}",
+            Source.STATES,
+            f"the table: {state.name} takes {trigger.name}",
+            f"{script} sound:{_of(kind, 1)} 5min",
+            primary,
+        )
+        for state, (primary, script) in WAYS_INTO.items()
+        for kind, trigger in _ORDERS.items()
+        if (state, trigger) in TABLE
+    ),
+    *(
+        Case(
+            f"nothing-else-in-{state.name.lower()}",
+            Source.STATES,
+            f"the table: {state.name} takes no other order",
+            " ".join(
+                [
+                    script,
+                    *(
+                        f"sound:{_of(kind, 1)}"
+                        for kind, trigger in _ORDERS.items()
+                        if (state, trigger) not in TABLE
+                    ),
+                    "5min",
+                ]
+            ),
+            primary,
+        )
+        for state, (primary, script) in WAYS_INTO.items()
+        if state is not State.CHARGING  # it keeps a release
+    ),
+    *(
+        Case(
+            f"docked-in-{state.name.lower()}",
+            Source.STATES,
+            f"the table: {state.name} takes CHARGE_EDGE_ROSE",
+            f"{script} rises 10min falls 1s release 2min",
+            primary,
+        )
+        for state, (primary, script) in WAYS_INTO.items()
+        if (state, Trigger.CHARGE_EDGE_ROSE) in TABLE
+    ),
+    *(
+        Case(
+            f"a-reset-in-{state.name.lower()}",
+            Source.STATES,
+            "a reset boots the board, which then determines where it is",
+            f"{script} brown_out 10min permission 70s rises 10min",
+            primary,
+        )
+        for state, (primary, script) in WAYS_INTO.items()
+    ),
+]
+CASES = (*_PAPER, *_PACKETS, *_STATES, *_TABLE)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from binascii import crc_hqx
 from dataclasses import replace
 
 from firmware_model.bench.conformance import Case, PaperTime, Source, Whole
+from firmware_model.bench.wrong_packets import (
+    EVERY_COMMAND,
+    OTHER_VERSIONS,
+    UNKNOWN_LAYOUTS,
+    by_sound,
+    checked,
+    damages,
+)
 from firmware_model.config import LastResort
 from firmware_model.packets import (
     EVERYONE,
@@ -20,6 +27,7 @@ from firmware_model.packets import (
     SlotAssignment,
     Threshold,
 )
+from firmware_model.states import TABLE, State, Trigger
 
 _NEVER, _HOURLY, _FIELD = Whole("never"), Whole("hourly"), Whole("field")
 _UP = "3s permission 70s"
@@ -36,22 +44,9 @@ def _wifi(command: Command) -> str:
     return f"wifi:{command.encode().hex()}"
 
 
-def _version_9(command: Command) -> str:
-    """The command's bytes with another version, and the check of docs/packets.md for it."""
-    body = b"\x09" + command.encode()[1:-2]
-    return (body + crc_hqx(body, 0xFFFF).to_bytes(2, "little")).hex()
-
-
-_EVERY_COMMAND: tuple[Command, ...] = (
-    *(CommandPacket(kind, 1) for kind in (Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.HOVER)),
-    HoverAt(1, 1.25),
-    SleepSchedule(1, 60_000, 10_000),
-    SlotAssignment(1, 300_000, 3000, 500, 7, 0),
-    SetThreshold(1, Threshold.SAFE_LEVEL, 0.5),
-    Beacon(1, 3_595_000),
-)
 _SINK = _wifi(CommandPacket(Kind.SINK, 1))
 """Sound does not reach a modem in air."""
+_ASKED = _wifi(CommandPacket(Kind.BACK_UP_LOG, 1))
 _EACH_MINUTE = _sound(SleepSchedule(1, 60_000, 10_000))
 _SLOT_7 = _sound(SlotAssignment(1, 300_000, 3000, 500, 7, 0))
 _HUNDRED_SAMPLES = f"3s {_EACH_MINUTE} 100min permission 70s rises"
@@ -274,7 +269,7 @@ _PINGS = [
         "other-versions",
         Source.PACKETS,
         "a kind of an unknown version is dropped",
-        " ".join(["10s", *(f"sound:{_version_9(it)}" for it in _EVERY_COMMAND), "2h ping 1min"]),
+        f"10s {by_sound(OTHER_VERSIONS)} 2h ping 1min",
     ),
     _case(
         "every-length",
@@ -410,7 +405,7 @@ _LOG = [
         "asked-for-its-log",
         Source.PACKETS,
         "BACK_UP_LOG sends what waits",
-        f"3h permission 70s 1s {_wifi(CommandPacket(Kind.BACK_UP_LOG, 1))} 1min",
+        f"3h permission 70s 1s {_ASKED} 1min",
     ),
     _case(
         "an-upload-keeps-it-awake",
@@ -614,4 +609,566 @@ _EMERGENCY = [
         0.01,
     ),
 ]
-WHOLE_CASES = (*_PAPER, *_SLEEP, *_PINGS, *_TRAVEL, *_LOG, *_FAULTS, *_EMERGENCY)
+_UNEVEN = Whole(uneven=True)
+_TIMES = [
+    _case(
+        f"other-times-{name}",
+        Source.STATES,
+        f"the scenario's times: {requirement}",
+        script,
+        whole,
+        primary,
+        tolerance_ms=_LEVEL_MS if whole.last_resort is LastResort.CALL else 20,
+    )
+    for name, requirement, script, whole, primary in (
+        ("of-a-wake", "listening, sensors, the Pi, the slot and its guard", "4h", _UNEVEN, 1.0),
+        ("of-a-report", "a report's length", f"{_DOCKED} 3h", _UNEVEN, 0.3),
+        (
+            "of-an-upload",
+            "its length after an acknowledgement",
+            f"{_REPORTING} {_wifi(LogAck(1, 72))} 2min",
+            _UNEVEN,
+            1.0,
+        ),
+        ("of-a-boot", "a boot", "4s permission 2s permission 3min", _UNEVEN, 1.0),
+        ("of-a-release", "the wait for a release", f"{_RELEASED} 10min", _UNEVEN, 1.0),
+        ("of-an-edge", "the debounce", f"{_UP} rises 79ms falls 1min rises 81ms falls 10min", _UNEVEN, 0.4),
+        ("of-a-chatter", "a chatter", f"{_UP} chatter:60:10:46 {_SINK} rises 1h", _UNEVEN, 0.4),
+        (
+            "of-a-check",
+            "the look for a lost edge",
+            f"{_UP} rises_unseen 10min falls_unseen 10min",
+            _UNEVEN,
+            0.4,
+        ),
+        ("of-a-hover", "the time between two runs", "10s hover 1h", _UNEVEN, 1.0),
+        ("of-an-answer", "turnaround and answer", "10min ping 5min ping 650ms ping 5min", _UNEVEN, 1.0),
+        ("of-a-call", "the time between two calls", "10h", replace(_CALLS, uneven=True), 0.005),
+        (
+            "of-an-order-to-stay",
+            "no last resort after an order to sink",
+            "2h permission 20s sink 1s 20h",
+            replace(_SURFACES, uneven=True),
+            0.005,
+        ),
+    )
+]
+_TOLD = [
+    _case(
+        "both-charges-told",
+        Source.PACKETS,
+        "a status has both charges",
+        f"10s ping 2h ping {_UPLOADED}",
+        Whole("field", 0.7),
+        0.4,
+    ),
+    _case(
+        "reports-through-a-service",
+        Source.PACKETS,
+        "a report has the state, the feed, the rails and the reset's cause",
+        f"{_RELEASED} 30s release 3min brown_out 10min",
+        Whole("field", 0.8, report_min=1),
+        0.6,
+    ),
+    _case(
+        "reports-hovering",
+        Source.PACKETS,
+        "a report has the state, the feed and the rails",
+        "10s hover 15min sink 5min",
+        Whole("hourly", report_min=1),
+    ),
+    _case(
+        "reports-on-its-backup",
+        Source.PACKETS,
+        "a report has the battery that feeds the board",
+        "3h permission 70s rises 3h",
+        Whole("hourly", report_min=7),
+        0.005,
+    ),
+    *(
+        _case(
+            f"reports-a-clock-{told}",
+            Source.PACKETS,
+            "a report has the clock's offset to the last beacon",
+            f"10min {_sound(Beacon(1, 600_000 + late_ms))} {_UPLOADED} brown_out 1h",
+        )
+        for told, late_ms in (("ahead", -70_000), ("behind", 300))
+    ),
+    _case(
+        "a-year-behind",
+        Source.CHOICE,
+        "an offset that does not fit is told as the largest",
+        f"10min {_sound(Beacon(1, 40_000_000_000))} {_UPLOADED}",
+    ),
+    _case(
+        "beyond-a-sensor-s-range",
+        Source.PACKETS,
+        "a sample beyond a sensor's range is marked",
+        _UPLOADED,
+        Whole("field", turbid=True),
+    ),
+    _case(
+        "a-short-modem",
+        Source.PACKETS,
+        "a v2 nanomodem carries 7 bytes",
+        "80min",
+        Whole("field", short_modem=True),
+    ),
+]
+_PACKETS = [
+    _case(
+        "every-bit-flipped",
+        Source.PACKETS,
+        "the CRC detects every single bit error",
+        f"10s {by_sound([it for command in EVERY_COMMAND for it in damages(command.encode())])} 2h ping {_UPLOADED}",
+        _FIELD,
+    ),
+    _case(
+        "every-layout",
+        Source.PACKETS,
+        "version, kind and size belong together",
+        f"10s {by_sound(UNKNOWN_LAYOUTS)} 2h ping {_UPLOADED}",
+        _FIELD,
+    ),
+    _case(
+        "for-all",
+        Source.PACKETS,
+        "id 0 addresses all",
+        f"10s {_sound(CommandPacket(Kind.HOVER, EVERYONE))} 15min {_sound(CommandPacket(Kind.SINK, EVERYONE))} 5min"
+        f" {_sound(CommandPacket(Kind.PERMISSION, EVERYONE))} 70s {_wifi(CommandPacket(Kind.RELEASE, EVERYONE))} 3min",
+    ),
+    replace(
+        _case(
+            "with-the-id-300",
+            Source.PACKETS,
+            "an id has two bytes",
+            " ".join(
+                [
+                    "10s",
+                    *(_sound(CommandPacket(Kind.HOVER, it)) for it in (1, 44, 257, 300 << 8 & 0xFFFF)),
+                    f"1min {_sound(CommandPacket(Kind.PING, 300))} 1min",
+                    f"{_sound(CommandPacket(Kind.PERMISSION, 300))} 70s rises 2h",
+                ]
+            ),
+            _FIELD,
+        ),
+        agent_id=300,
+    ),
+    _case(
+        "numbers-of-four-bytes",
+        Source.PACKETS,
+        "frame, slot and offset have four bytes, guard and index two",
+        f"3s {_sound(SlotAssignment(1, 30_000_000, 90_000, 700, 300, -70_000))} 20h",
+        _FIELD,
+    ),
+    _case(
+        "a-wake-of-two-minutes",
+        Source.PACKETS,
+        "the length of a wake has four bytes",
+        f"3s {_sound(SleepSchedule(1, 900_000, 120_000))} 4h",
+        _FIELD,
+    ),
+    _case(
+        "in-the-last-slot",
+        Source.PACKETS,
+        "a timeslot may end with its frame",
+        f"3s {_sound(SlotAssignment(1, 60_000, 4000, 1500, 14, 0))} 3h",
+        _FIELD,
+    ),
+    *(
+        _case(f"a-slot-{name}", source, requirement, f"3s {_sound(slot)} 3h", _FIELD)
+        for name, source, requirement, slot in (
+            (
+                "of-no-time",
+                Source.PACKETS,
+                "a timeslot without time is refused",
+                SlotAssignment(1, 300_000, 0, 0, 0, 0),
+            ),
+            (
+                "beyond-by-one",
+                Source.PACKETS,
+                "a timeslot beyond its frame is refused",
+                SlotAssignment(1, 59_999, 4000, 1500, 14, 0),
+            ),
+            (
+                "with-a-long-guard",
+                Source.CHOICE,
+                "a guard is shorter than its timeslot",
+                SlotAssignment(1, 60_000, 4000, 4000, 3, 0),
+            ),
+        )
+    ),
+    *(
+        _case(f"a-schedule-{name}", source, requirement, f"3s {_sound(schedule)} 3h", _FIELD)
+        for name, source, requirement, schedule in (
+            ("of-no-time", Source.PACKETS, "a period without time is refused", SleepSchedule(1, 0, 0)),
+            ("without-a-wake", Source.CHOICE, "a wake has a length", SleepSchedule(1, 600_000, 0)),
+            (
+                "of-wakes-alone",
+                Source.CHOICE,
+                "a wake is shorter than its period",
+                SleepSchedule(1, 600_000, 600_000),
+            ),
+        )
+    ),
+    *(
+        _case(
+            f"a-level-of-number-{which}",
+            Source.PACKETS,
+            "a threshold is one of three",
+            f"3s sound:{checked(bytes([2, 9, 1, 0, which, 255, 200])).hex()} {_UPLOADED}",
+            Whole("field", 0.5, low_level=0.5),
+            0.502,
+        )
+        for which in (3, 255)
+    ),
+    *(
+        _case(
+            f"a-beacon-{name}",
+            Source.CHOICE,
+            "the latest time that a beacon may tell is 2^53 ms",
+            f"10s {_sound(Beacon(1, (1 << 53) + by_ms))} 90min",
+            _FIELD,
+        )
+        for name, by_ms in (("of-the-latest-time", 0), ("too-late-by-one", 1))
+    ),
+    _case(
+        "hovers-at-12.75-m",
+        Source.PACKETS,
+        "a depth has steps of 0.25 m",
+        f"10s {_sound(HoverAt(1, 12.75))} 25min",
+    ),
+    _case(
+        "hovers-at-another-depth",
+        Source.STATES,
+        "a hovering one takes another depth",
+        f"10s {_sound(HoverAt(1, 1.25))} 15min {_sound(HoverAt(1, 2.0))} 25min",
+    ),
+    _case(
+        "a-hover-refused-is-forgotten",
+        Source.STATES,
+        "the depth of an order that was refused is not used",
+        f"10s hover 5min {_sound(HoverAt(1, 0.0))} 25min",
+    ),
+]
+_ROUND = [
+    _case(
+        "does-not-come-up",
+        Source.STATES,
+        "one that does not come up in 180 s runs its motors back",
+        "10s jam:1 permission 10min jam:0 permission 3min",
+    ),
+    _case("comes-up-late", Source.STATES, "179 s are in time", "10s jam:1 permission 118s jam:0 10min"),
+    _case(
+        "a-release-is-used-once",
+        Source.STATES,
+        "a release belongs to one docking",
+        f"{_DOCKED} release 1s falls 3min permission 70s rises 1min falls 10min",
+    ),
+    _case(
+        "release-forgotten",
+        Source.STATES,
+        "a reset forgets a release",
+        f"{_DOCKED} release brown_out 1min falls 10min",
+    ),
+    _case(
+        "a-touch",
+        Source.STATES,
+        "a touch of 49 ms charges nothing",
+        f"{_UP} rises 49ms falls 1h",
+        primary=0.4,
+    ),
+    _case(
+        "a-gap",
+        Source.STATES,
+        "a gap of 49 ms ends no docking",
+        f"{_DOCKED} falls 49ms rises 1h falls 1s release 2min",
+        primary=0.4,
+    ),
+    _case(
+        "chatter-that-turns",
+        Source.STATES,
+        "each 2 s of chatter are judged by themselves",
+        f"{_UP} chatter:30:10:100 chatter:10:30:200 3min",
+        primary=0.4,
+    ),
+    *(
+        _case(
+            f"chatter-{percent}-percent-high",
+            Source.STATES,
+            "after 2 s of chatter the level of most of the time counts",
+            f"{_UP} chatter:{high_ms}:{50 - high_ms}:80 {_SINK} 3min",
+            primary=0.4,
+        )
+        for percent, high_ms in ((40, 20), (60, 30))
+    ),
+    _case(
+        "a-fall-missed-in-a-rise",
+        Source.STATES,
+        "a level that did not hold for 50 ms counts for nothing",
+        f"{_UP} rises 30ms falls_unseen 10min",
+        primary=0.4,
+    ),
+    _case(
+        "a-wake-finds-it",
+        Source.STATES,
+        "a wake finds a lost edge",
+        "3s rises_unseen 1s permission 200ms 1h",
+        primary=0.4,
+    ),
+    _case(
+        "a-sampling-finds-it",
+        Source.STATES,
+        "a wake finds a lost edge",
+        "59min 50s rises_unseen 9s 20s",
+        primary=0.4,
+    ),
+    _case(
+        "undocked-in-a-boot",
+        Source.STATES,
+        "a pin that fell in a boot releases",
+        f"{_DOCKED} brown_out 1s falls 10min",
+    ),
+    _case(
+        "docked-in-a-boot", Source.STATES, "a pin that rose in a boot docks", f"{_UP} brown_out 1s rises 2h"
+    ),
+    _case(
+        "a-timeslot-in-its-wake",
+        Source.PACKETS,
+        "a timeslot counts from now on",
+        f"3800s {_SLOT_7} 2h",
+        _FIELD,
+    ),
+    _case(
+        "a-schedule-in-its-wake",
+        Source.PACKETS,
+        "a schedule counts from now on",
+        f"3605s {_EACH_MINUTE} 1h",
+        _FIELD,
+    ),
+    _case(
+        "a-schedule-in-a-dock",
+        Source.PACKETS,
+        "a schedule counts from now on",
+        f"{_DOCKED} {_wifi(SleepSchedule(1, 600_000, 10_000))} 50min {_wifi(SleepSchedule(1, 600_000, 10_000))} 1h",
+    ),
+    _case(
+        "a-beacon-that-puts-off-its-slot",
+        Source.STATES,
+        "timeslots follow the clock as it is",
+        "3800s beacon:3650000 1h",
+        _FIELD,
+    ),
+    _case(
+        "a-beacon-past-its-slot",
+        Source.STATES,
+        "timeslots follow the clock as it is",
+        "3800s beacon:3950000 1h",
+        _FIELD,
+    ),
+    _case(
+        "in-doubt-after-an-hour",
+        Source.STATES,
+        "the error of the clock at the timeslot counts, since the last beacon",
+        f"3s {_SLOT_7} 55min beacon:3303000 5h beacon:21303000 2h",
+        Whole("field", doubt_ppm=40),
+    ),
+]
+_UPLOADS = [
+    _case(
+        "never-taken-by-one",
+        Source.PACKETS,
+        "one of records that were never taken is refused",
+        f"{_REPORTING} {_wifi(LogAck(1, 102))} 1s {_wifi(LogAck(1, 101))} 5min",
+    ),
+    _case(
+        "asked-in-its-dock",
+        Source.PACKETS,
+        "BACK_UP_LOG sends what waits, and prolongs the report",
+        f"{_REPORTING} 8s {_ASKED} 5min",
+    ),
+    _case(
+        "asked-in-its-sleep",
+        Source.PACKETS,
+        "without Wi-Fi none is heard",
+        f"{_HUNDRED_SAMPLES} 20s {_ASKED} 5min",
+    ),
+    _case(
+        "acknowledged-afloat",
+        Source.PACKETS,
+        "afloat its Wi-Fi is on",
+        f"3s {_EACH_MINUTE} 100min permission 70s {_ASKED} 1s {_wifi(LogAck(1, 72))} 1min",
+    ),
+    _case(
+        "acknowledged-when-released",
+        Source.PACKETS,
+        "released, its Wi-Fi is on",
+        f"{_REPORTING} falls 1s {_wifi(LogAck(1, 72))} 1s {_ASKED} 1min",
+    ),
+    _case(
+        "acknowledged-in-parts",
+        Source.PACKETS,
+        "then as many records as are acknowledged",
+        f"{_REPORTING} {_wifi(LogAck(1, 5))} 1s {_wifi(LogAck(1, 41))} 1s {_wifi(LogAck(1, 90))} 5min",
+    ),
+    _case(
+        "asked-after-an-acknowledgement",
+        Source.PACKETS,
+        "it sends what waits",
+        f"{_REPORTING} {_wifi(LogAck(1, 54))} 1s {_ASKED} 5min",
+    ),
+    _case(
+        "samples-after-an-upload",
+        Source.PACKETS,
+        "records keep their sequence through a service",
+        f"{_REPORTING} {_wifi(LogAck(1, 101))} 5min falls 1s {_SINK} 30min permission 70s rises 5min",
+    ),
+    _case(
+        "a-full-ring-acknowledged",
+        Source.PACKETS,
+        "what the ring overwrote is counted until more is acknowledged",
+        f"3s {_EACH_MINUTE} 50h permission 70s rises 2min {_wifi(LogAck(1, 300))} 1s {_wifi(LogAck(1, 2900))} 5min",
+    ),
+    _case(
+        "a-full-ring-outlives-a-reset",
+        Source.PACKETS,
+        "after a reset the board finds the newest record by its sequence",
+        f"3s {_EACH_MINUTE} 50h brown_out 10min permission 70s rises 5min",
+    ),
+    _case(
+        "a-reset-at-a-page-s-edge",
+        Source.PACKETS,
+        "after a reset the board finds the newest record by its sequence",
+        f"3s {_EACH_MINUTE} 170min brown_out 5min {_UPLOADED}",
+    ),
+    _case(
+        "two-resets",
+        Source.PACKETS,
+        "no sequence is used twice",
+        f"3s {_EACH_MINUTE} 10min supply:10 10min brown_out 10min watchdog {_UPLOADED}",
+    ),
+    _case(
+        "a-flash-that-does-not-answer",
+        Source.CHOICE,
+        "its samples are gone, and counted",
+        f"3s {_EACH_MINUTE} 10min flash:1 5min flash:0 {_UPLOADED}",
+    ),
+    _case(
+        "a-flash-that-does-not-answer-in-a-boot",
+        Source.CHOICE,
+        "the number of samples outlives it",
+        f"3s {_EACH_MINUTE} 10min flash:1 brown_out 5min flash:0 {_UPLOADED}",
+    ),
+]
+WAYS_INTO: dict[State, tuple[Whole, float, str]] = {
+    State.BOOTING: (_FIELD, 1.0, "1s"),
+    State.ACTIVE: (_FIELD, 1.0, "10s"),
+    State.SLEEPING: (_FIELD, 1.0, "10min"),
+    State.SAMPLING: (_FIELD, 1.0, "3605s"),
+    State.PROCESSING: (_FIELD, 1.0, "3640s"),
+    State.AWAITING_SLOT: (_FIELD, 1.0, "3800s"),
+    State.TRANSMITTING: (_FIELD, 1.0, "3900s 300ms"),
+    State.AWAITING_BEACON: (Whole("field", doubt_ppm=500), 1.0, "3h 75s"),
+    State.SURFACING: (_FIELD, 1.0, "3s permission 20s"),
+    State.FLOATING: (_FIELD, 1.0, _UP),
+    State.CHARGING: (_FIELD, 0.5, _DOCKED),
+    State.REPORTING: (_FIELD, 0.5, f"{_UP} rises 3550s"),
+    State.RELEASED: (_FIELD, 1.0, _RELEASED),
+    State.SINKING: (_FIELD, 1.0, f"{_RELEASED} release 20s"),
+    State.HOVERING: (_FIELD, 1.0, "10s hover 15min"),
+    State.EMPTY: (_FIELD, 0.005, "2h"),
+    State.CALLING: (Whole("field", 0.19, last_resort=LastResort.CALL), 0.005, "3552s 900ms"),
+    State.LOST: (Whole("never", 0.005), 0.005, "20h"),
+}
+"""A way into each state: the board, its charge and a script."""
+_TRIGGERS = {
+    "permission": Trigger.PERMISSION_HEARD,
+    "release": Trigger.CLEAR_TO_SINK,
+    "sink": Trigger.SINK_TOLD,
+    "ping": Trigger.PING_HEARD,
+    "hover": Trigger.HOVER_TOLD,
+    "rises": Trigger.CHARGE_EDGE_ROSE,
+    "falls": Trigger.CHARGE_EDGE_FELL,
+}
+_KINDS = {it: Kind[it.upper()] for it in ("permission", "release", "sink", "ping", "hover")}
+_KEPT = {(state, "release") for state in (State.CHARGING, State.REPORTING)}
+"""No trigger of the table, and yet an order that is kept until the pin has fallen."""
+
+
+def _ordered(word: str) -> str:
+    """The order by both media: sound does not reach a modem in air, nor Wi-Fi a board under water."""
+    if word not in _KINDS:
+        return word
+    packet = CommandPacket(_KINDS[word], 1)
+    return f"{_sound(packet)} {_wifi(packet)}"
+
+
+def _named(state: State) -> str:
+    return state.name.lower().replace("_", "-")
+
+
+_TABLE = [
+    *(
+        _case(
+            f"{word}-in-{_named(state)}",
+            Source.STATES,
+            f"the table: {state.name} takes {trigger.name}",
+            f"{script} {_ordered(word)} 25min",
+            whole,
+            primary,
+            is_near_tie=state is State.CALLING,
+        )
+        for state, (whole, primary, script) in WAYS_INTO.items()
+        for word, trigger in _TRIGGERS.items()
+        if (state, trigger) in TABLE
+    ),
+    *(
+        _case(
+            f"nothing-else-in-{_named(state)}",
+            Source.STATES,
+            f"the table: {state.name} takes no other order",
+            " ".join(
+                [
+                    script,
+                    *(
+                        _ordered(word)
+                        for word in _KINDS
+                        if (state, _TRIGGERS[word]) not in TABLE and (state, word) not in _KEPT
+                    ),
+                    "25min",
+                ]
+            ),
+            whole,
+            primary,
+            is_near_tie=state is State.CALLING,
+        )
+        for state, (whole, primary, script) in WAYS_INTO.items()
+    ),
+    *(
+        _case(
+            f"a-reset-in-{_named(state)}",
+            Source.STATES,
+            "a reset boots the board, which then determines where it is",
+            f"{script} brown_out 2h",
+            whole,
+            primary,
+            is_near_tie=state is State.CALLING,
+        )
+        for state, (whole, primary, script) in WAYS_INTO.items()
+    ),
+]
+WHOLE_CASES = (
+    *_PAPER,
+    *_SLEEP,
+    *_PINGS,
+    *_TRAVEL,
+    *_LOG,
+    *_FAULTS,
+    *_EMERGENCY,
+    *_TIMES,
+    *_TOLD,
+    *_PACKETS,
+    *_ROUND,
+    *_UPLOADS,
+    *_TABLE,
+)

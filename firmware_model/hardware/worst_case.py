@@ -39,6 +39,9 @@ class WorstCaseHardware:
         """The firmware lets the charger run."""
         self._contact_until_ms: int | None = None
         """When a charger without a contact stops, whatever the firmware does; None while there is a contact."""
+        self._loaded_from_ms: int | None = None
+        """When the board's load begins at the latest, whether or not its firmware has ever set the charger's switch; None
+        before the power comes on."""
 
     def copy(self) -> WorstCaseHardware:
         return copy(self)
@@ -66,6 +69,8 @@ class WorstCaseHardware:
         return scattered(exact, self.noise, self._config.agent_id, now_ms)
 
     def next_timer(self) -> tuple[int | None, Timer]:
+        if self.primary.flow is Flow.RESTING:
+            return self._loaded_from_ms, Timer.PULSE
         due_ms = None
         if self._watch_from_ms is not None:
             due_ms = self._config.charge.empty_at_ms(self.primary)
@@ -85,12 +90,13 @@ class WorstCaseHardware:
         return Level.EMPTIED
 
     def pulse_over(self, now_ms: int) -> list[Action]:
-        """The contact has been gone for longer than firmware needs to notice."""
+        """The boot is over, or the contact has been gone for longer than firmware needs to notice."""
         self.set_charger(False, now_ms)
         return []
 
     def power_on(self, pin_high: bool, at_surface: bool, now_ms: int) -> None:
         self.pin_high, self.at_surface, self._is_powered = pin_high, at_surface, True
+        self._loaded_from_ms = now_ms + self._config.boot_ms + 1
         if pin_high:
             self._contact_until_ms = None
         else:

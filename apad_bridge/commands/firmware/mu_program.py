@@ -86,13 +86,15 @@ def bench_of(
 def rig_of(path: Path, case: Case, cost_ms: int = 0, seed: int = 1) -> Rig:
     """The rig of a conformance case with this program on its board; as `bench_of`."""
     if case.whole is None:
-        return BenchRig(bench_of(path, case.primary, cost_ms, seed))
+        return BenchRig(bench_of(path, case.primary, cost_ms, seed, worst_case_board(case.agent_id)))
     return AgentRig(case, command_of(path), cost_ms, seed)
 
 
 def our_rig(case: Case) -> Rig:
     """The rig of a conformance case with our firmware."""
-    return BenchRig(Bench(worst_case_board(), primary=case.primary)) if case.whole is None else AgentRig(case)
+    if case.whole is not None:
+        return AgentRig(case)
+    return BenchRig(Bench(worst_case_board(case.agent_id), primary=case.primary))
 
 
 def command_of(path: Path) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import pytest
 from agents.mussel.agent_rig import AgentRig
 from firmware_model.bench.conformance import Case, Source, Verdict, Whole, history, judged
 from firmware_model.bench.rigs import Event, History
-from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
+from firmware_model.bench.whole_conformance_cases import WAYS_INTO, WHOLE_CASES
 from firmware_model.packets import StatusPacket, WifiStatus, decode
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State
@@ -27,10 +27,23 @@ def shown(case: Case) -> History:
     return history(case, AgentRig, Died)
 
 
-def test_the_cases_are_ninety_with_a_name_each() -> None:
-    assert len(WHOLE_CASES) >= 90
+def test_the_cases_are_270_with_a_name_each() -> None:
+    assert len(WHOLE_CASES) >= 270
     assert len(CASES) == len(WHOLE_CASES)
     assert all(case.whole is not None for case in WHOLE_CASES)
+
+
+@pytest.mark.parametrize("state", WAYS_INTO, ids=lambda it: it.name)
+def test_the_way_into_a_state_ends_in_it(state: State) -> None:
+    whole, primary, script = WAYS_INTO[state]
+    rig = AgentRig(replace(CASES["surfaces"], whole=whole, primary=primary))
+    for word in script.split():
+        rig.play(word)
+    assert rig.agent.board.state is state
+
+
+def test_there_is_a_way_into_each_state_but_off() -> None:
+    assert set(WAYS_INTO) == set(State) - {State.OFF}
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name.startswith("table-1")])

@@ -171,6 +171,14 @@ def test_a_missing_frame_is_noticed(tmp_path: Path) -> None:
         on.run(ms=1)
 
 
+def test_a_board_draws_its_load_after_its_boot_though_its_program_never_sets_a_pin(tmp_path: Path) -> None:
+    answer = encoded(HELLO, (FromBoard.SLEEP, 0, b""))
+    on = bench(CONFIG, script(tmp_path, f"port.recv(9999); port.sendall({answer!r}); time.sleep(60)"))
+    before = on.primary
+    on.run(hours=1)
+    assert on.primary == before - on.config.charge.discharge * (3_600_000 - CONFIG.boot_ms - 1)
+
+
 def test_a_board_that_leaves_its_charger_on_gains_nothing_without_a_contact(tmp_path: Path) -> None:
     """The pin's check and its chatter are the longest that our own board needs: 62 s of 20 hours."""
     begins = (HELLO, (FromBoard.PIN, OutputPin.CHARGE, b"\1"), (FromBoard.SLEEP, 0, b""))

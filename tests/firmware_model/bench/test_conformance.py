@@ -20,12 +20,13 @@ from firmware_model.bench.conformance import (
     side_by_side,
     traced,
 )
-from firmware_model.bench.conformance_cases import CASES
+from firmware_model.bench.conformance_cases import CASES, WAYS_INTO
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import BenchRig, History, Rig, lasts_ms
 from firmware_model.config import BoardConfig
 from firmware_model.firmware import Firmware
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.states import State
 from firmware_model.table_one import worst_case_board
 
 DIVE = Case(
@@ -38,16 +39,25 @@ class Died(Exception):
 
 
 def board(config: BoardConfig) -> Callable[[Case], Rig]:
-    return lambda case: BenchRig(Bench(config, primary=case.primary))
+    return lambda case: BenchRig(Bench(replace(config, agent_id=case.agent_id), primary=case.primary))
 
 
 OURS = board(worst_case_board())
 
 
-def test_the_cases_are_sixty_and_more_with_a_name_each() -> None:
-    assert len(CASES) >= 60
+def test_the_cases_are_120_and_more_with_a_name_each() -> None:
+    assert len(CASES) >= 120
     assert len({case.name for case in CASES}) == len(CASES)
     assert {case.source for case in CASES} == set(Source) - {Source.CAPTURED}
+
+
+@pytest.mark.parametrize("state", WAYS_INTO, ids=lambda it: it.name)
+def test_the_way_into_a_state_ends_in_it(state: State) -> None:
+    primary, script = WAYS_INTO[state]
+    rig = BenchRig(Bench(worst_case_board(), primary=primary))
+    for word in script.split():
+        rig.play(word)
+    assert rig.bench.state is state
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
