@@ -151,6 +151,13 @@ def _encoded(message: dict[str, Any]) -> bytes:
     return b"data: " + json.dumps(message, separators=(",", ":"), allow_nan=False).encode() + b"\n\n"
 
 
+def order_line(url: str) -> str:
+    """A line for a shell that gives an order as a program does, at the page of this URL."""
+    page, _, token = url.partition("/?token=")
+    order = '{"act": "stop", "by": "NAME"}'
+    return f"curl -H '{_TOKEN_HEADER}: {token}' -H 'Origin: {page}' -d '{order}' {page}/orders"
+
+
 def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
     """The console of a run. Its pages say that the flight has not begun until it has."""
     pages = _Pages(run_dir, token)

@@ -11,6 +11,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
 from apad_bridge.planning.exchange import exchanges
+from apad_bridge.planning.registry import label
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
 
 
@@ -22,7 +23,7 @@ def plan_or_reason(
         solution = plan()
         check_solution(solution, situation, kind)
     except Exception as error:
-        return f"{EndReason.STRATEGY_FAILED} {name!r}: {type(error).__name__}: {error}"
+        return f"{EndReason.STRATEGY_FAILED} {label(name)!r}: {type(error).__name__}: {error}"
     return solution
 
 
@@ -33,7 +34,7 @@ def plan_event(
     costs, north_east = cost_of(solution, situation, scales), situation.apad_m
     return PlanMade(
         what,
-        name,
+        label(name),
         [{"agent": step.agent_id, "dock": step.dock_index} for step in solution.steps],
         {
             "distance_m": costs.distance_m,

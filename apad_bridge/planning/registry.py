@@ -1,17 +1,23 @@
-"""Strategies by name: the built-in ones, and those that a user's package adds by entry point.
+"""Strategies by name: the built-in ones, those of a user's file, and those that a user's package adds by entry point.
 
-A package adds a strategy with an entry point in the group `musselbed.strategies`. The entry point's value is a class
-(or a function) that returns a strategy when it is called without arguments. See docs/extending.md. Names are a user's
-input, so every problem with one is a ValueError of one line.
+The name `FILE.py:Class` is a class of that file. A package adds a strategy with an entry point in the group
+`musselbed.strategies`. In both cases the class (or a function) returns a strategy when it is called without arguments.
+See docs/extending.md. Names are a user's input, so every problem with one is a ValueError of one line.
 """
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 import sys
+import traceback
 from collections.abc import Callable
+from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from typing import Any, cast
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple, cast
 
 from apad_bridge.planning.by_route import BestOfPool, Blend, Exact, ShortestOrder
 from apad_bridge.planning.charge_groups import ChargeGroups
@@ -47,6 +53,42 @@ _SCALED: dict[str, Callable[[Scales], Any]] = {
 """Built-in strategies that weigh distance and energy by the scenario's scale factors."""
 
 
+class InFile(NamedTuple):
+    """A strategy's name of the form `FILE.py:Class`, in its two parts."""
+
+    path: str
+    factory: str
+
+    @classmethod
+    def of(cls, name: str) -> InFile | None:
+        """The parts of a name; None for the name of a built-in or a package's strategy."""
+        path, colon, factory = name.rpartition(":")
+        if colon and path.endswith(".py"):
+            return cls(path, factory)
+        return cls(name, "") if name.endswith(".py") else None
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.factory}" if self.factory else self.path
+
+
+def label(name: str) -> str:
+    """The name for people: that of a strategy in a file is without the file's folder."""
+    in_file = InFile.of(name)
+    return name if in_file is None else str(in_file._replace(path=Path(in_file.path).name))
+
+
+def digest_of_file(name: str) -> str | None:
+    """The SHA-256 of the file that this name names; None for other strategies. OSError if the file is gone."""
+    in_file = InFile.of(name)
+    return None if in_file is None else hashlib.sha256(Path(in_file.path).read_bytes()).hexdigest()
+
+
+def identity(name: str) -> str:
+    """The name by which two rules are the same: of a strategy in a file it has the content, and not the folder."""
+    digest = digest_of_file(name)
+    return name if digest is None else f"{label(name)} {digest}"
+
+
 def known_names() -> list[str]:
     """Returns every strategy's name, sorted, without loading the strategies of packages."""
     return sorted({*_BUILT_IN, *_SCALED, *(entry.name for entry in _entries())})
@@ -75,21 +117,87 @@ def redeployment(name: str) -> RedeploymentStrategy:
 
 
 def _create(name: str, kind: StepKind, scales: Scales) -> object:
+    in_file = InFile.of(name)
+    if in_file is not None:
+        source, strategy = f"strategy {label(name)}", _load_file(in_file)
+    else:
+        source, strategy = _create_by_name(name, kind, scales)
+    if lacking := _lacking(strategy, kind):
+        raise ValueError(f"{source} is no {kind} strategy: it needs {' and '.join(lacking)}")
+    return strategy
+
+
+def _create_by_name(name: str, kind: StepKind, scales: Scales) -> tuple[str, object]:
+    """A strategy of ours or of a package, after the words that name its source."""
     entries = tuple(entry for entry in _entries() if entry.name == name)
     sources = ["musselbed itself"] * (name in _BUILT_IN or name in _SCALED) + [
         _package(entry) for entry in entries
     ]
     if not sources:
-        raise ValueError(f"unknown strategy {name!r}; known: {', '.join(_known_of(kind))}")
+        raise ValueError(
+            f"unknown strategy {name!r}; known: {', '.join(_known_of(kind))}; one of your own is FILE.py:Class"
+        )
     if len(sources) > 1:
         raise ValueError(f"strategy {name!r} is in each of {', '.join(sources)}: rename or remove one")
-    strategy: object = _built_in(name, scales) or _load(entries[0])
-    if getattr(strategy, "plans", None) is not kind or not callable(getattr(strategy, "plan", None)):
+    return f"strategy {name!r} (from {sources[0]})", _built_in(name, scales) or _load(entries[0])
+
+
+def _lacking(strategy: object, kind: StepKind) -> list[str]:
+    """The members by which this object would be a strategy of the kind, and that it does not have."""
+    lacking = [] if getattr(strategy, "plans", None) is kind else [f"`plans = StepKind.{kind.name}`"]
+    arguments = ("situation", "batch") if kind is StepKind.COLLECT else ("situation",)
+    try:
+        inspect.signature(getattr(strategy, "plan", None)).bind(*arguments)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        lacking.append(f"a method `plan(self, {', '.join(arguments)})`")
+    return lacking
+
+
+def _load_file(in_file: InFile) -> object:
+    path, name = Path(in_file.path), label(str(in_file))
+    try:
+        module = _module(path, path.read_bytes())
+    except OSError as error:
+        raise ValueError(f"strategy {name}: {path}: {error.strerror}") from error
+    except Exception as error:  # the file is a user's, and may raise anything
+        raise ValueError(f"strategy {name} cannot be loaded: {_where(error, path)}") from error
+    factory = vars(module).get(in_file.factory)
+    if not callable(factory):
+        own = [
+            it for it, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__
+        ]
+        near = get_close_matches(in_file.factory, own, n=1) or own[:1]
+        meant = f"did you mean {path.name}:{near[0]}?" if near else "it defines no class"
+        wrong = f"has no class {in_file.factory}" if in_file.factory else "names no class of its file"
+        raise ValueError(f"strategy {name} {wrong}: {meant}")
+    try:
+        strategy: object = factory()
+    except Exception as error:  # as above
         raise ValueError(
-            f"strategy {name!r} (from {sources[0]}) is no {kind} strategy: "
-            f"that needs `plans = StepKind.{kind.name}` and a method `plan`"
-        )
+            f"strategy {name} cannot be made without arguments: {_where(error, path)}"
+        ) from error
     return strategy
+
+
+@lru_cache(maxsize=8)
+def _module(path: Path, source: bytes) -> ModuleType:
+    """Executes a strategy's file with this content: once in a process, since studies ask for it in each mission."""
+    module = ModuleType(f"musselbed_strategy_{path.stem}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # dataclasses look their module up
+    exec(compile(source, str(path), "exec"), vars(module))
+    return module
+
+
+def _where(error: Exception, path: Path) -> str:
+    """The error in one line, with the file's line that led to it."""
+    if isinstance(error, SyntaxError) and error.lineno:
+        return f"line {error.lineno}: {error.msg}"
+    lines = [
+        frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)
+    ]
+    where = f"line {lines[-1]}: " if lines else ""
+    return f"{where}{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _built_in(name: str, scales: Scales) -> object | None:

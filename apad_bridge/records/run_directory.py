@@ -16,7 +16,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
+from apad_bridge.planning.registry import digest_of_file, label
+from apad_bridge.scenario.loader import from_data, load, resolve, with_strategy_copies, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
@@ -142,10 +143,16 @@ class RunDirectory:
         return from_data(data, str(self.scenario))
 
     def write_inputs(self, scenario: Scenario, starts: Iterable[Start]) -> None:
-        """Writes the run's inputs: scenario.yaml, starts.csv and versions.json."""
+        """Writes the run's inputs: scenario.yaml, starts.csv, versions.json, and the files of strategies."""
         save_starts(self.starts, starts, scenario.area.origin)
-        write_resolved(self.scenario, scenario)
-        self.write_json(self.versions, versions())
+        mission = scenario.mission
+        digests = {
+            label(it): digest
+            for it in (mission.collection, mission.redeployment)
+            if (digest := digest_of_file(it))
+        }
+        write_resolved(self.scenario, with_strategy_copies(scenario, self.path) if digests else scenario)
+        self.write_json(self.versions, {**versions(), **({"strategy_files": digests} if digests else {})})
 
     def reduced_to_bags(self, apads: Sequence[str]) -> list[Path]:
         """Moves the bag of each of the aPads' runs beside this directory, as its name and .bag, and removes the rest.

@@ -23,14 +23,11 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 from agents.hosting.interrupts import received_by
 from apad_bridge.doctor.network import Unreachable, call
 from apad_bridge.records.bag import RecordedMessage
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.graph_listener import GraphListener
-from apad_bridge.ros.system.master import loopback_environment
-from apad_bridge.ros.system.route import environment_for, somebodys_master
+from apad_bridge.ros.system.route import enter_graph_of, somebodys_master
 from apad_bridge.ros.types.any_message import UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.user_texts import text_folders
-from apad_bridge.scenario.run_options import OPTIONS_NAME, RunOptions, TimeSource
 
 _NICE = 5
 """Above the supervisor's: a viewer may wait for its processor, and a tick of the flight may not."""
@@ -64,43 +61,13 @@ def serve(
     os.nice(_NICE)
     with received_by(asked.set), closing(_Views(host, port)) as views:
         tell(views.port)
-        if run_dir is not None and not _enter_graph(run_dir, asked):
+        if run_dir is not None and not enter_graph_of(run_dir, asked.wait):
             return False
         somebodys_master()
         use_generated_messages()
         with closing(GraphListener((), "musselbed_foxglove")) as listener:
             _Relay(listener, views, warn).run(asked)
         return not asked.is_set()
-
-
-def _enter_graph(run_dir: Path, asked: threading.Event) -> bool:
-    """Waits until the run has a master, and sets this process's environment for it; False when asked to end before."""
-    directory = RunDirectory(run_dir)
-    if not directory.scenario.is_file():
-        raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
-    while True:
-        # A run of several aPads has its options in a directory for each.
-        for path in (run_dir, *(it.parent for it in sorted(run_dir.glob(f"*/{OPTIONS_NAME}")))):
-            if not (path / OPTIONS_NAME).is_file():
-                continue
-            try:
-                options = RunOptions.load(path)
-            except ValueError as error:
-                raise RunDirectoryError(str(error)) from error
-            if options.time is TimeSource.ASAP:
-                raise RunDirectoryError(
-                    f"{run_dir} flies in virtual time, without ROS: see it by `musselbed replay`"
-                )
-            if options.master_uri:
-                home = run_dir / "ros"
-                os.environ |= (
-                    loopback_environment(home, options.master_uri)
-                    if options.owns_master
-                    else environment_for(options.master_uri)
-                )
-                return True
-        if asked.wait(_WAIT_S):
-            return False
 
 
 class _Views(ServerListener):

@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from agents.mussel.board_link import SERIAL
+from apad_bridge.planning.registry import InFile
 from apad_bridge.scenario.area.paper_charts import PAPER_CHARTS
 from apad_bridge.scenario.choices import MAX_DOCKS
 from apad_bridge.scenario.cross_checks import contradictions
@@ -46,6 +48,8 @@ _FILE_KEYS = (
     ("area", "keep_out"),
     ("area", "chart"),
 )
+_STRATEGY_KEYS = (("mission", "collection"), ("mission", "redeployment"))
+"""Keys whose value may be `FILE.py:Class`; its file is relative to the scenario's own, too."""
 # A value, or the name of a file that holds it. pydantic adds the union's member that it tried to the path of an error; the
 # author of the file does not know the unions.
 _VALUES_OR_FILES = (("fleet", "start"), ("area", "fence"), ("area", "keep_out"))
@@ -81,7 +85,7 @@ def file_of(path: Path) -> Path:
 
 def files_named(text: str) -> list[str]:
     """The names of files and directories in a scenario's text, as they are written there. ValueError if it is no YAML."""
-    return [block[key] for _, block, key in _file_entries(_with_firmware(parse_yaml(text)))]
+    return [it.path for it in _file_entries(_with_firmware(parse_yaml(text)))]
 
 
 def _shipped(name: str) -> Path:
@@ -131,6 +135,21 @@ def resolve(scenario: Scenario) -> dict[str, Any]:
     return resolved
 
 
+def with_strategy_copies(scenario: Scenario, directory: Path) -> Scenario:
+    """Copies the files of strategies into the directory, and returns the scenario that names the copies.
+
+    A run flies the same rule to its end, whatever becomes of a user's file. OSError for a file that is gone.
+    """
+    data = resolve(scenario)
+    for entry in _file_entries(data):
+        if ("mission", entry.key) in _STRATEGY_KEYS:
+            copy = directory.absolute() / entry.key / Path(entry.path).name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(entry.path, copy)
+            entry.path = str(copy)
+    return from_data(data, str(directory))
+
+
 def write_resolved(path: Path, scenario: Scenario) -> None:
     """Writes the resolved scenario as YAML, so that `load(path)` returns the same scenario.
 
@@ -139,10 +158,10 @@ def write_resolved(path: Path, scenario: Scenario) -> None:
     """
     data = resolve(scenario)
     directory = path.parent.absolute()
-    for _, block, key in _file_entries(data):
-        name = Path(block[key])
+    for entry in _file_entries(data):
+        name = Path(entry.path)
         if name.is_relative_to(directory):
-            block[key] = str(name.relative_to(directory))
+            entry.path = str(name.relative_to(directory))
     write_atomically(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
 
 
@@ -153,12 +172,12 @@ def write_with_files(path: Path, scenario: Scenario) -> None:
     OSError for a file that is gone.
     """
     data = resolve(scenario)
-    for whole_key, block, key in _file_entries(data):
-        named = Path(block[key])
-        if key == "start":
+    for entry in _file_entries(data):
+        named = Path(entry.path)
+        if entry.key == "start":
             named = table_of(named)
         # Two entries of a list may name files alike, in folders of their own.
-        folder = whole_key if "[" in whole_key else key
+        folder = entry.whole_key if "[" in entry.whole_key else entry.key
         copy = path.parent / path.stem / folder / named.name
         if copy.exists() and copy.samefile(named):
             continue
@@ -167,7 +186,7 @@ def write_with_files(path: Path, scenario: Scenario) -> None:
             shutil.copytree(named, copy, dirs_exist_ok=True)
         else:
             shutil.copy(named, copy)  # with its mode: firmware is to be executed
-        block[key] = str(copy.absolute())
+        entry.path = str(copy.absolute())
     write_resolved(path, from_data(data, str(path)))
 
 
@@ -198,6 +217,7 @@ def with_overrides(
         data["fleet"].update(count=agents, agent_ids=ids[:agents])
     if strategy is not None:
         data["mission"]["collection"] = strategy
+        _make_absolute(data, Path.cwd())
     if seed is not None:
         data["seed"] = seed
     if hosting is not None:
@@ -207,16 +227,36 @@ def with_overrides(
     return from_data(data, "command line")
 
 
-def _file_entries(data: Any) -> list[tuple[str, dict[str, Any], str]]:
-    """Returns (whole key, mapping, key) of every file name in the data, which may not be valid yet."""
+@dataclass(slots=True)
+class _FileEntry:
+    """A key of the data that names a file, or a strategy in a file."""
+
+    whole_key: str
+    block: dict[str, Any]
+    key: str
+
+    @property
+    def path(self) -> str:
+        text: str = self.block[self.key]
+        return in_file.path if (in_file := InFile.of(text)) else text
+
+    @path.setter
+    def path(self, path: str) -> None:
+        in_file = InFile.of(self.block[self.key])
+        self.block[self.key] = path if in_file is None else str(in_file._replace(path=path))
+
+
+def _file_entries(data: Any) -> list[_FileEntry]:
+    """Every file name in the data, which may not be valid yet."""
     entries = []
-    for *blocks, key in _FILE_KEYS:
+    for *blocks, key in (*_FILE_KEYS, *_STRATEGY_KEYS):
+        is_file = _is_file if (*blocks, key) in _FILE_KEYS else InFile.of
         places: list[tuple[tuple[str, ...], Any]] = [((), data)]
         for block in blocks:
             places = [found for place in places for found in _below(*place, block)]
         for path, place in places:
-            if isinstance(place, dict) and isinstance(place.get(key), str) and _is_file(place[key]):
-                entries.append((".".join((*path, key)), place, key))
+            if isinstance(place, dict) and isinstance(place.get(key), str) and is_file(place[key]):
+                entries.append(_FileEntry(".".join((*path, key)), place, key))
     return entries
 
 
@@ -233,8 +273,8 @@ def _is_file(name: str) -> bool:
 
 
 def _make_absolute(data: Any, directory: Path) -> None:
-    for _, block, key in _file_entries(data):
-        block[key] = os.path.normpath(directory / block[key])
+    for entry in _file_entries(data):
+        entry.path = os.path.normpath(directory / entry.path)
 
 
 def _unreachable_files(data: Any) -> Iterator[str]:
@@ -242,14 +282,14 @@ def _unreachable_files(data: Any) -> Iterator[str]:
 
     A file that is only missing is told later, with what its key means.
     """
-    for whole_key, block, key in _file_entries(data):
+    for entry in _file_entries(data):
         try:
-            os.stat(block[key])
+            os.stat(entry.path)
         except (FileNotFoundError, NotADirectoryError):
             continue
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else "no name of a file"
-            yield f"{whole_key}: {reason}: {abbreviated(block[key])}"
+            yield f"{entry.whole_key}: {reason}: {abbreviated(entry.path)}"
 
 
 def _of_meant_union_member(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:

@@ -12,6 +12,8 @@ ends the script.
 from __future__ import annotations
 
 import json
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.events.persons import ScriptTold
@@ -58,6 +60,15 @@ class Api(Queries):
     A point `[lat, lon]` is in degrees, a name that ends in `_m` is in metres, times are seconds of mission time, and docks
     are numbered from 1. A call that cannot be done raises `Refused` and changes nothing.
     """
+
+    if not TYPE_CHECKING:  # a checker of types finds a wrong call before the flight
+
+        def __getattr__(self, name: str) -> Any:
+            """Refuses a call that does not exist, with the name of the nearest one."""
+            calls = [it for it in dir(type(self)) if not it.startswith("_")]
+            near = get_close_matches(name, calls, n=1)
+            meant = f"did you mean api.{near[0]}? " if near else ""
+            raise AttributeError(f"there is no api.{name}: {meant}docs/scripting.md has every call")
 
     # Primitives: each call gives an order and returns at once.
 

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,11 @@ import pytest
 import serial
 
 from apad_bridge.acoustics.serial.table_modems import TableModems
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.starts import starts_of
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.states import State
 
@@ -84,9 +89,22 @@ def broadcast(modem: serial.Serial, payload: bytes) -> None:
     assert modem.read_until(b"\r\n") == b"$B%02d\r\n" % len(payload)
 
 
+@pytest.mark.parametrize("by_run", [True, False])
 def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
-    modems: TableModems, graph: dict[str, str]
+    modems: TableModems, graph: dict[str, str], tmp_path: Path, by_run: bool
 ) -> None:
+    named, its_graph = str(POOL_FILE), graph
+    if by_run:
+        # The run's directory names the master, and the shell does not.
+        named = str(tmp_path / "run")
+        directory = RunDirectory.create("pool", datetime.now(UTC), Path(named))
+        scenario = load(POOL_FILE)
+        directory.write_inputs(scenario, starts_of(scenario))
+        uri = graph["ROS_MASTER_URI"]
+        RunOptions(
+            Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri=uri, owns_master=True
+        ).save(directory.path)
+        its_graph = {key: it for key, it in graph.items() if key != "ROS_MASTER_URI"}
     with ExitStack() as stack:
         mission = stack.enter_context(start([str(Path(__file__).with_name("beside_a_bridge.py"))], graph))
         stack.callback(mission.kill)
@@ -98,14 +116,14 @@ def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
                     "-m",
                     "apad_bridge.commands.main",
                     "bridge",
-                    str(POOL_FILE),
+                    named,
                     modems.path(1),
                     "--ids",
                     "7",
                     "8",
                     "--json",
                 ],
-                graph,
+                its_graph,
             )
         )
         stack.callback(bridge.kill)

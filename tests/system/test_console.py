@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.server
 import json
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -395,6 +397,28 @@ def test_a_page_whose_console_stands_still_says_so_within_3_s(
     finally:
         console.kill()
         console.communicate(timeout=PATIENCE_S)
+
+
+def test_the_line_that_the_console_prints_gives_an_order_from_a_program(shared_run: Path) -> None:
+    console = subprocess.Popen(
+        [*MUSSELBED, "console", shared_run, "--json"], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    try:
+        assert console.stdout is not None
+        line = json.loads(console.stdout.readline())["order"]
+        program, *words, url = shlex.split(line)
+        assert (program, words[-2:]) == ("curl", ["-d", '{"act": "stop", "by": "NAME"}'])
+        # The run is shared: a remark in place of the stop.
+        remark = json.dumps({"act": "remark", "text": "by a program", "by": "NAME"}).encode()
+        headers = dict(it.split(": ") for flag, it in pairwise(words) if flag == "-H")
+        with urllib.request.urlopen(
+            urllib.request.Request(url, remark, headers), timeout=PATIENCE_S
+        ) as answer:
+            assert json.load(answer)["accepted"] is True
+    finally:
+        console.send_signal(signal.SIGINT)
+        console.communicate(timeout=PATIENCE_S)
+    assert "by a program" in [it["text"] for it in journalled(shared_run, "remark")]
 
 
 def test_a_console_of_what_is_no_run_does_not_start(tmp_path: Path) -> None:

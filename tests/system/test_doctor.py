@@ -57,10 +57,15 @@ def checks(environment: dict[str, str], *arguments: str) -> dict[str, dict[str, 
 
 
 def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
-    done = run_doctor(loopback_environment(tmp_path), str(POOL_FILE))
+    done = run_doctor(loopback_environment(tmp_path), str(POOL_FILE), "--all")
     assert done.returncode == 0, done.stdout + done.stderr
-    lines = done.stdout.splitlines()
+    *lines, total = done.stdout.splitlines()
     assert all(line.startswith(("OK ", "WARN ")) and ": " in line for line in lines)
+    fine = sum(line.startswith("OK ") for line in lines)
+    assert total == f"{fine} of {len(lines)} checks are OK" and fine > 8
+    *short, its_total = run_doctor(loopback_environment(tmp_path), str(POOL_FILE)).stdout.splitlines()
+    assert [line.split()[1] for line in short] == [line.split()[1] for line in lines if line[:2] != "OK"]
+    assert its_total == f"{total}; --all prints them"
     (master_line,) = [line for line in lines if line.split()[1] == "master:"]
     assert master_line.startswith("WARN") and "starts its own" in master_line
     assert not any("call back" in line for line in lines)

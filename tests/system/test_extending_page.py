@@ -18,7 +18,7 @@ POOL = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 
 
 def commands() -> list[str]:
-    """The page's commands: to install, to fly, and to compare."""
+    """The page's commands: to fly, to compare, and to install."""
     return [block.text for block in blocks(STRATEGY) if block.mark == "tested"]
 
 
@@ -64,22 +64,28 @@ def install(page: Path, module: str, folder: Path, environment: dict[str, str], 
     for name in (f"{module}.py", "setup.cfg"):
         (folder / name).write_text(file_of(page, name))
     (folder / "pyproject.toml").write_text(file_of(STRATEGY, "pyproject.toml"))
-    in_a_shell(f"{commands()[0].rstrip()} {options}", folder, environment)
+    in_a_shell(f"{commands()[-1].rstrip()} {options}", folder, environment)
 
 
 def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: dict[str, str]) -> None:
     install(STRATEGY, "lab_strategies", tmp_path / "strategies", environment)
-    # It is built by the setuptools at hand: to fetch and unpack one for each package takes seconds, and shows the same.
-    install(CODEC, "lab_codec", tmp_path / "codec", environment, options="--no-build-isolation")
+    # Before the package is there: its file alone flies, and is compared.
+    (tmp_path / "lab_strategies.py").write_text(file_of(STRATEGY, "lab_strategies.py"))
+    (tmp_path / "farthest.yaml").write_text(
+        file_of(STRATEGY, "farthest.yaml").replace("seeds: 20", "seeds: 2")
+    )
     # The pages' commands name the shipped pool; here it lasts until the time that one of them asks about.
-    scenarios = tmp_path / "launch_scripts" / "scenarios"
-    scenarios.mkdir(parents=True)
     text = POOL.read_text().replace("duration_s: 2400", "duration_s: 610")
-    (scenarios / "pool-12.csv").write_text(POOL.with_suffix(".csv").read_text())
     # A file of that name comes before the shipped scenario.
     (tmp_path / "pool-12").write_text(text)
     (tmp_path / "pool-12.csv").write_text(POOL.with_suffix(".csv").read_text())
-    scenario = scenarios / "lines.yaml"
+    fly, compare, _ = commands()
+    assert "no reasons given" in in_a_shell(fly, tmp_path, environment)
+    assert "lab_strategies.py:Farthest" in in_a_shell(compare, tmp_path, environment)
+
+    # It is built by the setuptools at hand: to fetch and unpack one for each package takes seconds, and shows the same.
+    install(CODEC, "lab_codec", tmp_path / "codec", environment, options="--no-build-isolation")
+    scenario = tmp_path / "lines.yaml"
     scenario.write_text(text.replace("hearing: {", "hearing: {codec: lines, ").replace("610", "60"))
     in_a_shell(
         f"musselbed run '{scenario}' --strategy farthest --time asap --out '{tmp_path}/run'",
@@ -92,10 +98,3 @@ def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: 
         line for line in (tmp_path / "run" / "journal.jsonl").read_text().splitlines() if '"plan"' in line
     ]
     assert any('"farthest"' in line for line in plans)
-
-    (tmp_path / "farthest.yaml").write_text(
-        file_of(STRATEGY, "farthest.yaml").replace("seeds: 20", "seeds: 2")
-    )
-    _, fly, compare = commands()
-    assert "no reasons given" in in_a_shell(fly, tmp_path, environment)
-    assert "farthest" in in_a_shell(compare, tmp_path, environment)

@@ -236,11 +236,16 @@ def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any, scen
     assert not (run / "control.sock").exists() and children_of(run) == []
 
 
-def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were(fly: Any) -> None:
+def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were(
+    fly: Any, tmp_path: Path
+) -> None:
+    strategy = tmp_path / "mine.py"
+    strategy.write_text("from apad_bridge.planning.paper_strategies import Cautious as Mine\n")
     # In a namespace that the shell of `resume` is told nothing of.
-    process, run = fly(20, "__ns:=basin")
+    process, run = fly(20, "__ns:=basin", "--strategy", f"{strategy}:Mine")
     wait_for(lambda: len(docked(run)) >= 2, "no two were docked")
     kill_supervisor(run)
+    strategy.unlink()  # the run has a copy
     before = docked(run)
     port = json.loads((run / "run.json").read_text())["xmlrpc_port"]
 
@@ -264,6 +269,9 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     # Who was docked is not docked again before it has been let go: the first dock event of each is its release.
     for agent_id in before:
         assert next(line for line in after if line["agent"] == agent_id)["closed"] is False
+    assert [it["strategy"] for it in lines if it["kind"] == "plan" and it["what"] == "collect"][
+        -1
+    ] == "mine.py:Mine"
     assert children_of(run) == []
 
 

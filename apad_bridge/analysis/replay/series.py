@@ -16,6 +16,7 @@ from apad_bridge.analysis.replay.history import History, PlanView
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.events.run import RunBegan
+from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
@@ -196,8 +197,8 @@ class RunView:
             "description": scenario.description,
             "theta": scenario.theta,
             "seed": scenario.seed,
-            "collection": scenario.mission.collection,
-            "redeployment": scenario.mission.redeployment,
+            "collection": label(scenario.mission.collection),
+            "redeployment": label(scenario.mission.redeployment),
             "pool_threshold": scenario.mission.pool_threshold,
             "silence_s": scenario.mission.silence_timeout_s,
             "polygon": [list(corner) for corner in scenario.area.polygon_m],

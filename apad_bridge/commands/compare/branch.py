@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
+from apad_bridge.commands.help_text import MISSION_TIME, STRATEGY, ending, mission_seconds
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.scenario.yaml_text import parse_yaml
@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
         metavar="T",
         help=f"the moment: {MISSION_TIME}",
     )
-    parser.add_argument("--strategy", metavar="NAME", help="another collection strategy")
+    parser.add_argument("--strategy", metavar=STRATEGY, help="another collection strategy")
     parser.add_argument(
         "--set",
         action="append",

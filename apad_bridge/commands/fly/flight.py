@@ -159,7 +159,7 @@ def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:
     """Names the source of the orders: a script, a strategy or a person."""
     if options.script:
         return Path(options.script).name
-    return "by hand" if options.manual else scenario.mission.collection
+    return "by hand" if options.manual else registry.label(scenario.mission.collection)
 
 
 def failure_lines(failures: Mapping[str, str], *, is_alone: bool = True) -> list[str]:

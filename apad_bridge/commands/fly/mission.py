@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from apad_bridge.commands.fly import run as run_command
-from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.scenario.run_options import Part
 
 
@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
             "musselbed mission launch_scripts/scenarios/pool-12.yaml --remap /apad1/position:=/boat/position",
         ),
     )
-    parser.add_argument("--strategy", metavar="NAME", help="collection strategy, instead of the scenario's")
+    parser.add_argument("--strategy", metavar=STRATEGY, help="collection strategy, instead of the scenario's")
     run_command.add_manual_argument(parser)
     run_command.add_scenario_arguments(parser)
     parser.set_defaults(run=run_command.run, part=Part.MISSION, check=False)

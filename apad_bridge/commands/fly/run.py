@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.look.console import add_console_argument, console_asked
 from apad_bridge.commands.look.foxglove import add_foxglove_argument, foxglove_asked
 from apad_bridge.commands.look.imc import add_imc_argument, imc_asked
@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
     )
     add_scenario_arguments(parser)
     add_apad_argument(parser)
-    parser.add_argument("--strategy", metavar="NAME", help="collection strategy, instead of the scenario's")
+    parser.add_argument("--strategy", metavar=STRATEGY, help="collection strategy, instead of the scenario's")
     add_manual_argument(parser)
     parser.add_argument("--dry-run", action="store_true", help="plan once and print it; command nothing")
     parser.add_argument(

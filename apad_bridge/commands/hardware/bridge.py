@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +24,18 @@ def add_parser(commands: Any) -> None:
         "claims the aMussels as real, so that no fleet simulates them; they stay real when it ends. A cable that is pulled "
         "out is told, and its port is tried again.",
         epilog=ending(
-            "musselbed bridge launch_scripts/scenarios/pool-12.yaml /dev/ttyUSB0 --ids 3 7",
-            "musselbed bridge launch_scripts/scenarios/sound-12.yaml /dev/ttyUSB0 --json",
-            note="It runs until Ctrl-C, on the master at ROS_MASTER_URI. What a node must transmit, byte by byte: "
-            "docs/mixing.md.",
+            "musselbed bridge runs/pool-12-1 /dev/ttyUSB0 --ids 3 7",
+            "musselbed bridge sound-12 /dev/ttyUSB0 --json",
+            note="It runs until Ctrl-C, on the run's master, or for a scenario on that at ROS_MASTER_URI. What a node must "
+            "transmit, byte by byte: docs/mixing.md.",
         ),
     )
-    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml", help="names the fleet and its codec")
+    parser.add_argument(
+        "scenario",
+        type=Path,
+        metavar="RUN|SCENARIO.yaml",
+        help="the directory of the run that flies, or the scenario of the mission at ROS_MASTER_URI",
+    )
     parser.add_argument("port", type=Path, metavar="PORT", help="the modem's serial port")
     parser.add_argument(
         "--ids", type=int, nargs="+", metavar="N", help="the real aMussels (default: the whole fleet)"
@@ -45,7 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.acoustics.serial.modem_check import check_modem
     from apad_bridge.scenario.loader import load
 
-    scenario = load(arguments.scenario)
+    run_dir: Path | None = arguments.scenario if arguments.scenario.is_dir() else None
+    scenario = load(arguments.scenario if run_dir is None else run_dir / "scenario.yaml")
     ids = arguments.ids or list(scenario.fleet.ids)
     if strangers := sorted(set(ids) - set(scenario.fleet.all_ids)):
         known = f"{scenario.fleet.all_ids[0]} to {scenario.fleet.all_ids[-1]}"
@@ -59,22 +66,27 @@ def run(arguments: argparse.Namespace) -> int:
         print(line, flush=True)
 
     from agents.serial_port import SerialPort
+    from apad_bridge.records.run_directory import RunDirectoryError
     from apad_bridge.ros.amussel_bridge import AMusselBridge
+    from apad_bridge.ros.system.route import enter_graph_of
     from apad_bridge.supervisor.clock import StopSign
     from firmware_model.packets.codec import load_codec
 
-    begun_s = time.monotonic()
-    bridge = AMusselBridge.on_graph(
-        ids, load_codec(scenario.hearing.codec), AttachedModem(SerialPort(str(arguments.port))), tell
-    )
     stop = StopSign()
-    try:
-        with interrupts.received_by(stop.set):
+    with interrupts.received_by(stop.set):
+        try:
+            if run_dir is not None and not enter_graph_of(run_dir, stop.wait):
+                return Exit.INTERRUPTED
+        except RunDirectoryError as error:
+            raise UserError(str(error)) from error
+        begun_s = time.monotonic()
+        bridge = AMusselBridge.on_graph(
+            ids, load_codec(scenario.hearing.codec), AttachedModem(SerialPort(str(arguments.port))), tell
+        )
+        with closing(bridge):
             tell("ready", f"{finding.found}; claims aMussels {', '.join(map(str, ids))} as real")
             while not stop.is_set():
                 bridge.advance(MissionMs(round(1000 * (time.monotonic() - begun_s))))
-    finally:
-        bridge.close()
     if arguments.json:
         print(json.dumps({"counts": bridge.counts}), flush=True)
     else:

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.fly.run import namespace_of_shell
-from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.events.mission import MissionChanged, Phase
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
@@ -49,7 +49,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "bag", type=Path, nargs="?", metavar="BAG", help="a bag of the mission (default: listen)"
     )
-    parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
+    parser.add_argument(
+        "--strategy", metavar=STRATEGY, help="another collection strategy than the scenario's"
+    )
     parser.add_argument(
         "--for",
         dest="for_s",

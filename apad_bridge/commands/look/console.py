@@ -50,19 +50,30 @@ def add_parser(commands: Any) -> None:
         "--port", type=int, default=0, metavar="N", help="listen on this port (default: a free one)"
     )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
-    parser.add_argument("--json", action="store_true", help="print the page's address as JSON on stdout")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print the page's address and the line of an order as JSON on stdout",
+    )
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.console.process import Address, serve
+    from apad_bridge.console.server import order_line
     from apad_bridge.records.run_directory import RunDirectoryError
 
     if not 0 <= arguments.port < 65536:
         raise UserError(f"--port must be 0 to 65535, not {arguments.port}")
 
     def tell(url: str) -> None:
-        print(json.dumps({"url": url}) if arguments.json else url, flush=True)
+        order = order_line(url)
+        print(
+            json.dumps({"url": url, "order": order})
+            if arguments.json
+            else f"{url}\na program stops it by: {order}",
+            flush=True,
+        )
         if arguments.open and not webbrowser.open(url):
             raise UserError(f"no browser could be started: open {url} in one")
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Any
-
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RUNS, RunDirectory
@@ -20,9 +18,10 @@ from apad_bridge.runs.exits import Exit, UserError
 
 FLIES = "flies"
 DID_NOT_END = "did not end"
-_COLUMNS_OF_FIGURES = 58
-"""Columns of a screen for a run's figures and the gaps beside them."""
+_ENDED_BY = "ended by"
+_FIGURES = ("agents", "minutes", "uptime %", "m", "services", "lost")
 _LEAST = 16
+"""Characters of a cause of the end that are shown at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     elif not rows:
         print(f"no runs in {arguments.folder}")
     else:
-        console = Console(markup=False)
-        console.print(_table(rows, console.width))
+        print("\n".join(lines_of(rows, get_terminal_size().columns)))
     return Exit.DONE
 
 
@@ -110,25 +108,51 @@ def _row(directory: RunDirectory) -> Row:
         return Row(*named, f"summary.json cannot be read: {error}")
 
 
-def _table(rows: list[Row], width: int) -> Table:
-    """One line a run: of a long error as much as a screen of this width has room for."""
-    room = width - max(len(row.run) for row in rows) - _COLUMNS_OF_FIGURES
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("run", no_wrap=True, overflow="ignore")  # people copy it
-    table.add_column("ended by", no_wrap=True, overflow="ellipsis", max_width=max(_LEAST, room))
-    for name in ("agents", "minutes", "uptime %", "m", "services", "lost"):
-        table.add_column(name, justify="right")
-    for row in rows:
-        minutes = None if row.mission_s is None else row.mission_s / 60
-        table.add_row(
-            row.run,
-            row.state if not row.stopped_s else f"stopped for {row.stopped_s / 60:.0f} min; {row.state}",
-            *(_text(it, ".0f") for it in (row.agents, minutes)),
-            _text(row.uptime, ".2f"),
-            _text(row.planned_m, ".0f"),
-            *(_text(it, ".0f") for it in (row.services, row.lost)),
+def lines_of(rows: list[Row], width: int) -> list[str]:
+    """The rows for a screen of this width, with no name and no figure cut: one line a run, or two where one is too narrow.
+
+    The cause of a run's end gets the room that is left.
+    """
+    figures = [_figures(row) for row in rows]
+    columns = [max(map(len, column)) for column in zip(_FIGURES, *figures, strict=True)]
+    names = max(len(row.run) for row in rows)
+    room = width - names - 2 - sum(it + 2 for it in columns)
+    if room < _LEAST:
+        lines = [f"run  {_ENDED_BY}", _numbers(_FIGURES, columns)]
+        for row, its in zip(rows, figures, strict=True):
+            lines += [f"{row.run}  {_cut(_end(row), width - len(row.run) - 2)}", _numbers(its, columns)]
+        return [line.rstrip() for line in lines]
+    ends = [_ENDED_BY, *(_cut(_end(row), room) for row in rows)]
+    longest = max(map(len, ends))
+    return [
+        f"{name:<{names}}  {end:<{longest}}{_numbers(its, columns)}".rstrip()
+        for name, end, its in zip(
+            ["run", *(row.run for row in rows)], ends, [_FIGURES, *figures], strict=True
         )
-    return table
+    ]
+
+
+def _end(row: Row) -> str:
+    return row.state if not row.stopped_s else f"stopped for {row.stopped_s / 60:.0f} min; {row.state}"
+
+
+def _figures(row: Row) -> tuple[str, ...]:
+    minutes = None if row.mission_s is None else row.mission_s / 60
+    return (
+        *(_text(it, ".0f") for it in (row.agents, minutes)),
+        _text(row.uptime, ".2f"),
+        _text(row.planned_m, ".0f"),
+        *(_text(it, ".0f") for it in (row.services, row.lost)),
+    )
+
+
+def _numbers(texts: Sequence[str], columns: Sequence[int]) -> str:
+    return "".join(f"{text:>{column + 2}}" for text, column in zip(texts, columns, strict=True))
+
+
+def _cut(text: str, room: int) -> str:
+    room = max(room, _LEAST)
+    return text if len(text) <= room else text[: room - 1] + "…"
 
 
 def _text(number: float | None, form: str) -> str:

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
-        description="Checks the needs of a run, and prints a line for each check: OK, WARN, FAIL or CANNOT TELL, the "
-        "finding, and what to do. It changes nothing: for the test of the way back it registers with the master at "
-        "ROS_MASTER_URI, and unregisters at once. Without a master it skips these checks, because `musselbed run` starts "
-        "its own.",
+        description="Checks the needs of a run, and prints a line for each check that is not OK: WARN, FAIL or CANNOT "
+        "TELL, the finding, and what to do. It changes nothing: for the test of the way back it registers with the master "
+        "at ROS_MASTER_URI, and unregisters at once. Without a master it skips these checks, because `musselbed run` "
+        "starts its own.",
         epilog=ending(
             "musselbed doctor",
             "musselbed doctor launch_scripts/scenarios/real-apad.yaml",
@@ -37,6 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "scenario", type=Path, nargs="?", metavar="SCENARIO.yaml", help="check this scenario and its ids, too"
     )
+    parser.add_argument("--all", action="store_true", help="print the checks that are OK, too")
     parser.add_argument(
         "--json", action="store_true", help="print a JSON list of {check, status, found, mend} on stdout"
     )
@@ -50,10 +51,13 @@ def run(arguments: argparse.Namespace) -> int:
         if finding.status is Status.FAIL:
             failed.add(finding.check)
         findings.append(asdict(finding))
-        if not arguments.json:
+        if not arguments.json and (arguments.all or finding.status is not Status.OK):
             print(finding.line(), flush=True)
     if arguments.json:
         print(json.dumps(findings, indent=1))
+    else:
+        fine = sum(it["status"] is Status.OK for it in findings)
+        print(f"{fine} of {len(findings)} checks are OK" + ("" if arguments.all else "; --all prints them"))
     if failed == {"scenario"}:
         return Exit.USER_MISTAKE
     return Exit.PEER_FAILED if failed else Exit.DONE

@@ -6,13 +6,18 @@ import errno
 import os
 import random
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from urllib.parse import urlsplit
 
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.ros.system.master import loopback_environment
+from apad_bridge.scenario.run_options import OPTIONS_NAME, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
 
 _DEFAULT_URI = "http://localhost:11311"
 _TIMEOUT_S = 3.0
+_WAIT_S = 0.1
 _NOBODYS_PORTS = range(20_000, 32_000)
 """Below those that Linux gives to connections: one of those that is free now may be taken before a node binds it."""
 
@@ -80,3 +85,37 @@ def _host_and_port(uri: str) -> tuple[str, int]:
     if not host or not port:
         raise PeerFailed(f"ROS_MASTER_URI={uri} is no http://HOST:PORT")
     return host, port
+
+
+def enter_graph_of(run_dir: Path, asked_to_end: Callable[[float], bool]) -> bool:
+    """Waits until the run has a master, and sets this process's environment for it; False when asked to end before.
+
+    `asked_to_end` waits for so many wall seconds, and returns True when a person ends the program.
+    RunDirectoryError for a directory without a run, or with one that flies without ROS.
+    """
+    directory = RunDirectory(run_dir)
+    if not directory.scenario.is_file():
+        raise RunDirectoryError(f"{run_dir}: no run: it has no scenario.yaml")
+    while True:
+        # A run of several aPads has its options in a directory for each.
+        for path in (run_dir, *(it.parent for it in sorted(run_dir.glob(f"*/{OPTIONS_NAME}")))):
+            if not (path / OPTIONS_NAME).is_file():
+                continue
+            try:
+                options = RunOptions.load(path)
+            except ValueError as error:
+                raise RunDirectoryError(str(error)) from error
+            if options.time is TimeSource.ASAP:
+                raise RunDirectoryError(
+                    f"{run_dir} flies in virtual time, without ROS: fly it with --speed, or see it by `musselbed replay`"
+                )
+            if options.master_uri:
+                home = run_dir / "ros"
+                os.environ |= (
+                    loopback_environment(home, options.master_uri)
+                    if options.owns_master
+                    else environment_for(options.master_uri)
+                )
+                return True
+        if asked_to_end(_WAIT_S):
+            return False

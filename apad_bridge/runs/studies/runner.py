@@ -57,7 +57,7 @@ def fly_study(
     and for a worker that is killed.
     """
     with _opened(directory, plan.fingerprint) as (journal, rows_of):
-        write_study(plan, directory)
+        plan = write_study(plan, directory)
         wanted = list(plan.blocks)
         on_flown(len(plan.strategies) * sum(block in rows_of for block in wanted))
         # Missions with the same seed share its drift, so a seed's blocks are flown one after the other.

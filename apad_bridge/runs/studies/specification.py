@@ -8,7 +8,8 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Sequence
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -34,6 +35,7 @@ from apad_bridge.scenario.yaml_text import parse_yaml
 PAPER_START = TypeAdapter(RandomStart).validate_python({"charge": (0.6, 1.0)})
 """The interval of the paper's starting charges (section V-A)."""
 STUDY_FILE = "study.yaml"
+_STRATEGY_KEYS = ("collection", "redeployment")
 _Value = bool | int | float | str | list[Any] | dict[str, Any] | None
 
 
@@ -53,7 +55,9 @@ class Study:
     scenarios: Annotated[tuple[str, ...], MinLen(1)]
     """Files, relative to the study's."""
     strategies: Annotated[tuple[str | dict[str, Any], ...], MinLen(1)]
-    """Names of collection strategies, or mappings of the keys of `mission`, and `name` for the tables."""
+    """Names of collection strategies, or mappings of the keys of `mission`, and `name` for the tables.
+
+    The file of `FILE.py:Class` is relative to the study's."""
     seeds: Annotated[int, Ge(1), Le(1_000_000)] | Annotated[tuple[Annotated[int, Ge(0)], ...], MinLen(1)]
     """Seeds, or the number of seeds from 1 on. A seed decides starts, drift and misses, for each strategy alike."""
     parameters: dict[str, Annotated[tuple[_Value, ...], MinLen(1)]] = field(default_factory=dict)
@@ -129,7 +133,8 @@ class Plan:
     @property
     def fingerprint(self) -> str:
         """A digest of everything that decides a mission's figures; a study resumes the rows of the same digest alone."""
-        decisive = [self.scenarios, self.strategies, self.study.model, version("musselbed")]
+        scenarios = [[_by_content(it) for it in row] for row in self.scenarios]
+        decisive = [scenarios, self.strategies, self.study.model, version("musselbed")]
         text = json.dumps([*decisive, self.study.draws] if self.study.draws else decisive)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -185,6 +190,13 @@ def plan_of(data: Any, source: str, directory: Path) -> Plan:
     except ValidationError as error:
         lines = (f"{source}: {'.'.join(map(str, it['loc']))}: {it['msg']}" for it in error.errors())
         raise ScenarioError(dict.fromkeys(lines)) from error
+    study = replace(
+        study,
+        strategies=tuple(
+            _with_files(it, lambda _, in_file: (directory / in_file.path).absolute())
+            for it in study.strategies
+        ),
+    )
     strategies = [_strategy_of(given) for given in study.strategies]
     names = tuple(strategy.name for strategy in strategies)
     _check_names(study, names, source)
@@ -224,9 +236,10 @@ def with_seeds(plan: Plan, seeds: int) -> Plan:
     return replace(plan, seeds=tuple(range(1, seeds + 1)))
 
 
-def write_study(plan: Plan, directory: Path) -> None:
+def write_study(plan: Plan, directory: Path) -> Plan:
     """Writes the study as `study.yaml`, and its scenarios with their files below `scenarios/`: `load_study` reads it again.
 
+    Returns the plan with the copies of strategies' files that are written, too: a file may change while a study flies.
     OSError for a scenario's file that is gone.
     """
     folder = directory / "scenarios"
@@ -236,15 +249,72 @@ def write_study(plan: Plan, directory: Path) -> None:
         write_with_files(directory / file, scenario)
     first_seeds = tuple(range(1, len(plan.seeds) + 1))
     seeds = len(plan.seeds) if plan.seeds == first_seeds else list(plan.seeds)
-    data = {**_STUDY.dump_python(plan.study, mode="json"), "scenarios": files, "seeds": seeds}
+    strategies = [
+        _with_copies(given, directory, Path("strategies", str(n)))
+        for n, given in enumerate(plan.study.strategies, 1)
+    ]
+    data = _STUDY.dump_python(plan.study, mode="json")
+    data |= {"scenarios": files, "strategies": strategies, "seeds": seeds}
     write_atomically(directory / STUDY_FILE, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+    copied = [
+        _files_in(_with_files(it, lambda _, copy: (directory / copy.path).absolute())) for it in strategies
+    ]
+    rows = (
+        tuple(_with_rules(it, rules) for it, rules in zip(row, copied, strict=True)) for row in plan.scenarios
+    )
+    return replace(plan, scenarios=tuple(rows))
+
+
+def _with_rules(scenario: dict[str, Any], rules: Mapping[str, registry.InFile]) -> dict[str, Any]:
+    return {**scenario, "mission": {**scenario["mission"], **{key: str(it) for key, it in rules.items()}}}
+
+
+def _by_content(scenario: dict[str, Any]) -> dict[str, Any]:
+    """The scenario's data with the content of a strategy's file in place of its folder."""
+    mission = scenario["mission"]
+    return {
+        **scenario,
+        "mission": {**mission, **{it: registry.identity(mission[it]) for it in _STRATEGY_KEYS}},
+    }
+
+
+def _files_in(given: str | dict[str, Any]) -> dict[str, registry.InFile]:
+    """The strategies in files that an entry of `strategies` names, by key of `mission`."""
+    named = {"collection": given} if isinstance(given, str) else given
+    found = {key: registry.InFile.of(named[key]) for key in _STRATEGY_KEYS if isinstance(named.get(key), str)}
+    return {key: it for key, it in found.items() if it is not None}
+
+
+def _with_files(
+    given: str | dict[str, Any], file_of: Callable[[str, registry.InFile], Path]
+) -> str | dict[str, Any]:
+    """The entry with another file for each of its strategies in files: `file_of` of the key and the strategy."""
+    changed = {key: str(it._replace(path=str(file_of(key, it)))) for key, it in _files_in(given).items()}
+    return changed.get("collection", given) if isinstance(given, str) else {**given, **changed}
+
+
+def _with_copies(given: str | dict[str, Any], directory: Path, folder: Path) -> str | dict[str, Any]:
+    """The entry with copies of its strategies' files in the folder, relative to the directory."""
+
+    def copy(key: str, in_file: registry.InFile) -> Path:
+        path = folder / key / Path(in_file.path).name
+        copied = directory / path
+        copied.parent.mkdir(parents=True, exist_ok=True)
+        if not (copied.exists() and copied.samefile(in_file.path)):  # a study's own copy is flown again
+            shutil.copy(in_file.path, copied)
+        return path
+
+    return _with_files(given, copy)
 
 
 def _strategy_of(given: str | dict[str, Any]) -> Strategy:
     if isinstance(given, str):
-        return Strategy(name=given, mission={"collection": given})
+        return Strategy(name=registry.label(given), mission={"collection": given})
     mission = dict(given)
-    name = mission.pop("name", None) or ", ".join(f"{key} {value}" for key, value in mission.items())
+    name = mission.pop("name", None) or ", ".join(
+        f"{key} {registry.label(value) if isinstance(value, str) else value}"
+        for key, value in mission.items()
+    )
     return Strategy(name=str(name), mission=mission)
 
 

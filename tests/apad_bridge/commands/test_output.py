@@ -75,10 +75,30 @@ def test_a_mistyped_command_gets_the_nearest(
     assert capsys.readouterr().err == f"musselbed: there is no command {typed}: {words}\n"
 
 
+@pytest.mark.parametrize(
+    ("typed", "usage", "words"),
+    [
+        ("run pool-12 --stratgy greedy", "run", "there is no option --stratgy: did you mean --strategy?"),
+        ("branch x --att=5", "branch", "there is no option --att: did you mean --at?"),
+        ("order stop x --zzz", "order stop", "no option --zzz: `musselbed order stop --help` lists all"),
+        ("run --theta fast pool-12", "run", "argument --theta"),
+        ("replay a b c d", "replay", "unrecognized arguments: "),
+    ],
+)
+def test_a_wrong_option_gets_its_commands_usage_and_the_nearest(
+    typed: str, usage: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(typed.split())
+    told = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert told.startswith(f"usage: musselbed {usage} ") and words in told.splitlines()[-1]
+
+
 def test_a_command_has_its_own_options_before_those_of_every_flight(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for command, own in (("mission", "--strategy NAME"), ("run", "--console")):
+    for command, own in (("mission", "--strategy NAME|FILE.py:CLASS"), ("run", "--console")):
         with pytest.raises(SystemExit):
             main([command, "--help"])
         _, options = capsys.readouterr().out.split("positional arguments:")

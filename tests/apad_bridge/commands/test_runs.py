@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from scenario_files import POOL_FILE
 
+from apad_bridge.commands.look.runs import Row, lines_of
 from apad_bridge.commands.main import main
 from apad_bridge.runs.children import supervising
 
@@ -59,6 +60,34 @@ def test_a_long_error_takes_one_line_and_a_stop_is_named(
     assert main(["runs", str(folder), "--json"]) == 0
     whole = json.loads(capsys.readouterr().out)[-1]
     assert whole["state"] == error and whole["stopped_s"] == 1260
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 160])
+def test_no_name_and_no_figure_is_cut_on_a_screen_of_any_width(width: int) -> None:
+    rows = [
+        Row("pool-12-20261126T172923Z", "", "mission time", 12, 2400.0, 74.3, 276.87, 16, 0),
+        Row("whole-board-12-20261126T172923Z", "", "flies"),
+        Row(
+            "energy_exchange-real-apad-20261126T172923Z",
+            "",
+            "a failure of the script with a long reason",
+            120,
+            604800.0,
+            100.0,
+            123456.0,
+            1234,
+            119,
+            1260.0,
+        ),
+    ]
+    lines = lines_of(rows, width)
+    assert max(map(len, lines)) <= width
+    text = "\n".join(lines)
+    for row in rows:
+        assert row.run in text
+    assert ["12", "40", "74.30", "277", "16", "0"] in [line.split()[-6:] for line in lines]
+    assert ["120", "10080", "100.00", "123456", "1234", "119"] in [line.split()[-6:] for line in lines]
+    assert "agents  minutes  uptime %" in text and "stopped for 21 m" in text
 
 
 def test_a_folder_that_is_not_there_is_a_mistake_and_an_empty_one_is_not(

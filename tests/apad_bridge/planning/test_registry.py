@@ -11,7 +11,7 @@ from doc_blocks import file_of
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
-from apad_bridge.planning.registry import collection, known_names, redeployment
+from apad_bridge.planning.registry import collection, identity, known_names, label, redeployment
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "first-strategy.md"
 
@@ -86,3 +86,90 @@ def test_a_name_that_is_taken_is_not_shadowed_silently(site: Path) -> None:
     install(site, "shadow_lab", "greedy = shadow_lab:Own", "shadow_lab", "class Own: pass\n")
     with pytest.raises(ValueError, match=r"is in each of musselbed itself, shadow_lab 1\.2"):
         collection("greedy")
+
+
+FILE = """\
+from dataclasses import dataclass
+
+from apad_bridge.planning.paper_strategies import Greedy, GreedyRedeploy
+from apad_bridge.planning.solution import StepKind
+
+
+class Mine(Greedy):
+    pass
+
+
+@dataclass
+class Weighed(Greedy):
+    weight: float = 1.0
+
+
+class Odd:
+    pass
+
+
+class NoBatch:
+    plans = StepKind.COLLECT
+
+    def plan(self, situation):
+        return None
+
+
+class Asks(Greedy):
+    def __init__(self, weight):
+        pass
+
+
+class Home(GreedyRedeploy):
+    pass
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.py"
+    path.write_text(FILE)
+    return path
+
+
+def test_a_class_of_a_file_is_a_strategy_and_a_changed_file_is_read_again(file: Path) -> None:
+    name = f"{file}:Mine"
+    assert isinstance(collection(name), Greedy) and isinstance(collection(f"{file}:Weighed"), Greedy)
+    assert isinstance(redeployment(f"{file}:Home"), GreedyRedeploy)
+    assert (label(name), label("greedy"), identity("greedy")) == ("mine.py:Mine", "greedy", "greedy")
+    first = identity(name)
+    file.write_text(
+        FILE.replace("Mine(Greedy)", "Mine(NoCollection)").replace("Greedy,", "Greedy, NoCollection,")
+    )
+    assert isinstance(collection(name), NoCollection)
+    assert first != identity(name) and first.startswith("mine.py:Mine ")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("gone.py:Mine", r"strategy gone.py:Mine: .*/gone.py: No such file or directory"),
+        ("mine.py:Mnie", "strategy mine.py:Mnie has no class Mnie: did you mean mine.py:Mine"),
+        ("mine.py", "strategy mine.py names no class of its file: did you mean mine.py:Mine"),
+        (
+            "mine.py:Odd",
+            r"strategy mine.py:Odd is no collect strategy: it needs `plans = StepKind.COLLECT` and a method "
+            r"`plan\(self, situation, batch\)`",
+        ),
+        ("mine.py:NoBatch", r"it needs a method `plan\(self, situation, batch\)`"),
+        ("mine.py:Home", r"it needs `plans = StepKind.COLLECT` and a method"),
+        ("mine.py:Asks", "cannot be made without arguments: TypeError: .*weight"),
+        ("wrong.py:Mine", "strategy wrong.py:Mine cannot be loaded: line 2: invalid syntax"),
+        (
+            "raises.py:Mine",
+            "strategy raises.py:Mine cannot be loaded: line 3: ZeroDivisionError: division by zero",
+        ),
+        ("empty.py:Mine", "strategy empty.py:Mine has no class Mine: it defines no class"),
+    ],
+)
+def test_a_wrong_file_is_told_in_one_line_with_what_it_lacks(file: Path, name: str, message: str) -> None:
+    for other, text in (("wrong", "x = 1\nclass 5:\n"), ("raises", "\n\n1 / 0\n"), ("empty", "")):
+        (file.parent / f"{other}.py").write_text(text)
+    with pytest.raises(ValueError, match=message) as told:
+        collection(str(file.parent / name))
+    assert "\n" not in str(told.value)

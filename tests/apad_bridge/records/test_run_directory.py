@@ -1,13 +1,17 @@
 """Tests that a run's directory is its own: no file is overwritten, and an unusable directory is reported in one line."""
 
+import hashlib
 import json
 from datetime import UTC, datetime
 
 import pytest
 from scenario_files import POOL_FILE
 
+from apad_bridge.planning.paper_strategies import Greedy
+from apad_bridge.planning.registry import collection
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import read_starts, starts_of
 
 NOW = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
@@ -88,3 +92,24 @@ def test_the_inputs_make_the_same_run_again(tmp_path):
         "starts.csv",
         "versions.json",
     ]
+
+
+def test_a_run_keeps_the_file_of_its_strategy_and_names_its_hash(tmp_path, monkeypatch):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from apad_bridge.planning.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
+    )
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    monkeypatch.chdir(tmp_path)
+    scenario = with_overrides(load(POOL_FILE), strategy="mine.py:Mine")
+    directory = RunDirectory.create(scenario.name, NOW, tmp_path / "run")
+    directory.write_inputs(scenario, starts_of(scenario))
+    assert json.loads(directory.versions.read_text())["strategy_files"] == {"mine.py:Mine": digest}
+    file.write_text("class Mine: pass\n")
+    moved = tmp_path / "moved"
+    directory.path.rename(moved)
+    again = load(moved / "scenario.yaml")  # it checks its strategies
+    assert again.mission.collection == f"{moved}/collection/mine.py:Mine"
+    assert isinstance(collection(again.mission.collection), Greedy)
+    with pytest.raises(ScenarioError, match=r"mine\.py:Mine is no collect strategy"):
+        with_overrides(load(POOL_FILE), strategy="mine.py:Mine")

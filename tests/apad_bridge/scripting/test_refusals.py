@@ -95,3 +95,14 @@ def test_numbers_of_numpy_are_numbers_and_arrays_are_points(pool: Scenario) -> N
 
     flight = fly_script(pool, script)
     assert (flight.error, flight.ended_by) == (None, EndReason.SCRIPT_ENDED)
+
+
+def test_a_call_that_does_not_exist_is_answered_with_the_nearest_and_the_page(pool: Scenario) -> None:
+    def script(api: Api) -> None:
+        api.goto([45.0, 14.0])  # type: ignore[attr-defined]
+
+    flight = fly_script(pool, script)
+    assert flight.end_reason is EndReason.SCRIPT_FAILED
+    assert flight.ended_by.endswith(
+        "AttributeError: there is no api.goto: did you mean api.go_to? docs/scripting.md has every call"
+    )

@@ -385,6 +385,25 @@ def test_a_strategy_of_a_package_is_flown_by_its_name(
     assert ours == greedy and len(ours) == 2
 
 
+def test_a_strategy_of_a_file_is_flown_and_goes_on_only_as_it_was(tmp_path: Path) -> None:
+    file = tmp_path / "lab.py"
+    file.write_text(
+        "from apad_bridge.planning.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
+    )
+    mine = plan_of({**STUDY, "strategies": ["lab.py:Mine", "greedy"], "seeds": 2}, "test", tmp_path)
+    rows = fly_study(mine, tmp_path / "out", 2)
+    ours, greedy = (
+        [{**row, "strategy": ""} for row in rows if row["strategy"] == name]
+        for name in ("lab.py:Mine", "greedy")
+    )
+    assert ours == greedy and len(ours) == 2
+    write_study(mine, tmp_path / "out")
+    before = mine.fingerprint
+    file.write_text(file.read_text() + "# another rule\n")
+    assert mine.fingerprint != before  # the copy of the study has the rule that flew
+    assert load_study(tmp_path / "out" / STUDY_FILE).fingerprint == before
+
+
 def test_no_figure_is_nan(tmp_path: Path) -> None:
     for row in fly_study(plan(strategies=["none"], seeds=1), tmp_path, 1):
         assert not [key for key, value in row.items() if isinstance(value, float) and math.isnan(value)]
