@@ -163,7 +163,7 @@ function chartOptions(chart, { width, height }) {
     : { grid: { stroke: () => LINE, width: 1 }, size: chart.content.isAboveRows ? ROW_NAMES : 44, space: 24, values: (plot, splits) => splits.map((it) => chart.content.format(it)) };
   const lines = chart.content.lines.length ? chart.content.lines : [{ width: 0, stroke: LINE }];
   return {
-    width, height, padding: [6, 22, 0, 0], legend: { show: false },
+    width, height, padding: [6, 28, 0, 0], legend: { show: false },
     cursor: { y: false, points: { show: false }, drag: { setScale: false }, bind: { dblclick: () => () => zoomTo(null) } },
     scales: { x: { time: false, range: (plot, from, to) => [from, to] }, y: { range: () => [chart.content.min, chart.content.max] } },
     axes: [{ ...axis, grid: { show: false }, size: 26, gap: 8, space: 64, incrs: TIME_STEPS, values: timeLabels }, { ...axis, ...left }],
@@ -288,7 +288,7 @@ function hoverCanvas(id, of) {
 // Draws vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.
 function drawBars(canvas, bars, marked) {
   const { ctx, width, height } = fresh(canvas);
-  const box = { left: 44, right: width - 22, top: 6, bottom: height - 18 };
+  const box = { left: 44, right: width - 28, top: 6, bottom: height - 18 };
   const y = (percent) => box.bottom - (box.bottom - box.top) * percent / 100;
   ctx.textBaseline = "middle";
   for (const percent of [0, 25, 50, 75, 100]) {
