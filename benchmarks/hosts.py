@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,52 +45,77 @@ from benchmarks.network import MUSSELBED, ON_RED, ROOT
 from benchmarks.rows import told
 from benchmarks.soak import children_of_all
 
-ON_EACH, SHORT_ON_EACH = 500, 4
-THETA = 30
-PERIOD_S = 10.0
-"""Mission time between two reports of an aMussel: a hundred packets a second of all."""
-SILENT_S = 3 * PERIOD_S
-CUT_S = 6 * PERIOD_S
-"""Mission time of the cut. After a minute of silence, the journal has a line for the next packet at once."""
-BOARD = {"discharge_per_min": 0.0005}
-"""Half of the paper's worst case: one aPad cannot serve a thousand, and none shall be empty before the end."""
-CHARGES = [0.55, 0.9]
-MISSION = {"pool_threshold": 0.6, "full_threshold": 0.62, "batch": 2}
-"""One aMussel in seven is a candidate, and a minute or two in a dock make it full."""
-DOCKING = {"dock_s": 5.0, "undock_s": 2.0}
-NEAR = {"polygon_m": [[12, 8.5], [16, 8.5], [16, 12.5], [12, 12.5]]}
-"""The short tier's square: a leg takes some seconds, and the first batch has aMussels of both machines."""
-NEARLY_LOW, NEAR_BATCH = [0.58, 0.61], 4
+
+@dataclass(frozen=True, slots=True)
+class Tier:
+    on_each: int
+    """aMussels on each machine."""
+    theta: int
+    period_s: float
+    """Mission time between two reports of an aMussel."""
+    changes: Mapping[str, Mapping[str, Any]]
+    """Keys of the scenario's blocks that differ from those of real-apad.yaml."""
+
+    @property
+    def silent_s(self) -> float:
+        return 3 * self.period_s
+
+    @property
+    def cut_s(self) -> float:
+        """Mission time of the cut. After a minute of silence, the journal has a line for the next packet at once."""
+        return 6 * self.period_s
+
+
+WHOLE = Tier(
+    on_each=500,
+    theta=30,
+    period_s=10.0,  # a hundred packets a second of all
+    changes={
+        "fleet": {"start": {"charge": [0.55, 0.9]}},
+        # Half of the paper's worst case: one aPad cannot serve a thousand, and none shall be empty before the end.
+        "board": {"discharge_per_min": 0.0005},
+        # One aMussel in seven is a candidate, and a minute or two in a dock make it full.
+        "mission": {"pool_threshold": 0.6, "full_threshold": 0.62, "batch": 2},
+        "docking": {"dock_s": 5.0, "undock_s": 2.0},
+    },
+)
+SHORT = Tier(
+    on_each=1,
+    theta=240,
+    period_s=1.0,
+    changes={
+        "area": {"polygon_m": [[13.5, 10], [14.5, 10], [14.5, 11], [13.5, 11]]},
+        "fleet": {"start": {"charge": [0.6, 0.605]}},
+        # A belief moves by the hundredth that gives a line in the journal in less than three seconds.
+        "board": {"discharge_per_min": 0.001},
+        "mission": {"pool_threshold": 0.61, "full_threshold": 0.62, "batch": 1, "permission_repeat_s": 2.0},
+        "docking": {"dock_s": 1.0, "undock_s": 1.0},
+    },
+)
+"""All is in real time. The aPad serves one after the other in some ten seconds each, beside which it lies."""
 FLEETS = ("fleet-one", "fleet-two")
 
 
 def measure(minutes: float = 20.0, short: bool = False) -> dict[str, Any]:
     """`minutes` is the patience with each step, of which the longest are some batches of two services.
 
-    The short tier has few aMussels around the aPad, all of which are soon candidates, but its cut lasts as long. All is
-    in real time, so it waits for some minutes and takes some seconds of a processor.
+    The short tier has one aMussel on each machine, both beside the aPad and soon candidates, and a shorter cut.
     """
     if why := why_no_two_machines():
         raise SystemExit(f"this machine cannot play two: {why}")
     with tempfile.TemporaryDirectory(prefix="musselbed-hosts-") as folder:
-        return fly(SHORT_ON_EACH if short else ON_EACH, Path(folder), 60 * minutes)
+        return fly(SHORT if short else WHOLE, Path(folder), 60 * minutes)
 
 
-def written(home: Path, name: str, first_id: int, count: int) -> Path:
+def written(home: Path, name: str, first_id: int, count: int, tier: Tier) -> Path:
     """A scenario for these aMussels, in one square for all of them."""
     data = resolve(load(ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"))
-    data |= {"theta": THETA, "duration_s": 86_400.0}
-    is_short = count <= 2 * SHORT_ON_EACH
-    charges = NEARLY_LOW if is_short else CHARGES
-    data["fleet"] |= {"count": count, "first_id": first_id, "start": {"charge": charges}}
+    data |= {"theta": tier.theta, "duration_s": 86_400.0}
+    data["fleet"] |= {"count": count, "first_id": first_id}
     data["apad"] |= {"generation": "b"}
-    data["hearing"]["report_period_s"] = PERIOD_S
-    data["board"] |= BOARD
-    data["mission"] |= MISSION
-    if is_short:
-        data["area"] |= NEAR
-        data["mission"] |= {"batch": NEAR_BATCH}
-    data["mission"]["docking"] |= DOCKING
+    data["hearing"]["report_period_s"] = tier.period_s
+    for block, keys in tier.changes.items():
+        (data["mission"] if block == "docking" else data)[block] |= keys
     write_resolved(home / f"{name}.yaml", from_data(data, name))
     return home / f"{name}.yaml"
 
@@ -116,8 +142,9 @@ class Heard:
                 self.served.append(line["agent"])
 
 
-def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
-    """Flies it with so many aMussels on each machine, and returns the figures."""
+def fly(tier: Tier, home: Path, patience_s: float) -> dict[str, Any]:
+    """Flies it, and returns the figures."""
+    on_each = tier.on_each
     ids = {FLEETS[n]: range(1 + n * on_each, 1 + (n + 1) * on_each) for n in (0, 1)}
     with ExitStack() as stack:
         one, two, lose = stack.enter_context(linked_machines(Link()))
@@ -136,11 +163,11 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
             return time.monotonic() - began_s
 
         programs.start_master(one)
-        whole = written(home, "whole", 1, 2 * on_each)
+        whole = written(home, "whole", 1, 2 * on_each, tier)
         start(one, "apad", *MUSSELBED, "apad", str(whole))
         wait_until(lambda: "ready" in programs.said("apad"), "no aPad")
         for name, machine in zip(FLEETS, (one, two), strict=True):
-            scenario = written(home, name, ids[name].start, on_each)
+            scenario = written(home, name, ids[name].start, on_each, tier)
             start(machine, name, *MUSSELBED, "fleet", str(scenario), "--out", f"{name}-run")
         start(one, "mission", *MUSSELBED, "mission", str(whole), "--out", "run", *ON_RED)
         run = programs.folder(one) / "run"
@@ -169,7 +196,7 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
         told({"rate": rate, "processors": processors, "memory_mb": memory_mb})
         lose(1.0)
         cut_ms = heard.now_ms
-        wait_until(lambda: look_ms() >= cut_ms + 1000 * CUT_S, "the mission's time stood still")
+        wait_until(lambda: look_ms() >= cut_ms + 1000 * tier.cut_s, "the mission's time stood still")
         lose(0.0)
         healed_ms, before = heard.now_ms, len(heard.served)
         again_s = wait_until(lambda: all_heard(FLEETS[1], healed_ms), "the second fleet is not heard again")
@@ -179,16 +206,16 @@ def fly(on_each: int, home: Path, patience_s: float) -> dict[str, Any]:
         ended_early = ended(started)
         interrupt(started["mission"])
         started["mission"].wait(patience_s)
-        silent_ids = [it for it, age_s in ages_s(run / "run.bag", healed_ms).items() if age_s > SILENT_S]
+        silent_ids = [it for it, age_s in ages_s(run / "run.bag", healed_ms).items() if age_s > tier.silent_s]
         silent = {name: sum(it in ids[name] for it in silent_ids) for name in FLEETS}
         return {
             "on_each": on_each,
-            "theta": THETA,
+            "theta": tier.theta,
             "heard_s": heard_s,
             "rate": rate,
             "processors": processors,
             "memory_mb": memory_mb,
-            "cut_s": CUT_S,
+            "cut_s": tier.cut_s,
             "silent": silent,
             "again_s": again_s,
             "services": {

@@ -20,7 +20,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ from two_machines import (
 from apad_bridge.events.graph import MasterGone
 from apad_bridge.events.guards import DangerOver, GuardReacted
 from apad_bridge.events.persons import PersonOrdered
+from apad_bridge.events.run import RunEnded
 from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
 from apad_bridge.records.bag import recorded_messages
 from apad_bridge.records.journal import JournalTail, read_journal
@@ -55,7 +56,7 @@ CALM = Link(loss=0.0, delay_s=0.0)
 AHEAD_S = 2.0
 """The vehicle's clock is so far ahead of the bench's."""
 THETA = 30
-SHORT_MINUTES = 0.2
+SHORT_MINUTES, SHORT_AGENTS = 0.2, 2
 PATIENCE_S = 600.0
 """A program registers each of a hundred topics by a call to the master: a second each, over this link."""
 GUARDS = {"position_age_s": 5}
@@ -73,14 +74,15 @@ CALM_S = 5.0
 def measure(minutes: float = 60.0, short: bool = False) -> dict[str, Any]:
     """The flight, its peer in virtual time, and the merged logs.
 
-    In the short tier the link is good until the flight has begun: to start over a poor one takes minutes.
+    In the short tier the link is good until the flight has begun: to start over a poor one takes minutes. Its two
+    aMussels have few topics to register.
     """
     if why := why_no_two_machines() or ("" if shutil.which("faketime") else "faketime is missing"):
         raise SystemExit(f"this machine cannot play two: {why}")
     minutes = SHORT_MINUTES if short else minutes
     with tempfile.TemporaryDirectory(prefix="musselbed-network-") as folder:
         home = Path(folder)
-        scenario = written_scenario(home, minutes)
+        scenario = written_scenario(home, minutes, SHORT_AGENTS if short else None)
         peer = subprocess.run(
             [*MUSSELBED, "run", str(scenario), "--time", "asap", "--out", str(home / "asap"), "--json"],
             stdout=subprocess.PIPE,
@@ -89,7 +91,7 @@ def measure(minutes: float = 60.0, short: bool = False) -> dict[str, Any]:
         )
         told({"virtual_time": figures(json.loads(peer.stdout))})
         with linked_machines(CALM if short else LINK) as (vehicle, bench, lose):
-            flown = fly(home, scenario, vehicle, bench, lose)
+            flown = fly(home, scenario, minutes, vehicle, bench, lose)
         told({"flight": figures(flown.summary)})
         return {
             "minutes": minutes,
@@ -105,12 +107,14 @@ def measure(minutes: float = 60.0, short: bool = False) -> dict[str, Any]:
         }
 
 
-def written_scenario(home: Path, minutes: float) -> Path:
+def written_scenario(home: Path, minutes: float, agents: int | None) -> Path:
     scenarios = ROOT / "launch_scripts" / "scenarios"
     data = resolve(load(scenarios / "real-apad.yaml"))
     data |= {"duration_s": 60.0 * minutes, "theta": THETA}
     data["apad"] |= {"generation": "b"}
     data["guards"] |= GUARDS
+    if agents is not None:
+        data["fleet"] |= {"count": agents, "start": {"charge": [0.3, 0.7]}}
     path = home / "scenario.yaml"
     write_resolved(path, from_data(data, "network"))
     return path
@@ -124,14 +128,14 @@ class Flown:
     """The vehicle's and the bench's."""
 
 
-def fly(home: Path, scenario: Path, vehicle: Machine, bench: Machine, lose: Lose) -> Flown:
-    """Flies it to its end over a poor link; what it started ends with this process, too."""
+def fly(home: Path, scenario: Path, minutes: float, vehicle: Machine, bench: Machine, lose: Lose) -> Flown:
+    """Flies it to its end, `minutes` over a poor link; what it started ends with this process, too."""
     sleeping = {"PYTHONPATH": str(ROOT / "tests" / "shared" / "beside_faketime")}
     ahead = ["faketime", "--exclude-monotonic", "-f", f"+{AHEAD_S:g}s"]
     messages = str(generated_folder())
     workspace = {"PYTHONPATH": f"{sleeping['PYTHONPATH']}:{messages}", "ROS_PACKAGE_PATH": messages}
     with ExitStack() as stack:
-        programs = Programs(home, master_uri(vehicle), stack, PATIENCE_S)
+        programs = Programs(home, master_uri(vehicle), stack, PATIENCE_S + 60 * minutes)
         programs.start_master(vehicle, *ahead, environment=sleeping)
         programs.start(vehicle, "apad", *ahead, *MUSSELBED, "apad", str(scenario), environment=sleeping)
         programs.wait_until(lambda: "ready" in programs.said("apad"), "the aPad did not start")
@@ -154,9 +158,17 @@ def fly(home: Path, scenario: Path, vehicle: Machine, bench: Machine, lose: Lose
                 "no flight began",
             )
             lose(LINK.loss, LINK.delay_s)
+            with closing(JournalTail(journal)) as tail:
+                programs.wait_until(
+                    lambda: (
+                        flight.poll() is not None
+                        or any(it["kind"] == RunEnded.kind for it in tail.read_new().lines)
+                    ),
+                    "the mission did not end",
+                )
+            # To leave a topic is a call to the master: a second for each of a hundred, over a poor link.
+            lose(CALM.loss, CALM.delay_s)
             code = flight.wait()
-        # A recorder of everything leaves each topic by a call to the master: a second each, over a poor link.
-        lose(CALM.loss, CALM.delay_s)
         if code != 0:
             raise SystemExit(f"the flight ended with {code}: {errors.read_text()}")
         for recorder in recorders:

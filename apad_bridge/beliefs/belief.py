@@ -97,6 +97,29 @@ class Belief:
     def at_ms(self) -> int:
         return self.heard_ms + self.predicted_ms
 
+    def counting_silence(self, timeslots: int) -> Belief:
+        """The same after so many silent timeslots; `replace` takes five times as long for so many fields."""
+        return Belief(
+            self.agent_id,
+            self.heard_ms,
+            self.state,
+            self.primary,
+            self.secondary,
+            self.north_m,
+            self.east_m,
+            self.predicted_ms,
+            self.charge_cov,
+            self.place_cov,
+            self.mode_probabilities,
+            self.clock,
+            self.learned_from | Source.SILENCE,
+            timeslots,
+            self.suspicion,
+            self.parts,
+            self.capacity_left,
+            self.estimator_state,
+        )
+
     def age_s(self, now_ms: MissionMs) -> float:
         """Mission seconds since the newest packet."""
         return (now_ms - self.heard_ms) / 1000

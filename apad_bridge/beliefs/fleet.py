@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any, Protocol
 
 from agents.time_scale import AgentMs, MissionMs, TimeScale
-from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.beliefs.measurement import ClockSet, Heard, HeardShort, Measurement, Rejected
 from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
@@ -108,7 +107,7 @@ class FleetBeliefs:
         silent = (belief.at_ms - belief.heard_ms) // self._due_every_ms
         if silent == belief.silent_timeslots:
             return belief
-        return replace(belief, silent_timeslots=silent, learned_from=belief.learned_from | Source.SILENCE)
+        return belief.counting_silence(silent)
 
     def hear(self, packet: StatusPacket, at_ms: MissionMs) -> str | None:
         """Takes in a packet received at mission time `at_ms`; or returns the reason why not, and changes nothing."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import Cycle, Habits
+from firmware_model.value import value
 
 MS_PER_MIN = 60_000
 _NEVER = 1e-12
@@ -47,7 +47,7 @@ class Spent(NamedTuple):
     variance: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Load:
     """Charge spent by present mode, in the order of `SUBMERGED`; `by_mode` also contains the path `expected`."""
 

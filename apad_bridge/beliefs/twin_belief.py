@@ -43,10 +43,10 @@ def belief_from_state(
         cov = twin_state.cov
         second = Part(
             1.0,
-            float(twin_state.mean[SECONDARY]) - gave,
-            math.sqrt(float(cov[SECONDARY, SECONDARY]) + gave_sd**2),
+            twin_state.mean.item(SECONDARY) - gave,
+            math.sqrt(cov.item(SECONDARY, SECONDARY) + gave_sd**2),
         )
-        both = float(cov[PRIMARY, SECONDARY])
+        both = cov.item(PRIMARY, SECONDARY)
         modes = _in_the_water(twin_state, parameters, parts, second)
     primary, variance = _moments(parts)
     afloat = twin_state.situation in (Mode.SURFACING, Mode.FLOATING)

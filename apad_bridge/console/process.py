@@ -16,6 +16,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.interrupts import received_by
+from agents.hosting.link_protocol import readable
 from apad_bridge.console.server import Ending, app_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
@@ -103,13 +104,19 @@ class _Bounded(H11Protocol):
         """True between a whole request and the end of its answer: the stream of an open page has no end."""
         return self.cycle is not None and not self.cycle.response_complete
 
+    @property
+    def has_unread(self) -> bool:
+        """True when something came that a busy machine has not let this process read yet."""
+        return readable(self.transport.get_extra_info("socket").fileno(), 0.0)
+
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
         self._closing = self.loop.call_later(SILENT_S, self._close_silent)
         if len(self.connections) > self.most:
             # Their timers began with them: uvicorn keeps them without an order.
             others = [it for it in self.connections if isinstance(it, _Bounded) and not it.awaits_answer]
-            min(others, key=lambda it: it._closing.when(), default=self).abort()
+            others.sort(key=lambda it: it._closing.when())
+            next((it for it in others if not it.has_unread), self).abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._closing.cancel()
@@ -120,13 +127,17 @@ class _Bounded(H11Protocol):
         self.transport.abort()
 
     def _close_silent(self) -> None:
-        if self.cycle is None:
+        if self.cycle is not None:
+            return
+        if self.has_unread:
+            self._closing = self.loop.call_later(SILENT_S, self._close_silent)
+        else:
             self.abort()
 
 
 def bounded(most: int) -> type[asyncio.Protocol]:
     """The protocol of a server with at most so many connections.
 
-    With one more, the oldest of those that await no answer is closed.
+    With one more, the oldest of those that have sent nothing and await no answer is closed.
     """
     return type("Bounded", (_Bounded,), {"most": most})

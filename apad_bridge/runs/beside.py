@@ -1,8 +1,9 @@
-"""Commands of ours that serve people or programs beside a run, each in a process of its own: a console, an IMC gateway and
-a server for Foxglove.
+"""The processes that serve people or programs beside a run: a console, an IMC gateway, a server for Foxglove, and the
+run's own ROS master.
 
-They are watched for as long as the run flies. The death of one is told on the terminal and in the journal, and another is
-started. One that dies again and again is left, which is told too.
+They are watched for as long as the run flies. The death of a command is told on the terminal and in the journal, and
+another is started. One that dies again and again is left, which is told too. A master alone knows who takes part in its
+graph, so no other can take its place: a run ends with its master, and one that stands still is told, with its end.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.hosting.link_protocol import readable
+from apad_bridge.doctor.network import Refused, Unreachable, call_for_reply
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.exits import UserError
 from apad_bridge.supervisor.control import Act, Request, answer_of, listens
@@ -31,6 +33,9 @@ _WITHIN_S = 60.0
 _AGAIN_S = 0.5
 """The time before a start that follows a death; twice as long after each further one."""
 _BY = "musselbed"
+_MASTER_LOOK_S = 2.0
+_MASTER_FAILED = 2
+"""The master stands still when this number of looks in a row had no answer: a busy machine may take seconds for one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,15 +103,80 @@ class Service:
             watch.end(self.patience_s)
 
 
+class _Notes:
+    """Tells lines on the terminal at once, and has the supervisor of the run journal them once it takes orders."""
+
+    def __init__(self, directory: Path, tell: Callable[[str], None]) -> None:
+        self._directory = directory
+        self._tell = tell
+        self._unwritten: deque[str] = deque()
+
+    @property
+    def are_written(self) -> bool:
+        return not self._unwritten
+
+    def note(self, text: str) -> None:
+        self._tell(text)
+        self._unwritten.append(text)
+
+    def write(self) -> None:
+        while self._unwritten and listens(self._directory):
+            if not answer_of(self._directory, Request(Act.REMARK, _BY, self._unwritten[0])).accepted:
+                return
+            self._unwritten.popleft()
+
+
+@contextmanager
+def watched_master(
+    uri: str, directory: Path, tell: Callable[[str], None], period_s: float = _MASTER_LOOK_S
+) -> Iterator[None]:
+    """While entered, tells that the run's own master stands still, and that it answers again.
+
+    A master that has ended is none of this: the run ends with it, and names it.
+    """
+    notes, is_ending = _Notes(directory, tell), threading.Event()
+
+    def watch() -> None:
+        failed = 0
+        while not is_ending.wait(period_s):
+            notes.write()
+            why = why_no_answer(uri)
+            if why is None:
+                if failed >= _MASTER_FAILED:
+                    notes.note("the run's own ROS master answers again")
+                failed = 0
+                continue
+            failed += 1
+            if failed == _MASTER_FAILED and not is_ending.is_set():
+                notes.note(f"the run's own ROS master stands still, so no ROS tool finds the run: {why}")
+
+    watching = threading.Thread(target=watch, name="watch of the run's own master", daemon=True)
+    watching.start()
+    try:
+        yield
+    finally:
+        is_ending.set()
+        watching.join(_END_S)
+
+
+def why_no_answer(uri: str) -> str | None:
+    """None where the master answers, and where nothing listens there any more."""
+    try:
+        call_for_reply(uri, "getPid")
+    except Refused:
+        return None
+    except Unreachable as error:
+        return str(error)
+    return None
+
+
 class _Watch:
     """Watches one command in a thread of its own, which is also the one that starts it again."""
 
     def __init__(self, child: Child, command: Command, tell: Callable[[str], None]) -> None:
         self._child = child
         self._command = command
-        self._tell = tell
-        self._unwritten: deque[str] = deque()
-        """The lines that the run's journal lacks, because no supervisor listens yet."""
+        self._notes = _Notes(command.directory, tell)
         self._deaths_s: deque[float] = deque()
         self._is_ending = threading.Event()
         self._spoke = threading.Event()
@@ -130,13 +200,13 @@ class _Watch:
             if not self._start_again():
                 break
         self._spoke.set()
-        while self._unwritten and not self._is_ending.wait(_LOOK_S):
-            self._write()
+        while not self._notes.are_written and not self._is_ending.wait(_LOOK_S):
+            self._notes.write()
 
     def _follow(self) -> bool:
         """Returns when the command has ended: True for a death, False for an end in order."""
         while True:
-            self._write()
+            self._notes.write()
             if not readable(self._child.lines.fileno(), _LOOK_S):
                 continue
             if self._child.lines.readline():
@@ -146,7 +216,7 @@ class _Watch:
             if self._is_ending.is_set() or code == 0:
                 return False
             how = self._child.last_log_line() if code is None or code > 0 else signal.Signals(-code).name
-            self._note(f"the {self._command.name} died ({how})")
+            self._notes.note(f"the {self._command.name} died ({how})")
             return True
 
     def _start_again(self) -> bool:
@@ -156,7 +226,7 @@ class _Watch:
             while self._deaths_s[0] < time.monotonic() - _WITHIN_S:
                 self._deaths_s.popleft()
             if len(self._deaths_s) > _MOST_DEATHS:
-                self._note(
+                self._notes.note(
                     f"the {self._command.name} died {len(self._deaths_s)} times within {_WITHIN_S:g} s and is not started "
                     f"again: see {self._child.log}; musselbed stop {self._command.directory} orders a stop without it"
                 )
@@ -166,21 +236,10 @@ class _Watch:
             try:
                 self._child, _ = self._command.start()
             except UserError as error:
-                self._note(str(error))
+                self._notes.note(str(error))
                 continue
             if self._is_ending.is_set():
                 self._child.end(_END_S)
                 return False
-            self._note(f"the {self._command.name} was started again")
+            self._notes.note(f"the {self._command.name} was started again")
             return True
-
-    def _note(self, text: str) -> None:
-        self._tell(text)
-        self._unwritten.append(text)
-
-    def _write(self) -> None:
-        """Has the supervisor write the lines into the journal, once it takes orders."""
-        while self._unwritten and listens(self._command.directory):
-            if not answer_of(self._command.directory, Request(Act.REMARK, _BY, self._unwritten[0])).accepted:
-                return
-            self._unwritten.popleft()

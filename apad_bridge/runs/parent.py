@@ -28,6 +28,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
+from apad_bridge.runs.beside import watched_master
 from apad_bridge.runs.children import (
     Child,
     EndedTooSlowly,
@@ -81,7 +82,7 @@ def fly(
     """
     takes_over = len(members) > 1 and sharing.transfers and not options.without_mission
     with held_back(), not_suspended(), ExitStack() as stack:
-        options, nodes = _open_ros(stack, members, options, whole)
+        options, nodes = _open_ros(stack, members, options, whole, progress.print_message)
         if nodes:
             progress.print_message(f"the run's own ROS master: ROS_MASTER_URI={options.master_uri}")
         sea = _open_sea(stack, members, whole)
@@ -108,7 +109,9 @@ def fly(
 
 def resume(name: str, run_dir: Path, options: RunOptions, progress: ProgressDisplay) -> Flown:
     """Starts another supervisor for a run whose supervisor died, and shows it until it ends. All else runs already."""
-    with held_back(), not_suspended():
+    with held_back(), not_suspended(), ExitStack() as stack:
+        if options.owns_master:
+            stack.enter_context(watched_master(options.master_uri, run_dir, progress.print_message))
         return SupervisorWatch([Run(name, run_dir, options)], progress, resumes=True).read_until_all_ended()
 
 
@@ -132,14 +135,19 @@ def _open_ros(
     members: Sequence[Member],
     options: RunOptions,
     whole: RunDirectory,
+    tell: Callable[[str], None],
 ) -> tuple[RunOptions, Nodes]:
-    """The options on somebody's master, or on one of our own with the simulated aPads; `stack` ends these."""
+    """The options on somebody's master, or on one of our own with the simulated aPads; `stack` ends these.
+
+    `tell` takes the lines about a master of our own that stands still.
+    """
     if options.apad is APadKind.ROS:
         return options.on_master(somebodys_master()), {}
     nodes = {}
     try:
         master = start_master(whole.path / "ros", _MASTER_S)
         stack.callback(master.stop, 1.0)
+        stack.enter_context(watched_master(master.uri, whole.path, tell))
         for member in members:
             directory = whole.of_apad(member.name, len(members))
             nodes[member.name] = start_apad_node(

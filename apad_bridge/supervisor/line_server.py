@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 from agents.hosting.descriptors import SHORT_OF_FILES, Reserve
+from agents.hosting.link_protocol import readable
 
 CLIENT_S = 5.0
 """A client that writes nothing for so many wall seconds is left."""
@@ -62,8 +63,9 @@ class LineServer(socketserver.ThreadingUnixStreamServer):
     def process_request(self, request: Any, client_address: Any) -> None:
         with self._lock:
             self._silent[request] = None
-            oldest = next(iter(self._silent)) if len(self._silent) > _MOST_SILENT else None
-            if oldest is not None:
+            # A line may wait for its thread, which has no processor yet: its client is not silent.
+            silent = (it for it in self._silent if not readable(it.fileno(), 0.0))
+            if len(self._silent) > _MOST_SILENT and (oldest := next(silent, None)) is not None:
                 del self._silent[oldest]
                 with suppress(OSError):
                     oldest.shutdown(socket.SHUT_RDWR)  # its thread then closes it
@@ -73,6 +75,11 @@ class LineServer(socketserver.ThreadingUnixStreamServer):
         """Notes that the client has written its line, or has left."""
         with self._lock:
             self._silent.pop(client, None)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Closes a client's link, also where no thread could begin for it."""
+        self.spoke(request)
+        super().shutdown_request(request)
 
     def service_actions(self) -> None:
         """Called after each connection, and at least twice a second: by then the connections before may have ended."""

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 STRATEGY, CODEC = ROOT / "docs" / "first-strategy.md", ROOT / "docs" / "extending.md"
 POOL = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
+BOAT_OPTION = "--no-build-isolation"
 
 
 def commands() -> list[str]:
@@ -83,8 +84,10 @@ def test_both_packages_of_the_page_install_and_fly(tmp_path: Path, environment: 
     assert "no reasons given" in in_a_shell(fly, tmp_path, environment)
     assert "lab_strategies.py:Farthest" in in_a_shell(compare, tmp_path, environment)
 
-    # It is built by the setuptools at hand: to fetch and unpack one for each package takes seconds, and shows the same.
-    install(CODEC, "lab_codec", tmp_path / "codec", environment, options="--no-build-isolation")
+    # As on a boat: from no index. The setuptools at hand builds it; without the page's option pip looks for one there.
+    assert f"`{BOAT_OPTION}`" in STRATEGY.read_text()
+    on_a_boat = environment | {"PIP_NO_INDEX": "1"}
+    install(CODEC, "lab_codec", tmp_path / "codec", on_a_boat, options=BOAT_OPTION)
     scenario = tmp_path / "lines.yaml"
     scenario.write_text(text.replace("hearing: {", "hearing: {codec: lines, ").replace("610", "60"))
     in_a_shell(

@@ -15,6 +15,7 @@ import tarfile
 from pathlib import Path
 
 import pytest
+from doc_blocks import file_of
 
 ROOT = Path(__file__).parents[2]
 IN_CLEAN_DEBIAN = """
@@ -77,3 +78,17 @@ def test_a_kit_is_installed_and_flown_on_a_clean_debian_without_a_network(tmp_pa
     assert flown.returncode == 0, flown.stderr
     summary = json.loads(flown.stdout)
     assert summary["services"] > 0 and summary["amussels_lost"] == 0
+
+    # A strategy of the user's own, as its page installs it without a network.
+    package, page = debian / "root" / "lab", ROOT / "docs" / "first-strategy.md"
+    package.mkdir()
+    for name in ("lab_strategies.py", "setup.cfg", "pyproject.toml"):
+        (package / name).write_text(file_of(page, name))
+    script = (
+        f"{kit_folder} && source launch_scripts/setup.bash && cd /root/lab && "
+        "musselbed python -m pip install --no-build-isolation . && "
+        "musselbed run pool-12 --strategy farthest --time asap --out /root/farthest --json"
+    )
+    own = in_clean_debian(debian, script, 1200)
+    assert own.returncode == 0, own.stdout + own.stderr
+    assert '"farthest"' in (debian / "root" / "farthest" / "journal.jsonl").read_text()

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import sqrt
 
 import numpy as np
@@ -21,6 +21,7 @@ from apad_bridge.beliefs.measurement import (
     TimeslotSilent,
 )
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
     Calls,
@@ -123,6 +124,24 @@ def test_asking_often_changes_nothing() -> None:
     assert often.primary == pytest.approx(once.primary, abs=1e-3)
     assert often.charge_cov == pytest.approx(once.charge_cov, abs=1e-3)
     assert often.mode_probabilities == pytest.approx(once.mode_probabilities, abs=1e-3)
+
+
+def test_a_state_that_moves_in_time_and_a_belief_that_counts_silence_keep_every_other_field() -> None:
+    """Both are written out, for speed: a field that is forgotten there would fall back to its default."""
+    twin_state = TwinState(*(object() for _ in fields(TwinState)))  # type: ignore[arg-type]
+    load, unobeyed = Load.known(Mode.IDLE), (Load.known(Mode.ASLEEP), 5)
+    moved = replace(twin_state, at_ms=7, load=load, unobeyed=unobeyed)
+    assert values(twin_state.moved_to(7, load, unobeyed)) == values(moved)
+    belief = replace(
+        Belief(*(object() for _ in fields(Belief))),  # type: ignore[arg-type]
+        learned_from=Source.DOCKING,
+    )
+    silent = replace(belief, silent_timeslots=3, learned_from=Source.DOCKING | Source.SILENCE)
+    assert values(belief.counting_silence(3)) == values(silent)
+
+
+def values(one: TwinState | Belief) -> list[object]:
+    return [getattr(one, it.name) for it in fields(one)]
 
 
 def test_a_silent_slot_moves_the_modes_probabilities() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -252,5 +253,28 @@ def test_without_a_master_nobody_is_waited_for_and_the_master_is_named(topics: l
     assert vehicle.calls.count("done 1000") == 1
 
 
-def test_a_busy_node_has_a_minute() -> None:
-    assert ros_pace.PATIENCE_S == ros_pace.STANDSTILL_S == 60
+class BusyVehicle(Vehicle):
+    """It reaches nothing before `free_s` of a clock of its own, which goes on while somebody waits for it."""
+
+    def __init__(self, free_s: float) -> None:
+        super().__init__()
+        self.free_s, self.now_s = free_s, 0.0
+
+    def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
+        self.now_s += max(timeout_s, 0.001)
+        return self.now_s >= self.free_s
+
+
+def test_a_busy_node_has_a_minute(topics: list[Topic], monkeypatch: pytest.MonkeyPatch) -> None:
+    """After 5 s a busy machine ended a run without its records."""
+    assert ros_pace.STANDSTILL_S == 60  # of a clock that we follow
+    busy, gone = BusyVehicle(59.0), BusyVehicle(600.0)
+    for vehicle in (busy, gone):
+        monkeypatch.setattr(ros_pace, "time", SimpleNamespace(monotonic=lambda it=vehicle: it.now_s))
+        clock = ros_pace.OwnMasterClock(None, vehicle)
+        if vehicle is busy:
+            clock.reach(1_000, threading.Event())
+            continue
+        with pytest.raises(ros_pace.ClockLost, match="did not say within 60 s"):
+            clock.reach(1_000, threading.Event())
+    assert 59.0 <= busy.now_s < 60.0 <= gone.now_s < 61.0
