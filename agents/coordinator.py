@@ -19,7 +19,7 @@ _START_MS = MissionMs(0)
 
 
 @value
-class Heard:
+class AgentOutput:
     """An output of an agent; `mission_ms` is derived from the agent's own stamp, rounded up."""
 
     mission_ms: MissionMs
@@ -28,7 +28,7 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Died:
+class AgentDied:
     """An agent died at `agent_ms`, the end of its last answered window; `gave_up` is the reason why it stays dead."""
 
     mission_ms: MissionMs
@@ -109,14 +109,14 @@ class Coordinator:
         self._waiting.setdefault(agent_id, []).append((at_ms, stimulus))
         return at_ms
 
-    def advance(self, now_ms: MissionMs) -> list[Heard | Died]:
+    def advance(self, now_ms: MissionMs) -> list[AgentOutput | AgentDied]:
         """Grants everything due by mission time `now_ms`. Returns the outputs by (time, agent, order)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         self._now_ms = now_ms
         return self.grant(self.scale.agent_ms(now_ms))
 
-    def grant(self, until_ms: AgentMs) -> list[Heard | Died]:
+    def grant(self, until_ms: AgentMs) -> list[AgentOutput | AgentDied]:
         """Grants everything due by agent time `until_ms`, within a tick. Returns the outputs by (time, agent, order)."""
         waiting, self._waiting = self._waiting, {}
         chosen = set(waiting)
@@ -131,13 +131,13 @@ class Coordinator:
             if agent_id in waiting or self._granted_ms[agent_id] > until_ms:
                 facts = tuple(waiting.get(agent_id, ()))
                 grants[agent_id] = Grant(max(until_ms, self._granted_ms[agent_id]), facts)
-        events: list[Heard | Died] = []
+        events: list[AgentOutput | AgentDied] = []
         while grants:
             grants = self._grant(grants, events)
         events.sort(key=lambda it: (it.mission_ms, it.agent_id))
         return events
 
-    def _grant(self, grants: dict[int, Grant], events: list[Heard | Died]) -> dict[int, Grant]:
+    def _grant(self, grants: dict[int, Grant], events: list[AgentOutput | AgentDied]) -> dict[int, Grant]:
         """Grants one round. Returns the windows of agents that died in it and boot again."""
         again: dict[int, Grant] = {}
         for agent_id, outcome in self._host.grant(grants).items():
@@ -145,7 +145,7 @@ class Coordinator:
                 at_ms = self._granted_ms[agent_id]
                 gave_up = self._host.restart(agent_id, at_ms, outcome.cause)
                 mission_ms = self.scale.mission_ms(at_ms)
-                events.append(Died(mission_ms, agent_id, at_ms, outcome.cause, outcome.reason, gave_up))
+                events.append(AgentDied(mission_ms, agent_id, at_ms, outcome.cause, outcome.reason, gave_up))
                 if gave_up is None:
                     again[agent_id] = grants[agent_id]
                 else:
@@ -161,5 +161,5 @@ class Coordinator:
             kept_from_ms = self._muted_until_ms.get(agent_id, 0)
             for output in outcome.outputs:
                 if output.at_ms >= kept_from_ms:
-                    events.append(Heard(self.scale.mission_ms(AgentMs(output.at_ms)), agent_id, output))
+                    events.append(AgentOutput(self.scale.mission_ms(AgentMs(output.at_ms)), agent_id, output))
         return again

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from struct import Struct
 from typing import Any
 
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import AgentConfig
 from agents.mussel.body import BodyConfig, WaterConfig
 from agents.mussel.physical import Physical
@@ -16,7 +16,7 @@ from agents.mussel.reporter import ReportConfig
 from agents.time_scale import TimeScale
 from agents.water.chance import fates
 from agents.water.fields import Fields
-from agents.water.patches import CALM, Waters
+from agents.water.patches import CALM, QuantityWater
 from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
 from firmware_model.config import (
@@ -100,7 +100,7 @@ class FleetConfig:
     """All aMussels' ids, rising, where they have gaps: the place of an id is its timeslot. Empty for none."""
     clock_drift_ppb: int = 0
     """The largest drift of a whole board's clock, either way, in parts of 10^9; each clock has a drift of its own."""
-    waters: Mapping[str, Waters] = field(default_factory=lambda: CALM)
+    waters: Mapping[str, QuantityWater] = field(default_factory=lambda: CALM)
     """The water's true values, by the sensors' keys: each quantity that does not follow from the depth."""
     flash_pages: int = PAGES
     """Flash pages of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
@@ -131,9 +131,9 @@ class FleetConfig:
                         "leeway_um_s": tuple(body["leeway_um_s"]),
                     }
                 ),
-                "reports": ReportConfig(**{**reports, "modem": Generation(reports["modem"])}),
+                "reports": ReportConfig(**{**reports, "modem": ModemGeneration(reports["modem"])}),
                 "current": CurrentConfig.from_wire(wire["current"]),
-                "waters": {key: Waters.from_wire(it) for key, it in wire["waters"].items()},
+                "waters": {key: QuantityWater.from_wire(it) for key, it in wire["waters"].items()},
                 "spread": Spread(**wire["spread"]),
                 "firmware": tuple(
                     FirmwareConfig(tuple(it["command"]), tuple(it["agent_ids"])) for it in wire["firmware"]

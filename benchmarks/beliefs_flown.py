@@ -14,7 +14,7 @@ from rich.console import Console
 from apad_bridge.mission.events import Fact, SoundHeard, WifiHeard
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import fly_in_memory, open_flight
-from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.loop import Flight
@@ -78,7 +78,7 @@ def _on_beliefs(scenario: Scenario, seed: int) -> dict[str, Any]:
 def with_twins(scenario: Scenario) -> Scenario:
     """The scenario with hourly packets and twins."""
     hearing = replace(scenario.hearing, report_period_s=HOUR_AT_THETA_30_S)
-    return replace(scenario, hearing=hearing, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))
+    return replace(scenario, hearing=hearing, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=MODEL))
 
 
 def hear_few(flight: Flight, seed: int) -> None:

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import MissionMs
-from apad_bridge.analysis.belief_scores.comparisons import Comparison, compared
+from apad_bridge.analysis.belief_scores.comparisons import BeliefComparison, compared
 from apad_bridge.analysis.belief_scores.scores import Score, scores_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.samples import Water, belief_sample
@@ -68,11 +68,11 @@ def scenario_of(case: str, seed: int, directory: Path, **changes: Any) -> Scenar
     return from_data(data, shipped.name)
 
 
-def flown(scenario: Scenario) -> tuple[list[Comparison], dict[str, Any]]:
+def flown(scenario: Scenario) -> tuple[list[BeliefComparison], dict[str, Any]]:
     """Every belief beside its truth, each 10 s of the mission, and the figures of the flight."""
     flight, recorder = open_flight(scenario)
     water, newest, take = Water(scenario), {}, recorder.truths
-    rows: list[Comparison] = []
+    rows: list[BeliefComparison] = []
 
     def truths(batch: list[Truth]) -> None:
         take(batch)

@@ -32,7 +32,7 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.resuming import begin_run, ongoing_faults, resume_run
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TABLE, FaultAt, FaultMix, Faults, Injection, TimedFault, planned
@@ -133,7 +133,7 @@ class _Supervisors:
         """The next supervisor's flight; a second one goes on from the files in the directory."""
         config = self._config
         options = RunOptions(
-            *(Part.WHOLE, APadKind.SIM, TimeSource.ASAP, 1.0, OnDeath.WAIT),
+            *(BenchPart.WHOLE, APadKind.SIM, TimeSource.ASAP, 1.0, OnDeath.WAIT),
             owns_master=True,
             epoch=self.begun + 1,
         )

@@ -29,25 +29,25 @@ from rich.table import Table
 from agents.fleet import resting_on_bottom
 from agents.hosting import agent_links, link_protocol
 from agents.hosting.host import Grant, Reply
-from agents.modem.commands import GRAMMAR, Field
+from agents.modem.commands import GRAMMAR, CommandField
 from agents.modem.facts import FrameArrived, PowerCame, PowerWent, SerialBytes, SerialOut, SoundBegan
-from agents.modem.firmware import Firmware, ModemConfig
+from agents.modem.firmware import ModemConfig, ModemFirmware
 from agents.modem.frames import (
     ANSWERS,
     PAYLOAD_BYTES,
     TO_ALL,
     V2_KINDS,
     WITH_DATA,
-    Frame,
     FrameKind,
-    Generation,
+    ModemFrame,
+    ModemGeneration,
 )
 from agents.modem.modem import Modem
-from agents.mussel.outputs import Dropped, SoundSent, Truth, WifiSent
+from agents.mussel.outputs import SoundSent, StimulusDropped, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.nursery import protocol as nursery
 from agents.time_scale import MissionMs
-from apad_bridge.console.server import Ending, app_of
+from apad_bridge.console.server import ConsoleEnding, app_of
 from apad_bridge.records.bag import recorded_messages, repair_bag
 from apad_bridge.records.journal import JournalDamaged, read_journal
 from apad_bridge.records.run_directory import RunDirectory
@@ -56,10 +56,10 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.control import answered_line
-from apad_bridge.supervisor.packet_relay import PacketRelay, Source, whole_flight
+from apad_bridge.supervisor.packet_relay import PacketOrigin, PacketRelay, whole_flight
 from benchmarks.rows import told
 from firmware_model import packets
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket, WifiStatus
@@ -152,7 +152,7 @@ def _resident_kb() -> int:
 @contextmanager
 def _modems(_: Path) -> Iterator[Door]:
     """Modems of every firmware, in turn. After each input the modem must answer a valid command."""
-    modems, turn = [_Fuzzed(firmware) for firmware in Firmware], 0
+    modems, turn = [_Fuzzed(firmware) for firmware in ModemFirmware], 0
 
     def once(rng: random.Random, counts: Counter[str]) -> None:
         nonlocal turn
@@ -165,7 +165,7 @@ def _modems(_: Path) -> Iterator[Door]:
 class _Fuzzed:
     """One modem that gets a sequence of inputs."""
 
-    def __init__(self, firmware: Firmware) -> None:
+    def __init__(self, firmware: ModemFirmware) -> None:
         self._generation = firmware.generation
         self._modem = Modem(ModemConfig(firmware), 1)
         self._now_ms = 0
@@ -205,7 +205,7 @@ class _Fuzzed:
 
     def _answers(self, counts: Counter[str]) -> None:
         printed: list[bytes] = []
-        wakes = (b"$W", b"$W") if self._generation is Generation.V3 else ()
+        wakes = (b"$W", b"$W") if self._generation is ModemGeneration.V3 else ()
         for command in (*wakes, b"$?"):
             self._stimulate(SerialBytes(command), printed)
             self._now_ms += 100
@@ -225,16 +225,18 @@ def _confirmed_address(printed: list[bytes], address: int) -> int:
     return address
 
 
-def _serial(rng: random.Random, generation: Generation) -> bytes:
+def _serial(rng: random.Random, generation: ModemGeneration) -> bytes:
     name, fields = rng.choice(list(GRAMMAR[generation].items()))
     data = b"$" + name.encode()
     for field in fields:
-        if field is Field.ADDRESS:
+        if field is CommandField.ADDRESS:
             data += b"%03d" % rng.choice((0, 1, 2, 255, 256, 999))
-        elif field is Field.DATA:
+        elif field is CommandField.DATA:
             fewest, most = PAYLOAD_BYTES[generation]
             size = rng.randint(fewest, most)
-            data += str(size).zfill(1 if generation is Generation.V2 else 2).encode() + rng.randbytes(size)
+            data += str(size).zfill(1 if generation is ModemGeneration.V2 else 2).encode() + rng.randbytes(
+                size
+            )
         elif rng.random() < 0.5:
             data += b"T%014d" % rng.randrange(3_000_000)
     return _spoiled(rng, data)
@@ -257,11 +259,11 @@ def _spoiled(rng: random.Random, data: bytes) -> bytes:
             return data
 
 
-def _frame(rng: random.Random) -> Frame:
-    generation = rng.choice(list(Generation))
-    kind = rng.choice(sorted(V2_KINDS) if generation is Generation.V2 else list(FrameKind))
+def _frame(rng: random.Random) -> ModemFrame:
+    generation = rng.choice(list(ModemGeneration))
+    kind = rng.choice(sorted(V2_KINDS) if generation is ModemGeneration.V2 else list(FrameKind))
     fewest, most = PAYLOAD_BYTES[generation] if kind in WITH_DATA else (0, 0)
-    return Frame(
+    return ModemFrame(
         kind,
         rng.randrange(256),
         None if kind in TO_ALL else rng.choice((1, rng.randrange(256))),
@@ -360,16 +362,16 @@ def _agent_link(_: Path) -> Iterator[Door]:
     """An agent's link, both ways; an answer is put together from its parts, as the supervisor does."""
     facts = ((1, SoundArrived(b"abc")), (2, ContactClosed(1, 2)))
     to_agent = [
-        link_protocol.Window((1, 2), Grant(100, facts)).encode(),
-        link_protocol.Window((1, 3), Grant(100, facts), 40).encode(),
+        link_protocol.WindowGrant((1, 2), Grant(100, facts)).encode(),
+        link_protocol.WindowGrant((1, 3), Grant(100, facts), 40).encode(),
         link_protocol.Repeat((1, 2)).encode(),
         link_protocol.RunAhead((1, 2), 7, 100).encode(),
     ]
-    reply = Reply(5, (WifiSent(1, b"ab"), SoundSent(2, b""), Dropped(3, "why")))
+    reply = Reply(5, (WifiSent(1, b"ab"), SoundSent(2, b""), StimulusDropped(3, "why")))
     truth = Truth(130, 7, State.ACTIVE, resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0))
     from_agent = [
         *link_protocol.encode_answer((1, 2), (1, 2), 100, 3, reply),
-        link_protocol.Refusal((1, 2), False, "why").encode(),
+        link_protocol.WindowRefusal((1, 2), False, "why").encode(),
         link_protocol.Ahead((1, 2), (link_protocol.AheadWindow(130, reply, (truth,)),)).encode(),
     ]
 
@@ -379,7 +381,7 @@ def _agent_link(_: Path) -> Iterator[Door]:
                 message: Any = link_protocol.decode_to_agent(_msgpack(rng, rng.choice(to_agent)))
             else:
                 message = link_protocol.decode_from_agent(_msgpack(rng, rng.choice(from_agent)))
-                if isinstance(message, link_protocol.Answer):
+                if isinstance(message, link_protocol.WindowAnswer):
                     agent_links._assemble(agent_links._Open((1, 2), b""), message)
         except link_protocol.LinkError:
             counts["refused"] += 1
@@ -455,13 +457,15 @@ def _ros_messages(_: Path) -> Iterator[Door]:
         )
         agent_id = rng.choice((1, 5, 12, 13, 0, -1, 2**31 - 1))
         medium = rng.choice(("contact", "wifi", "sound", "", "water"))
-        source = rng.choice((Source.REMOTE_AMUSSEL, Source.REMOTE_SUPERVISOR, Source.REMOTE_DOCK))
+        source = rng.choice(
+            (PacketOrigin.REMOTE_AMUSSEL, PacketOrigin.REMOTE_SUPERVISOR, PacketOrigin.REMOTE_DOCK)
+        )
         topics._put(Packet(agent=agent_id, medium=medium, data=data), source)
         for event in relay.advance(MissionMs(1000)):
             counts[type(event).__name__] += 1
             stimulus = getattr(event, "stimulus", None)
             if stimulus is not None:
-                link_protocol.Window((1, 1), Grant(1, ((1, stimulus),))).encode()
+                link_protocol.WindowGrant((1, 1), Grant(1, ((1, stimulus),))).encode()
                 if not isinstance(stimulus, _CONTACTS):
                     raise Broken(f"a dock of another aPad sent {stimulus}")
         counts["messages"] += 1
@@ -539,7 +543,7 @@ def _flown(folder: Path) -> Iterator[RunDirectory]:
         prepared = open_in_process(stack, scenario, starts, directory, progress)
         prepared.flight.run()
         prepared.finish()
-    RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
+    RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
     yield directory
 
 
@@ -598,7 +602,7 @@ def _console(folder: Path) -> Iterator[Door]:
     """Requests to the console, and lines to the socket for orders: each is answered."""
     with _flown(folder) as directory, asyncio.Runner() as runner, ExitStack() as stack:
         failures: list[Exception] = []
-        app = app_of(directory.path, _TOKEN, Ending(lambda _: None, lambda: False, failures.append))
+        app = app_of(directory.path, _TOKEN, ConsoleEnding(lambda _: None, lambda: False, failures.append))
         running = app.router.lifespan_context(app)
         runner.run(_begun(running))
         stack.callback(lambda: runner.run(_ended(running)))

@@ -12,9 +12,9 @@ from typing import Any
 
 from rich.console import Console
 
-from agents.modem.frames import Frame, FrameKind
-from agents.water.medium import Began, Heard, Medium, Moved
-from agents.water.places import Place
+from agents.modem.frames import FrameKind, ModemFrame
+from agents.water.medium import Began, FrameHeard, ModemMoved, WaterMedium
+from agents.water.places import ModemPlace
 from agents.water.sound import Sound
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -31,25 +31,25 @@ SPAN_MS = 1500
 """Mean time between the begins of two packets: the length of a timeslot for packets of 16 bytes."""
 
 
-def _filled(agents: int, range_limit_m: float) -> tuple[Medium, random.Random]:
+def _filled(agents: int, range_limit_m: float) -> tuple[WaterMedium, random.Random]:
     """aMussels at random, 3600 square metres to each, and the aPad (0) in the middle."""
     draw = random.Random(agents)
     side_m = 60 * agents**0.5
-    medium = Medium(
+    medium = WaterMedium(
         Sound(range_limit_m=range_limit_m),
         1,
         [(0, 0), *((n, (n - 1) % 254 + 1) for n in range(1, agents + 1))],
     )
-    medium.receive(Moved(0, Place(round(side_m * 5e5), round(side_m * 5e5), 0, in_water=True)), 0)
+    medium.receive(ModemMoved(0, ModemPlace(round(side_m * 5e5), round(side_m * 5e5), 0, in_water=True)), 0)
     for n in range(1, agents + 1):
         north, east = (round(draw.uniform(0, side_m) * 1e6) for _ in range(2))
-        medium.receive(Moved(n, Place(north, east, 5_000_000)), 0)
+        medium.receive(ModemMoved(n, ModemPlace(north, east, 5_000_000)), 0)
     return medium, draw
 
 
 def _packets(agents: int) -> dict[str, float]:
     medium, draw = _filled(agents, 5000)
-    frames = [Frame(FrameKind.UNICAST, (n - 1) % 254 + 1, 0, bytes(16)) for n in range(1, agents + 1)]
+    frames = [ModemFrame(FrameKind.UNICAST, (n - 1) % 254 + 1, 0, bytes(16)) for n in range(1, agents + 1)]
     plan, at_ms = [], 0
     for _ in range(PACKETS):
         at_ms += draw.randrange(1, 2 * SPAN_MS)
@@ -57,15 +57,15 @@ def _packets(agents: int) -> dict[str, float]:
     heard = 0
     began_s = time.perf_counter()
     for at_ms, n in plan:
-        heard += sum(isinstance(it, Heard) for it in medium.receive(Began(n + 1, frames[n]), at_ms))
-    heard += sum(isinstance(it, Heard) for it in medium.advance(at_ms + 10_000))
+        heard += sum(isinstance(it, FrameHeard) for it in medium.receive(Began(n + 1, frames[n]), at_ms))
+    heard += sum(isinstance(it, FrameHeard) for it in medium.advance(at_ms + 10_000))
     took_s = time.perf_counter() - began_s
     return {"per_s": PACKETS / took_s, "heard": heard / PACKETS}
 
 
 def _broadcasts(agents: int) -> float:
     medium, _ = _filled(agents, 5000)
-    frame = Frame(FrameKind.BROADCAST, 0, None, bytes(16))
+    frame = ModemFrame(FrameKind.BROADCAST, 0, None, bytes(16))
     began_s = time.perf_counter()
     for n in range(BROADCASTS):
         medium.receive(Began(0, frame), 10_000 * n)

@@ -26,9 +26,9 @@ from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.commands.firmware.mu_program import our_rig, rig_of
 from benchmarks.mutations import Change, first_changes, fresh_changes, held_out_changes
 from benchmarks.rows import told
-from firmware_model.bench.conformance import Case, Source, Verdict, history, judged, random_cases
+from firmware_model.bench.conformance import Case, RequirementSource, Verdict, history, judged, random_cases
 from firmware_model.bench.conformance_cases import CASES
-from firmware_model.bench.rigs import History, lasts_ms
+from firmware_model.bench.rigs import RigHistory, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
 TRIES, SHORT_TRIES = 42, 2
@@ -185,13 +185,13 @@ def _judge_mutants(board: Board, route: str, folder: Path, tries: int) -> dict[s
     count, caught, differing, by_chance = 0, 0, 0, 0
     survivors, equivalent = [], []
     # Short cases first: most mutants are caught by one of them.
-    cases = sorted(board.cases, key=lambda it: (it.source is Source.CHOICE, lasts_ms(it.script)))
-    ours: dict[Case, History] = {}
+    cases = sorted(board.cases, key=lambda it: (it.source is RequirementSource.CHOICE, lasts_ms(it.script)))
+    ours: dict[Case, RigHistory] = {}
     for change in _chosen(board, route, folder, tries):
         count, where = count + 1, str(change)
         if (case := _first_failed(folder / "mutant", cases, ours)) is not None:
-            caught += case.source is not Source.CHOICE
-            differing += case.source is Source.CHOICE
+            caught += case.source is not RequirementSource.CHOICE
+            differing += case.source is RequirementSource.CHOICE
             told({"mutant": where, "caught_by": case.name})
         elif (
             case := _first_failed(folder / "mutant", random_cases(RANDOM, 1, is_whole=board.is_whole), ours)
@@ -251,7 +251,7 @@ def _compiled(
     return subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 0
 
 
-def _first_failed(program: Path, cases: Iterable[Case], ours: dict[Case, History]) -> Case | None:
+def _first_failed(program: Path, cases: Iterable[Case], ours: dict[Case, RigHistory]) -> Case | None:
     """The first case that the program does not pass. `ours` keeps the histories of our board."""
     for case in cases:
         if case not in ours:

@@ -44,7 +44,7 @@ from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model, fly_each_tick
 from apad_bridge.runs.studies.report import HEADINGS
 from apad_bridge.runs.studies.runner import Block, Fly, Row, fly_study
-from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.runs.studies.statistics import holm, standings
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -134,7 +134,7 @@ class Condition:
     """Flies the missions in place of the workers of the study."""
 
 
-def _on_twins(plan: Plan, blocks: Sequence[Block]) -> Iterator[tuple[Block, list[Row]]]:
+def _on_twins(plan: StudyPlan, blocks: Sequence[Block]) -> Iterator[tuple[Block, list[Row]]]:
     """Flies missions on twins that receive one hourly packet in ten."""
     for setting, seed in blocks:
         rows = []
@@ -248,7 +248,7 @@ def plan_times_ms(plans: int) -> dict[str, dict[str, float]]:
     return found
 
 
-def _on_dask_s(plan: Plan, count: int) -> float:
+def _on_dask_s(plan: StudyPlan, count: int) -> float:
     """The seconds for the plan's missions on a Dask scheduler with so many workers of one thread on this machine."""
     with (
         tempfile.TemporaryDirectory() as directory,
@@ -272,7 +272,7 @@ def _compared(name: str, file: str, tries: int, workers: int, studies: Path) -> 
     }
 
 
-def plan_for(condition: Condition, file: str, configurations: int) -> Plan:
+def plan_for(condition: Condition, file: str, configurations: int) -> StudyPlan:
     """The study of a condition on the first held-out configurations of a scenario."""
     study = {
         "name": "planner",
@@ -299,7 +299,7 @@ def _draws(scenario: Scenario) -> dict[str, list[Any]]:
     return {"area.polygon_m": [[list(it) for it in area], *rectangles], "fleet.start.charge": list(CHARGES)}
 
 
-def compared(plan: Plan, rows: list[Row]) -> dict[str, Any]:
+def compared(plan: StudyPlan, rows: list[Row]) -> dict[str, Any]:
     """The figures of one table: means, differences to Cautious with Holm's p, and the way as a share of Greedy's."""
     found = standings(rows, plan.strategies, "cautious", "uptime_paper_mean", 0.95)
     figures: dict[str, Any] = {}
@@ -353,7 +353,7 @@ def _p_of(rows: list[Row], strategy: str, column: str) -> float:
     return float(ttest_rel(ours, theirs).pvalue)
 
 
-def _flown(plan: Plan, workers: int) -> tuple[list[Row], float, float]:
+def _flown(plan: StudyPlan, workers: int) -> tuple[list[Row], float, float]:
     """The rows, and the seconds by the clock and of processors."""
     before_s = _processor_s()
     with tempfile.TemporaryDirectory() as directory:

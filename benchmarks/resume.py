@@ -18,7 +18,7 @@ from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Checkpoint, restore
-from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from benchmarks.rows import told
@@ -119,12 +119,12 @@ def _ticks(agents: int, theta: int, period_s: int) -> Iterator[tuple[list[Status
 
 def _scenario(estimator: str, agents: int, theta: int) -> Scenario:
     scenario = load(SCENARIO)
-    kind = Estimator(estimator)
+    kind = EstimatorKind(estimator)
     return replace(
         scenario,
         theta=theta,
         fleet=replace(scenario.fleet, count=agents, start=RandomStart(charge=(0.9, 0.9))),
-        beliefs=Beliefs(estimator=kind, twin=TWIN if kind is Estimator.TWIN else None),
+        beliefs=Beliefs(estimator=kind, twin=TWIN if kind is EstimatorKind.TWIN else None),
     )
 
 

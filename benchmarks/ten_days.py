@@ -31,7 +31,7 @@ from apad_bridge.runs.studies.models import fly_each_tick
 from apad_bridge.runs.studies.report import HEADINGS, as_data, comparisons
 from apad_bridge.runs.studies.runner import fly_study
 from apad_bridge.runs.studies.several_in_memory import fly_shares
-from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
@@ -99,7 +99,7 @@ class Setting:
     """A comparison that was declared before it was flown: with every configuration."""
     home: dict[str, Any] | None = None
 
-    def plan(self, tries: int) -> Plan:
+    def plan(self, tries: int) -> StudyPlan:
         count = tries if self.is_declared else min(tries, FEW)
         parameters: dict[str, list[Any]] = {
             "theta": [self.theta],

@@ -17,9 +17,9 @@ from firmware_model.packets.codec import Codec
 from firmware_model.packets.command_packets import TRIGGERS
 from firmware_model.packets.commands import parse_command
 from firmware_model.port import Hardware, Level, Timer
-from firmware_model.power.charge_pin import ChargePin, Edge, Fault
+from firmware_model.power.charge_pin import ChargePin, Edge, PinFault
 from firmware_model.power.rails import RAILS, Rail
-from firmware_model.states import TABLE, Refused, State, Trigger, next_state
+from firmware_model.states import TABLE, State, Trigger, TriggerRefused, next_state
 from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ class Firmware:
         old = self.state
         try:
             self.state = next_state(old, trigger)
-        except Refused as refusal:
+        except TriggerRefused as refusal:
             return [Dropped(self._now_ms, str(refusal))]
         follows = self._pinged() if trigger is Trigger.PING_HEARD else self._enter()
         return [StateChanged(self._now_ms, old, trigger, self.state), *follows]
@@ -176,7 +176,7 @@ class Firmware:
         if state in REPORTS:
             actions += self._report(REPORTS[state])
         if not RAILS[state] >> Rail.MU_ASLEEP & 1 and self._pin.sample_level(now_ms):
-            actions.append(Dropped(now_ms, Fault.MISSED.value))
+            actions.append(Dropped(now_ms, PinFault.MISSED.value))
         return actions
 
     def _hover_mm(self) -> int | None:

@@ -162,7 +162,7 @@ TABLE: dict[tuple[State, Trigger], State] = {
 }
 
 
-class Refused(ValueError):
+class TriggerRefused(ValueError):
     """The state has no row for the trigger."""
 
 
@@ -170,5 +170,5 @@ def next_state(state: State, trigger: Trigger) -> State:
     """The next state by `TABLE`; raises Refused before anything has changed."""
     found = TABLE.get((state, trigger))
     if found is None:
-        raise Refused(f"{state.name} does not take {trigger.name}")
+        raise TriggerRefused(f"{state.name} does not take {trigger.name}")
     return found

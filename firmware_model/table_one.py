@@ -34,7 +34,7 @@ def _milliwatts(power_mw: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class ModelNumber:
     """A number of the model, its source, and the row of Table I that it was fitted to."""
 
     name: str
@@ -45,28 +45,28 @@ class Parameter:
 
 
 FITTED = (
-    Parameter(
+    ModelNumber(
         "mu_asleep",
         0.0000392756,
         "a minute",
         "deep sleep of the MU without the modem",
         "discharging, hourly wakes: 14057 min",
     ),
-    Parameter(
+    ModelNumber(
         "two_coils",
         1.2435,
         "of equation (2)",
         "the primary's charger has two coils",
         "charging, primary, hourly wakes: 398 min",
     ),
-    Parameter(
+    ModelNumber(
         "path",
         0.6037,
         "of the load",
         "power path: what of the load reaches the battery while charging",
         "charging, primary, idle: 575 min",
     ),
-    Parameter(
+    ModelNumber(
         "motor_run",
         0.0268,
         "a run",
@@ -75,35 +75,35 @@ FITTED = (
     ),
 )
 TAKEN = (
-    Parameter("idle", EQUATION_1, "a minute", "equation (1): MU on and modem listening"),
-    Parameter("charge_segments", 3, "segments", "equation (2): the secondary battery, one coil"),
+    ModelNumber("idle", EQUATION_1, "a minute", "equation (1): MU on and modem listening"),
+    ModelNumber("charge_segments", 3, "segments", "equation (2): the secondary battery, one coil"),
 )
 """The paper's own fits to its recordings."""
 
 _NANOMODEM = "nanomodem data sheet, at 5 V"
 ASSUMED = (
-    Parameter(
+    ModelNumber(
         "reference_capacity",
         REFERENCE_MWH,
         "mWh",
         "2 Ah at 3.7 V; turns the milliwatts below into scaled voltage",
     ),
-    Parameter("modem_listening", 12.5, "mW", f"{_NANOMODEM}: 2.5 mA"),
-    Parameter("modem_receiving", 25, "mW", f"{_NANOMODEM}: 5 mA"),
-    Parameter("modem_transmitting", 1500, "mW", f"{_NANOMODEM}: up to 300 mA"),
-    *(Parameter(it.name, it.load_mw, "mW", it.load_source) for it in SENSORS),
-    Parameter("pi", 1000, "mW", "a small Raspberry Pi at work"),
-    Parameter("wifi", 500, "mW", "a module of this class"),
-    Parameter("gsm", 400, "mW", "a module of this class"),
-    Parameter("bluetooth", 50, "mW", "a module of this class"),
-    Parameter("motor_run_time", 60, "s", "the energy of a run is what was fitted, not its time"),
+    ModelNumber("modem_listening", 12.5, "mW", f"{_NANOMODEM}: 2.5 mA"),
+    ModelNumber("modem_receiving", 25, "mW", f"{_NANOMODEM}: 5 mA"),
+    ModelNumber("modem_transmitting", 1500, "mW", f"{_NANOMODEM}: up to 300 mA"),
+    *(ModelNumber(it.name, it.load_mw, "mW", it.load_source) for it in SENSORS),
+    ModelNumber("pi", 1000, "mW", "a small Raspberry Pi at work"),
+    ModelNumber("wifi", 500, "mW", "a module of this class"),
+    ModelNumber("gsm", 400, "mW", "a module of this class"),
+    ModelNumber("bluetooth", 50, "mW", "a module of this class"),
+    ModelNumber("motor_run_time", 60, "s", "the energy of a run is what was fitted, not its time"),
 )
 METERED = (
-    Parameter("internal_resistance", 0.1, "ohm", "a lithium polymer cell of 2 Ah"),
-    Parameter("lift", 24, "mV", "0.24 A of the primary's charger through that resistance"),
-    Parameter("noise", 3, "mV", "a converter of 12 bits, and what is on its wires"),
-    Parameter("monitor_period", 10, "s", "cheap enough for deep sleep"),
-    Parameter("monitor_settle", 120, "s", "twice a motor run, which pulls the voltage down most"),
+    ModelNumber("internal_resistance", 0.1, "ohm", "a lithium polymer cell of 2 Ah"),
+    ModelNumber("lift", 24, "mV", "0.24 A of the primary's charger through that resistance"),
+    ModelNumber("noise", 3, "mV", "a converter of 12 bits, and what is on its wires"),
+    ModelNumber("monitor_period", 10, "s", "cheap enough for deep sleep"),
+    ModelNumber("monitor_settle", 120, "s", "twice a motor run, which pulls the voltage down most"),
 )
 """The parameters of the optional battery monitor (`METERING`)."""
 _FITTED = {parameter.name: parameter.value for parameter in FITTED}

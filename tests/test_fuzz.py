@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from agents.modem import command_handler
-from agents.modem.modem import Modem, Timer
+from agents.modem.modem import Modem, ModemTimer
 from firmware_model.packets import StatusPacket
 
 BENCHMARK = Path(__file__).parents[1] / "benchmarks" / "fuzz.py"
@@ -77,7 +77,7 @@ def test_a_modem_that_hangs_is_seen(fuzz: Any, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(
         Modem,
         "_timers",
-        lambda modem: tuple(it for it in _TIMERS(modem) if it[1] is not Timer.QUESTION_TIMES_OUT),
+        lambda modem: tuple(it for it in _TIMERS(modem) if it[1] is not ModemTimer.QUESTION_TIMES_OUT),
     )
     with pytest.raises(fuzz.Broken, match="is answered with"):
         fuzz.tried("modem", 10_000, seed=1)

@@ -19,10 +19,10 @@ from agents.hosting.host import Death, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,
     Ahead,
-    Answer,
     Key,
     LinkError,
-    Refusal,
+    WindowAnswer,
+    WindowRefusal,
     decode_from_agent,
     hung_up,
 )
@@ -39,7 +39,7 @@ _REASON_TIMEOUT_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class WindowAnswered:
     """The whole outcome of `window`, after which the agent has lived to `granted_ms`, and the truths within it."""
 
     window: Key
@@ -64,7 +64,7 @@ class _Open:
     parts: dict[int, tuple[Output, ...]] = field(default_factory=dict)
 
 
-_Outcomes = dict[int, Answer | Ahead | Death]
+_Outcomes = dict[int, WindowAnswer | Ahead | Death]
 
 
 class AgentLinks:
@@ -112,7 +112,7 @@ class AgentLinks:
         self._living.clear()
         self._epoll.close()
 
-    def ask(self, key: Key, frames: dict[int, bytes]) -> dict[int, Answered | Death]:
+    def ask(self, key: Key, frames: dict[int, bytes]) -> dict[int, WindowAnswered | Death]:
         """Sends each agent its frame, which carries `key`. Returns the outcomes in the order of `frames`.
 
         Raises Fenced if another supervisor has taken over, ValueError if an agent refuses its frame.
@@ -144,7 +144,9 @@ class AgentLinks:
                 outcomes[agent_id] = self._dead.get(agent_id, _NOT_RUNNING)
         self._await(open_, outcomes)
         return {
-            agent_id: outcome for agent_id, outcome in outcomes.items() if not isinstance(outcome, Answer)
+            agent_id: outcome
+            for agent_id, outcome in outcomes.items()
+            if not isinstance(outcome, WindowAnswer)
         }
 
     def forget_ahead(self, agent_id: int) -> None:
@@ -174,7 +176,9 @@ class AgentLinks:
                 self._watch(open_, outcomes, impatience)
             self._wait(asked_at_s + self._timeout_s - now_s, open_, outcomes)
 
-    def _complete(self, agent_id: int, key: Key, outcome: Answer | Ahead | Death) -> Answered | Death:
+    def _complete(
+        self, agent_id: int, key: Key, outcome: WindowAnswer | Ahead | Death
+    ) -> WindowAnswered | Death:
         assert not isinstance(outcome, Ahead)  # nobody asks with the key of an order to run ahead
         if isinstance(outcome, Death):
             self._truth_receiver.forget(agent_id)
@@ -182,7 +186,7 @@ class AgentLinks:
         truths = self._truth_receiver.take(agent_id, key)
         if len(truths) < outcome.truths:
             self.dropped["truth: lost"] += outcome.truths - len(truths)
-        return Answered(outcome.window, outcome.granted_ms, outcome.reply, truths)
+        return WindowAnswered(outcome.window, outcome.granted_ms, outcome.reply, truths)
 
     def _send(self, agent_id: int, frame: bytes) -> None:
         try:
@@ -221,7 +225,7 @@ class AgentLinks:
             self.dropped[f"agent: {error}"] += 1
             return
         request = open_.get(agent_id)
-        if isinstance(message, Refusal):
+        if isinstance(message, WindowRefusal):
             self._refused(agent_id, message, request or self._running_ahead.get(agent_id))
         elif isinstance(message, Ahead):
             self._take_ahead(agent_id, message, open_, outcomes)
@@ -247,7 +251,7 @@ class AgentLinks:
             del self._running_ahead[agent_id]
             self._ran_ahead[agent_id] = ahead
 
-    def _refused(self, agent_id: int, refusal: Refusal, request: _Open | None) -> None:
+    def _refused(self, agent_id: int, refusal: WindowRefusal, request: _Open | None) -> None:
         # A refusal for an old supervisor may reach this one: they hold the same end of the link.
         if refusal.fenced and refusal.key[0] == self._nursery.epoch:
             raise Fenced(refusal.reason)
@@ -305,7 +309,7 @@ class AgentLinks:
 _NOT_RUNNING = Death(ResetCause.BROWN_OUT, "it was not running")
 
 
-def _assemble(request: _Open, answer: Answer) -> Answer | None:
+def _assemble(request: _Open, answer: WindowAnswer) -> WindowAnswer | None:
     """The answer in one piece; None as long as a part of it is missing."""
     if answer.parts == 1:
         return answer

@@ -14,10 +14,10 @@ from agents.hosting.link_protocol import (
     AheadWindow,
     Key,
     LinkError,
-    Refusal,
     Repeat,
     RunAhead,
-    Window,
+    WindowGrant,
+    WindowRefusal,
     decode_to_agent,
     encode_answer,
     hung_up,
@@ -60,21 +60,21 @@ class WindowHandler:
         try:
             message = decode_to_agent(data)
         except LinkError as error:
-            return [Refusal(self._key, False, str(error)).encode()]
+            return [WindowRefusal(self._key, False, str(error)).encode()]
         key = message.key
         if key[0] < self._epoch:
             reason = f"fenced off: epoch {self._epoch} has taken over from epoch {key[0]}"
-            return [Refusal(key, True, reason).encode()]
+            return [WindowRefusal(key, True, reason).encode()]
         if key == self._key and self._answer:
             return self._answer
         if key <= self._key:
-            return [Refusal(key, False, f"not after the last window: {key} after {self._key}").encode()]
+            return [WindowRefusal(key, False, f"not after the last window: {key} after {self._key}").encode()]
         if (fault := self._fault(message)) is not None:
-            return [Refusal(key, False, fault).encode()]
+            return [WindowRefusal(key, False, fault).encode()]
         match message:
             case RunAhead():
                 self._answer = [self._run_ahead(message).encode()]
-            case Window(grant=grant, from_ms=from_ms):
+            case WindowGrant(grant=grant, from_ms=from_ms):
                 if from_ms is not None:
                     self._go_back(from_ms)
                 self._run(key, grant)
@@ -89,7 +89,7 @@ class WindowHandler:
     def _encoded(self, key: Key) -> list[bytes]:
         return encode_answer(key, self._window, self._granted_ms, self._truths_sent, self._reply)
 
-    def _fault(self, message: Window | Repeat | RunAhead) -> str | None:
+    def _fault(self, message: WindowGrant | Repeat | RunAhead) -> str | None:
         """The reason why a message cannot be obeyed."""
         match message:
             case RunAhead(windows=windows, counted_ms=counted_ms):
@@ -97,10 +97,10 @@ class WindowHandler:
                     return "neither a whole board nor firmware in a process of its own runs ahead"
                 ahead = sum(end_ms > counted_ms for end_ms in self._ran_ahead)
                 return "farther ahead than its records reach" if ahead + windows > MOST_AHEAD else None
-            case Window(grant=grant, from_ms=int() as before_ms):
+            case WindowGrant(grant=grant, from_ms=int() as before_ms):
                 at_all = self._copies[0][0] if self._copies else self._granted_ms
                 times = [at_all, before_ms]
-            case Window(grant=grant) if not self._copies:
+            case WindowGrant(grant=grant) if not self._copies:
                 times = [self._granted_ms]
             case _:
                 return "it ran ahead, and nobody names the time to go back to" if self._copies else None

@@ -13,7 +13,7 @@ from dataclasses import replace
 from enum import Enum, auto
 
 from agents.hosting.host import Death, Grant, Host, Reply
-from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, WifiSent
+from agents.mussel.outputs import Output, PingAnswered, SoundSent, StimulusDropped, WifiSent
 from agents.mussel.stimuli import PingArrived, SoundArrived, Stimulus, WifiArrived
 
 _CUT = "a packet on a link that was cut"
@@ -110,9 +110,9 @@ class FaultyHost:
         for at_ms, stimulus in grant.stimuli:
             match stimulus:
                 case SoundArrived() | WifiArrived() | PingArrived() if LinkDefect.CUT in defects:
-                    lost.append(Dropped(at_ms, _CUT))
+                    lost.append(StimulusDropped(at_ms, _CUT))
                 case SoundArrived() | PingArrived() if LinkDefect.DEAF in defects:
-                    lost.append(Dropped(at_ms, _DEAF))
+                    lost.append(StimulusDropped(at_ms, _DEAF))
                 case SoundArrived(data) | WifiArrived(data):
                     flipped = self._flipped(data, agent_id, at_ms)
                     arriving.append((at_ms + delay_ms, replace(stimulus, data=flipped)))
@@ -132,7 +132,7 @@ class FaultyHost:
         for output in reply.outputs:
             match output:
                 case WifiSent() | SoundSent() | PingAnswered() if LinkDefect.CUT in defects:
-                    leaving.append(Dropped(output.at_ms, _CUT))
+                    leaving.append(StimulusDropped(output.at_ms, _CUT))
                 case WifiSent(at_ms, data) | SoundSent(at_ms, data):
                     flipped = self._flipped(data, agent_id, at_ms)
                     leaving.append(replace(output, at_ms=at_ms + delay_ms, data=flipped))

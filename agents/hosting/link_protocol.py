@@ -47,7 +47,7 @@ class LinkError(ValueError):
     """Bytes that are no message of this link, for this reason."""
 
 
-class Kind(IntEnum):
+class LinkMessageKind(IntEnum):
     WINDOW = 1
     REPEAT = 2
     ANSWER = 3
@@ -57,7 +57,7 @@ class Kind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class WindowGrant:
     key: Key
     grant: Grant
     from_ms: int | None = None
@@ -66,7 +66,7 @@ class Window:
     def encode(self) -> bytes:
         """ValueError for a window with more stimuli than a message holds."""
         facts = [[at_ms, stimuli.to_wire(stimulus)] for at_ms, stimulus in self.grant.stimuli]
-        data: bytes = _pack([Kind.WINDOW, *self.key, self.grant.until_ms, facts, self.from_ms])
+        data: bytes = _pack([LinkMessageKind.WINDOW, *self.key, self.grant.until_ms, facts, self.from_ms])
         if len(data) > LIMIT_BYTES:
             raise ValueError(
                 f"a window of {len(data)} bytes: a link carries {LIMIT_BYTES}; grant shorter windows"
@@ -81,7 +81,7 @@ class Repeat:
     key: Key
 
     def encode(self) -> bytes:
-        data: bytes = _pack([Kind.REPEAT, *self.key])
+        data: bytes = _pack([LinkMessageKind.REPEAT, *self.key])
         return data
 
 
@@ -95,7 +95,7 @@ class RunAhead:
     """The end of the last window that counts: the agent need not go back beyond it."""
 
     def encode(self) -> bytes:
-        data: bytes = _pack([Kind.RUN_AHEAD, *self.key, self.windows, self.counted_ms])
+        data: bytes = _pack([LinkMessageKind.RUN_AHEAD, *self.key, self.windows, self.counted_ms])
         return data
 
 
@@ -125,12 +125,12 @@ class Ahead:
             ]
             for window in self.windows
         ]
-        data: bytes = _pack([Kind.AHEAD, *self.key, rows])
+        data: bytes = _pack([LinkMessageKind.AHEAD, *self.key, rows])
         return data
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class WindowAnswer:
     """Part `part` of `parts` of the outcome of `window`, sent because of `key`."""
 
     key: Key
@@ -144,7 +144,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class WindowRefusal:
     """The agent refused a message. `key` is that message's, or the agent's last if it could not read the message."""
 
     key: Key
@@ -152,7 +152,7 @@ class Refusal:
     reason: str
 
     def encode(self) -> bytes:
-        data: bytes = _pack([Kind.REFUSAL, *self.key, self.fenced, self.reason])
+        data: bytes = _pack([LinkMessageKind.REFUSAL, *self.key, self.fenced, self.reason])
         return data
 
 
@@ -162,7 +162,7 @@ def encode_answer(key: Key, window: Key, granted_ms: int, truths: int, reply: Re
     return [
         _pack(
             [
-                Kind.ANSWER,
+                LinkMessageKind.ANSWER,
                 *key,
                 *window,
                 granted_ms,
@@ -194,37 +194,46 @@ def _parts(wire: list[list[Any]]) -> list[list[list[Any]]]:
     return parts
 
 
-def decode_to_agent(data: bytes | memoryview) -> Window | Repeat | RunAhead:
+def decode_to_agent(data: bytes | memoryview) -> WindowGrant | Repeat | RunAhead:
     """Decodes a supervisor's message; LinkError for anything else."""
     fields = _array(data)
-    if len(fields) == 6 and fields[0] == Kind.WINDOW and isinstance(fields[4], list):
+    if len(fields) == 6 and fields[0] == LinkMessageKind.WINDOW and isinstance(fields[4], list):
         epoch, sequence, until_ms = _counts(fields[1:4])
         from_ms = None if fields[5] is None else _count(fields[5])
-        return Window((epoch, sequence), Grant(until_ms, tuple(_fact(item) for item in fields[4])), from_ms)
-    if len(fields) == 5 and fields[0] == Kind.RUN_AHEAD:
+        return WindowGrant(
+            (epoch, sequence), Grant(until_ms, tuple(_fact(item) for item in fields[4])), from_ms
+        )
+    if len(fields) == 5 and fields[0] == LinkMessageKind.RUN_AHEAD:
         epoch, sequence, windows, counted_ms = _counts(fields[1:])
         return RunAhead((epoch, sequence), windows, counted_ms)
-    if len(fields) == 3 and fields[0] == Kind.REPEAT:
+    if len(fields) == 3 and fields[0] == LinkMessageKind.REPEAT:
         epoch, sequence = _counts(fields[1:3])
         return Repeat((epoch, sequence))
     raise LinkError("no window, no repeat and no order to run ahead")
 
 
-def decode_from_agent(data: bytes | memoryview) -> Answer | Ahead | Refusal:
+def decode_from_agent(data: bytes | memoryview) -> WindowAnswer | Ahead | WindowRefusal:
     """Decodes an agent's message; LinkError for anything else."""
     fields = _array(data)
-    if len(fields) == 11 and fields[0] == Kind.ANSWER and isinstance(fields[10], list):
+    if len(fields) == 11 and fields[0] == LinkMessageKind.ANSWER and isinstance(fields[10], list):
         epoch, sequence, of_epoch, of_sequence, granted_ms, truths, part, parts = _counts(fields[1:9])
         if part >= parts:
             raise LinkError("a part beyond the last one")
         reply = _reply(fields[9], fields[10])
-        return Answer((epoch, sequence), (of_epoch, of_sequence), granted_ms, truths, part, parts, reply)
-    if len(fields) == 4 and fields[0] == Kind.AHEAD and isinstance(fields[3], list):
+        return WindowAnswer(
+            (epoch, sequence), (of_epoch, of_sequence), granted_ms, truths, part, parts, reply
+        )
+    if len(fields) == 4 and fields[0] == LinkMessageKind.AHEAD and isinstance(fields[3], list):
         epoch, sequence = _counts(fields[1:3])
         return Ahead((epoch, sequence), tuple([_ahead_window(row) for row in fields[3]]))
-    if len(fields) == 5 and fields[0] == Kind.REFUSAL and type(fields[3]) is bool and type(fields[4]) is str:
+    if (
+        len(fields) == 5
+        and fields[0] == LinkMessageKind.REFUSAL
+        and type(fields[3]) is bool
+        and type(fields[4]) is str
+    ):
         epoch, sequence = _counts(fields[1:3])
-        return Refusal((epoch, sequence), fields[3], fields[4])
+        return WindowRefusal((epoch, sequence), fields[3], fields[4])
     raise LinkError("no answer, no windows ahead and no refusal")
 
 

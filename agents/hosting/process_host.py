@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from agents.fleet import FleetConfig
-from agents.hosting.agent_links import AgentLinks, Answered
+from agents.hosting.agent_links import AgentLinks, WindowAnswered
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.host import Death, Grant, Reply
-from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
+from agents.hosting.link_protocol import NEVER, Key, Repeat, WindowGrant
 from agents.hosting.look_ahead import LookAhead
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.mussel.outputs import Truth
@@ -161,7 +161,7 @@ class ProcessHost:
         found = {} if ahead is None else ahead.take(self._links, grants)
         key = self._next_key()
         frames = {
-            agent_id: Window(key, grant, None if ahead is None else ahead.lived_ms(agent_id)).encode()
+            agent_id: WindowGrant(key, grant, None if ahead is None else ahead.lived_ms(agent_id)).encode()
             for agent_id, grant in grants.items()
             if agent_id not in found
         }
@@ -225,7 +225,7 @@ class ProcessHost:
         key = (self.epoch, 0)
         repeats = {agent.agent_id: Repeat(key).encode() for agent in entries if agent.pid}
         for agent_id, outcome in self._links.ask(key, repeats).items():
-            if isinstance(outcome, Answered):
+            if isinstance(outcome, WindowAnswered):
                 self._committed[agent_id] = outcome.window
                 self.granted_ms[agent_id] = outcome.granted_ms
                 self.repeated[agent_id] = outcome.reply

@@ -6,8 +6,8 @@ import struct
 from binascii import crc32, crc_hqx
 
 from agents.modem.facts import NoiseChanged
-from agents.modem.firmware import BUILT, RELEASE, Firmware, voltage_steps
-from agents.modem.frames import Generation
+from agents.modem.firmware import BUILT, RELEASE, ModemFirmware, voltage_steps
+from agents.modem.frames import ModemGeneration
 
 ERROR = b"E\r\n"
 TIME_OUT = b"#TO\r\n"
@@ -30,25 +30,25 @@ def line(text: str) -> bytes:
     return text.encode("ascii") + b"\r\n"
 
 
-def acknowledgement(generation: Generation, command: str) -> bytes:
+def acknowledgement(generation: ModemGeneration, command: str) -> bytes:
     """The local acknowledgement of a command that sends sound; V2 begins it with `#`."""
-    return line(("#" if generation is Generation.V2 else "$") + command)
+    return line(("#" if generation is ModemGeneration.V2 else "$") + command)
 
 
-def status(firmware: Firmware, address: int, supply_mv: int) -> bytes:
+def status(firmware: ModemFirmware, address: int, supply_mv: int) -> bytes:
     own = f"#A{address:03}V{voltage_steps(firmware, supply_mv):05}"
-    return line(f"{own}R{RELEASE}B{BUILT}" if firmware is Firmware.V3 else own)
+    return line(f"{own}R{RELEASE}B{BUILT}" if firmware is ModemFirmware.V3 else own)
 
 
-def length(generation: Generation, data: bytes) -> str:
-    return f"{len(data):01}" if generation is Generation.V2 else f"{len(data):02}"
+def length(generation: ModemGeneration, data: bytes) -> str:
+    return f"{len(data):01}" if generation is ModemGeneration.V2 else f"{len(data):02}"
 
 
-def broadcast(generation: Generation, source: int, data: bytes, appended: str) -> bytes:
+def broadcast(generation: ModemGeneration, source: int, data: bytes, appended: str) -> bytes:
     return f"#B{source:03}{length(generation, data)}".encode() + data + line(appended)
 
 
-def unicast(generation: Generation, data: bytes, appended: str) -> bytes:
+def unicast(generation: ModemGeneration, data: bytes, appended: str) -> bytes:
     return f"#U{length(generation, data)}".encode() + data + line(appended)
 
 
@@ -70,10 +70,10 @@ def noise(noise: NoiseChanged) -> str:
     return f"R{noise.rms:06}P{noise.peak:06}M{noise.mean:06}"
 
 
-def remote_report(firmware: Firmware, supply_mv: int, measured: NoiseChanged) -> bytes:
+def remote_report(firmware: ModemFirmware, supply_mv: int, measured: NoiseChanged) -> bytes:
     """The data of the broadcast that answers `$Vxxx`: voltage, and with firmware 1.6 the noise."""
     volts = f"V{voltage_steps(firmware, supply_mv):05}"
-    return (volts + noise(measured) if firmware is Firmware.V3 else volts).encode()
+    return (volts + noise(measured) if firmware is ModemFirmware.V3 else volts).encode()
 
 
 def measured(name: str, measured: NoiseChanged) -> bytes:

@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 from agents.modem import answers, sending
-from agents.modem.commands import Command, Malformed
+from agents.modem.commands import Malformed, ModemCommand
 from agents.modem.core import MEASURING_MS, ModemCore
-from agents.modem.facts import Action, AddressChanged, Dropped
+from agents.modem.facts import Action, AddressChanged, FrameDropped
 from agents.modem.frames import ADDRESSES
 from agents.modem.serial_line import TICKS_PER_MS
-from agents.modem.states import ModemState, Trigger
+from agents.modem.states import ModemState, ModemTrigger
 
 _US_PER_MS = 1000
 
 
 def handle(
-    modem: ModemCore, item: Command | Malformed, line_index: int, tick: int, now_ms: int
+    modem: ModemCore, item: ModemCommand | Malformed, line_index: int, tick: int, now_ms: int
 ) -> list[Action]:
     """Handles what that line completed at `tick`, with its last byte. A sleeping modem answers nothing."""
     if modem.state is ModemState.SLEEPING:
         # The first $W starts it; the manual tells the host to repeat $W until the modem answers.
-        wakes = isinstance(item, Command) and item.name == "W"
-        return modem.go(Trigger.WAKE_TOLD) if wakes else []
+        wakes = isinstance(item, ModemCommand) and item.name == "W"
+        return modem.go(ModemTrigger.WAKE_TOLD) if wakes else []
     if isinstance(item, Malformed):
         modem.answer(line_index, answers.ERROR, tick)
-        return [Dropped(now_ms, f"serial: {item.reason}")]
+        return [FrameDropped(now_ms, f"serial: {item.reason}")]
     if item.address >= ADDRESSES:
         modem.answer(line_index, answers.ERROR, tick)
-        return [Dropped(now_ms, "serial: an address is 0 to 255")]
+        return [FrameDropped(now_ms, "serial: an address is 0 to 255")]
     if sending.goes_out(item.name):
         return sending.send(modem, item, line_index, tick, now_ms)
     return _handle_local(modem, item, line_index, tick, now_ms)
 
 
 def _handle_local(
-    modem: ModemCore, command: Command, line_index: int, tick: int, now_ms: int
+    modem: ModemCore, command: ModemCommand, line_index: int, tick: int, now_ms: int
 ) -> list[Action]:
     """Carries out a command that sends nothing through the water."""
     actions: list[Action] = []
@@ -47,7 +47,7 @@ def _handle_local(
     elif name in MEASURING_MS:
         if modem.measurement is not None:
             modem.answer(line_index, answers.ERROR, tick)
-            return [Dropped(now_ms, "serial: the noise is being measured already")]
+            return [FrameDropped(now_ms, "serial: the noise is being measured already")]
         modem.measure(name, line_index, tick)
         modem.answer(line_index, answers.line(f"${name}"), tick)
     elif name in ("Z", "W", "R"):

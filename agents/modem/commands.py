@@ -9,34 +9,34 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from agents.modem.frames import PAYLOAD_BYTES, Generation
+from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration
 
 _DOLLAR = ord("$")
 _TIMED = ord("T")
 _TIME_DIGITS = 14
 
 
-class Field(Enum):
+class CommandField(Enum):
     ADDRESS = "xxx"
     DATA = "nn<data>"
     TIME = "[T<14>]"
     """May follow only while the modem's timer is on; otherwise the command ends before it."""
 
 
-GRAMMAR: dict[Generation, dict[str, tuple[Field, ...]]] = {
-    Generation.V3: {
+GRAMMAR: dict[ModemGeneration, dict[str, tuple[CommandField, ...]]] = {
+    ModemGeneration.V3: {
         "?": (),
-        "A": (Field.ADDRESS,),
-        "B": (Field.DATA, Field.TIME),
-        "U": (Field.ADDRESS, Field.DATA, Field.TIME),
-        "M": (Field.ADDRESS, Field.DATA, Field.TIME),
-        "P": (Field.ADDRESS,),
-        "V": (Field.ADDRESS,),
-        "T": (Field.ADDRESS,),
-        "E": (Field.ADDRESS, Field.DATA),
-        "F": (Field.TIME,),
-        "CM": (Field.ADDRESS,),
-        "CC": (Field.ADDRESS,),
+        "A": (CommandField.ADDRESS,),
+        "B": (CommandField.DATA, CommandField.TIME),
+        "U": (CommandField.ADDRESS, CommandField.DATA, CommandField.TIME),
+        "M": (CommandField.ADDRESS, CommandField.DATA, CommandField.TIME),
+        "P": (CommandField.ADDRESS,),
+        "V": (CommandField.ADDRESS,),
+        "T": (CommandField.ADDRESS,),
+        "E": (CommandField.ADDRESS, CommandField.DATA),
+        "F": (CommandField.TIME,),
+        "CM": (CommandField.ADDRESS,),
+        "CC": (CommandField.ADDRESS,),
         "D": (),
         "H": (),
         "R": (),
@@ -54,24 +54,24 @@ GRAMMAR: dict[Generation, dict[str, tuple[Field, ...]]] = {
         "Z": (),
         "W": (),
     },
-    Generation.V2: {
+    ModemGeneration.V2: {
         "?": (),
-        "A": (Field.ADDRESS,),
-        "B": (Field.DATA,),
-        "U": (Field.ADDRESS, Field.DATA),
-        "P": (Field.ADDRESS,),
-        "V": (Field.ADDRESS,),
+        "A": (CommandField.ADDRESS,),
+        "B": (CommandField.DATA,),
+        "U": (CommandField.ADDRESS, CommandField.DATA),
+        "P": (CommandField.ADDRESS,),
+        "V": (CommandField.ADDRESS,),
     },
 }
 _BEGINNINGS = {
     generation: frozenset(name[:n] for name in rows for n in range(1, len(name) + 1))
     for generation, rows in GRAMMAR.items()
 }
-LENGTH_DIGITS = {Generation.V2: 1, Generation.V3: 2}
+LENGTH_DIGITS = {ModemGeneration.V2: 1, ModemGeneration.V3: 2}
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class ModemCommand:
     """`address` may be up to 999 here; the modem answers one beyond 255 with an error."""
 
     name: str
@@ -91,7 +91,7 @@ class Malformed:
 class CommandReader:
     """Takes one byte at a time. While `timed` is true, a time may follow where the grammar allows one."""
 
-    def __init__(self, generation: Generation) -> None:
+    def __init__(self, generation: ModemGeneration) -> None:
         self.timed = False
         self._generation = generation
         self._rows = GRAMMAR[generation]
@@ -101,7 +101,7 @@ class CommandReader:
     def _begin(self) -> None:
         self._inside = False
         self._name = ""
-        self._fields: tuple[Field, ...] = ()
+        self._fields: tuple[CommandField, ...] = ()
         self._wanted = 0
         """Bytes still missing from the present number or data."""
         self._taken = bytearray()
@@ -122,18 +122,18 @@ class CommandReader:
 
     @property
     def _in_data(self) -> bool:
-        return bool(self._wanted) and self._fields[0] is Field.DATA and not self._counting
+        return bool(self._wanted) and self._fields[0] is CommandField.DATA and not self._counting
 
-    def fell_silent(self) -> Command | Malformed | None:
+    def fell_silent(self) -> ModemCommand | Malformed | None:
         """Ends a command that was begun, because the line was silent for too long. An optional time is then absent."""
-        complete = self._inside and self._fields == (Field.TIME,) and not self._wanted
+        complete = self._inside and self._fields == (CommandField.TIME,) and not self._wanted
         command = self._whole() if complete else None
         slow = self._inside and not complete
         self._skipping = False
         self._begin()
         return command if complete else Malformed("a command's bytes stopped coming") if slow else None
 
-    def take(self, byte: int) -> list[Command | Malformed]:
+    def take(self, byte: int) -> list[ModemCommand | Malformed]:
         """The items that the byte completes: none, a command, an error; or the command before it and its own item."""
         if not self._inside:
             return self._outside(byte)
@@ -141,13 +141,13 @@ class CommandReader:
             return self._letter(byte)
         if self._wanted:
             return self._count(byte)
-        if self._fields[0] is Field.TIME and byte != _TIMED:
+        if self._fields[0] is CommandField.TIME and byte != _TIMED:
             command = self._whole()
             self._begin()
             return [command, *self._outside(byte)]
         return self._start(byte)
 
-    def _outside(self, byte: int) -> list[Command | Malformed]:
+    def _outside(self, byte: int) -> list[ModemCommand | Malformed]:
         if byte == _DOLLAR:
             self._begin()
             self._inside, self._skipping = True, False
@@ -157,35 +157,35 @@ class CommandReader:
         self._skipping = True
         return [Malformed("a command begins with $")]
 
-    def _wrong(self, byte: int, reason: str) -> list[Command | Malformed]:
+    def _wrong(self, byte: int, reason: str) -> list[ModemCommand | Malformed]:
         self._begin()
         self._skipping = True
-        wrong: list[Command | Malformed] = [Malformed(reason)]
+        wrong: list[ModemCommand | Malformed] = [Malformed(reason)]
         return wrong + self._outside(byte) if byte == _DOLLAR else wrong
 
-    def _letter(self, byte: int) -> list[Command | Malformed]:
+    def _letter(self, byte: int) -> list[ModemCommand | Malformed]:
         self._name += chr(byte)
         if self._name not in _BEGINNINGS[self._generation]:
             return self._wrong(byte, "there is no such command")
         fields = self._rows.get(self._name)
         if fields is None:
             return []
-        self._fields = fields if self.timed else tuple(it for it in fields if it is not Field.TIME)
+        self._fields = fields if self.timed else tuple(it for it in fields if it is not CommandField.TIME)
         return self._done_or_on()
 
-    def _start(self, byte: int) -> list[Command | Malformed]:
+    def _start(self, byte: int) -> list[ModemCommand | Malformed]:
         """The first byte of a field."""
         match self._fields[0]:
-            case Field.ADDRESS:
+            case CommandField.ADDRESS:
                 self._wanted = 3
-            case Field.DATA:
+            case CommandField.DATA:
                 self._wanted, self._counting = LENGTH_DIGITS[self._generation], True
-            case Field.TIME:
+            case CommandField.TIME:
                 self._wanted = _TIME_DIGITS
                 return []  # the byte was its T
         return self._count(byte)
 
-    def _count(self, byte: int) -> list[Command | Malformed]:
+    def _count(self, byte: int) -> list[ModemCommand | Malformed]:
         if not self._in_data and not 48 <= byte <= 57:
             return self._wrong(byte, "needs a digit")
         self._taken.append(byte)
@@ -195,28 +195,28 @@ class CommandReader:
         taken = bytes(self._taken)
         self._taken.clear()
         match self._fields[0]:
-            case Field.ADDRESS:
+            case CommandField.ADDRESS:
                 self._address = int(taken)
-            case Field.TIME:
+            case CommandField.TIME:
                 self._timer_us = int(taken)
-            case Field.DATA if self._counting:
+            case CommandField.DATA if self._counting:
                 self._counting = False
                 fewest, most = PAYLOAD_BYTES[self._generation]
                 if not fewest <= int(taken) <= most:
                     return self._wrong(0, f"{fewest} to {most} bytes can be sent")
                 self._wanted = int(taken)
                 return []
-            case Field.DATA:
+            case CommandField.DATA:
                 self._data = taken
         self._fields = self._fields[1:]
         return self._done_or_on()
 
-    def _done_or_on(self) -> list[Command | Malformed]:
+    def _done_or_on(self) -> list[ModemCommand | Malformed]:
         if self._fields:
             return []
         command = self._whole()
         self._begin()
         return [command]
 
-    def _whole(self) -> Command:
-        return Command(self._name, self._address, self._data, self._timer_us)
+    def _whole(self) -> ModemCommand:
+        return ModemCommand(self._name, self._address, self._data, self._timer_us)

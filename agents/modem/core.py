@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.modem.facts import Action, NoiseChanged, StateChanged
+from agents.modem.facts import Action, ModemStateChanged, NoiseChanged
 from agents.modem.firmware import ModemConfig
-from agents.modem.frames import Frame, FrameKind
+from agents.modem.frames import FrameKind, ModemFrame
 from agents.modem.serial_line import TICKS_PER_MS, SerialLine
-from agents.modem.states import RECEPTIVE, SUPPLY_UA, ModemState, Trigger, next_state
+from agents.modem.states import RECEPTIVE, SUPPLY_UA, ModemState, ModemTrigger, next_state
 
 AHEAD_US = 2_000_000
 """A transmission can be put off by 2 s at most."""
@@ -57,7 +57,7 @@ class Question:
     """A frame that waits for its answer; `until_ms` is set when the frame's last sound has left."""
 
     name: str
-    frame: Frame
+    frame: ModemFrame
     awaited: FrameKind
     line: int | None
     """The serial line that asked; None for a host without a line."""
@@ -89,9 +89,9 @@ class ModemCore:
         self.corrected: int | None = None
         self.question: Question | None = None
         self.measurement: Measurement | None = None
-        self.waiting: list[tuple[int, Frame]] = []
+        self.waiting: list[tuple[int, ModemFrame]] = []
         """Frames to be sent, each with its time, the next one first."""
-        self._sending: tuple[int, Frame] | None = None
+        self._sending: tuple[int, ModemFrame] | None = None
         self._sound_until_ms: int | None = None
         for line in self.lines:
             line.reset()
@@ -105,7 +105,7 @@ class ModemCore:
         """Prints on that line, from `tick` on or from now."""
         self.lines[line_index].answer(data, self._now_ms * TICKS_PER_MS if tick is None else tick)
 
-    def ask(self, name: str, frame: Frame, awaited: FrameKind, line: int | None) -> None:
+    def ask(self, name: str, frame: ModemFrame, awaited: FrameKind, line: int | None) -> None:
         """Notes that the frame is a question of that line, by the command `name`. Its wait begins once it is sent."""
         self.question = Question(name, frame, awaited, line)
 
@@ -113,28 +113,28 @@ class ModemCore:
         """Begins to measure the noise, by the command `name` that was whole at `tick`."""
         self.measurement = Measurement(name, line, -(-tick // TICKS_PER_MS) + MEASURING_MS[name])
 
-    def send(self, frame: Frame, at_ms: int) -> None:
+    def send(self, frame: ModemFrame, at_ms: int) -> None:
         """Sends the frame at that time, or as soon after as nothing else is being sent."""
         self.waiting.append((at_ms, frame))
         self.waiting.sort(key=lambda it: it[0])
 
     def restart(self) -> list[Action]:
         self._start_up()
-        return self.go(Trigger.RESET_TOLD)
+        return self.go(ModemTrigger.RESET_TOLD)
 
     def fall_asleep(self) -> list[Action]:
         self.waiting.clear()
         self.question = None
         self.measurement = None
-        return self.go(Trigger.SLEEP_TOLD)
+        return self.go(ModemTrigger.SLEEP_TOLD)
 
-    def go(self, trigger: Trigger) -> list[Action]:
+    def go(self, trigger: ModemTrigger) -> list[Action]:
         """Changes the state by the table."""
         old, new = self.state, next_state(self.state, trigger)
         self._drawn = (self._now_ms, self.drawn_ua_ms(self._now_ms))
         self.state = new
         if new is not ModemState.RECEIVING:
             self._sound_until_ms = None
-        if new in RECEPTIVE and (old not in RECEPTIVE or trigger is Trigger.RESET_TOLD):
+        if new in RECEPTIVE and (old not in RECEPTIVE or trigger is ModemTrigger.RESET_TOLD):
             self.receptive_since_ms = self._now_ms
-        return [StateChanged(self._now_ms, old, trigger, new)]
+        return [ModemStateChanged(self._now_ms, old, trigger, new)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from agents.modem.frames import Frame
-from agents.modem.states import ModemState, Trigger
+from agents.modem.frames import ModemFrame
+from agents.modem.states import ModemState, ModemTrigger
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class SerialBytes:
 class FrameRequested:
     """A host without a serial line asked the modem to send this frame. The frame's source is the modem."""
 
-    frame: Frame
+    frame: ModemFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class FrameArrived:
     other paths, as (microseconds after the direct one, amplitude relative to it).
     """
 
-    frame: Frame
+    frame: ModemFrame
     propagation_us: int = 0
     snr_db: float = 20.0
     corrected: int = 0
@@ -113,15 +113,15 @@ class Delivered:
     """Data or a beacon for this modem, reported to a host without a line."""
 
     at_ms: int
-    frame: Frame
+    frame: ModemFrame
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class QuestionAnswered:
     """The answer to a requested question: the range in steps of 31.25 us of sound, or None at the time-out."""
 
     at_ms: int
-    question: Frame
+    question: ModemFrame
     steps: int | None
 
 
@@ -130,16 +130,16 @@ class EmitFrame:
     """The frame's first sound leaves at `at_ms`."""
 
     at_ms: int
-    frame: Frame
+    frame: ModemFrame
 
 
 @dataclass(frozen=True, slots=True)
-class StateChanged:
+class ModemStateChanged:
     """From now on the modem draws `SUPPLY_UA[new]`."""
 
     at_ms: int
     old: ModemState
-    trigger: Trigger
+    trigger: ModemTrigger
     new: ModemState
 
 
@@ -158,11 +158,20 @@ class PinRose:
 
 
 @dataclass(frozen=True, slots=True)
-class Dropped:
+class FrameDropped:
     """The modem discarded a frame or bytes, for this reason. The host counts these."""
 
     at_ms: int
     reason: str
 
 
-Action = SerialOut | Delivered | Answered | EmitFrame | StateChanged | AddressChanged | PinRose | Dropped
+Action = (
+    SerialOut
+    | Delivered
+    | QuestionAnswered
+    | EmitFrame
+    | ModemStateChanged
+    | AddressChanged
+    | PinRose
+    | FrameDropped
+)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 
 
-class Firmware(Enum):
+class ModemFirmware(Enum):
     """V2 modems of 2016 to 2018; early V3; V3 with firmware 1.6.0, whose manual the rest of this package follows."""
 
     V2 = "v2"
@@ -16,8 +16,8 @@ class Firmware(Enum):
     V3 = "v3"
 
     @property
-    def generation(self) -> Generation:
-        return Generation.V2 if self is Firmware.V2 else Generation.V3
+    def generation(self) -> ModemGeneration:
+        return ModemGeneration.V2 if self is ModemFirmware.V2 else ModemGeneration.V3
 
 
 RELEASE = "001.006.000"
@@ -29,7 +29,7 @@ BUILT = "2024-02-15T00:00:00"
 class ModemConfig:
     """`answer_wait_ms` is the manual's 4 s for `#TO`. The turnaround before an answer is assumed; it is not public."""
 
-    firmware: Firmware = Firmware.V3
+    firmware: ModemFirmware = ModemFirmware.V3
     answer_wait_ms: int = 4000
     turnaround_ms: int = 5
     unique_id: int = 0
@@ -39,9 +39,9 @@ class ModemConfig:
     """Serial lines; a real modem has one. Each line gets the answers to its own commands; all get the received frames."""
 
 
-def voltage_steps(firmware: Firmware, supply_mv: int) -> int:
+def voltage_steps(firmware: ModemFirmware, supply_mv: int) -> int:
     """The number y printed for a voltage: V = y x 15 / 65536 in V3, y x 1.1 x 6 / 1024 (10 bits) in V2."""
-    if firmware is Firmware.V2:
+    if firmware is ModemFirmware.V2:
         return min(1023, (supply_mv * 1024 * 10 + 33_000) // 66_000)
     return min(65535, (supply_mv * 65536 + 7_500) // 15_000)
 

@@ -14,7 +14,7 @@ from enum import IntEnum, StrEnum
 ADDRESSES = 256
 
 
-class Generation(StrEnum):
+class ModemGeneration(StrEnum):
     """`v3`: today's nanomodem, 64 bytes. `v2`: that of the early swarm, about 2016 to 2018, 7 bytes at 40 bit/s. They do
     not understand each other."""
 
@@ -57,16 +57,16 @@ V2_KINDS = frozenset(
     }
 )
 
-PAYLOAD_BYTES = {Generation.V2: (1, 7), Generation.V3: (2, 64)}
+PAYLOAD_BYTES = {ModemGeneration.V2: (1, 7), ModemGeneration.V3: (2, 64)}
 """The fewest and the most bytes of data in a frame."""
 
-SHORT_MS = {Generation.V2: 430, Generation.V3: 105}
+SHORT_MS = {ModemGeneration.V2: 430, ModemGeneration.V3: 105}
 """A frame without data: chirp and header."""
 _V2_BYTE_MS = 200  # 8 bit at 40 bit/s
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class ModemFrame:
     """One transmission. `source` and `destination` are modems' addresses, 0 to 255; kinds to all have no `destination`.
 
     Only answers have `flight_us`, the travel time of the question's sound. A modem measures the round trip in steps of
@@ -79,7 +79,7 @@ class Frame:
     source: int
     destination: int | None = None
     data: bytes = b""
-    generation: Generation = Generation.V3
+    generation: ModemGeneration = ModemGeneration.V3
     flight_us: int = 0
 
     def __post_init__(self) -> None:
@@ -88,7 +88,7 @@ class Frame:
             raise ValueError(f"an address is 0 to 255, not {self.source} or {self.destination}")
         if (self.destination is None) != (self.kind in TO_ALL):
             raise ValueError(f"a {self.kind.name} to {self.destination}")
-        if self.generation is Generation.V2 and self.kind not in V2_KINDS:
+        if self.generation is ModemGeneration.V2 and self.kind not in V2_KINDS:
             raise ValueError(f"V2 has no {self.kind.name}")
         fewest, most = PAYLOAD_BYTES[self.generation] if self.kind in WITH_DATA else (0, 0)
         if not fewest <= len(self.data) <= most:
@@ -106,11 +106,11 @@ class Frame:
         return self.destination is None or self.destination == address
 
 
-def duration_ms(generation: Generation, payload_bytes: int) -> int:
+def duration_ms(generation: ModemGeneration, payload_bytes: int) -> int:
     """The length of a frame with this much data; 0 bytes is a frame without data."""
     short_ms = SHORT_MS[generation]
     if payload_bytes == 0:
         return short_ms
-    if generation is Generation.V2:
+    if generation is ModemGeneration.V2:
         return short_ms + payload_bytes * _V2_BYTE_MS
     return short_ms + ((payload_bytes + 16) * 25 + 1) // 2

@@ -14,27 +14,27 @@ from agents.modem import answers, command_handler, sending
 from agents.modem.core import ModemCore
 from agents.modem.facts import (
     Action,
-    Answered,
-    Dropped,
     EmitFrame,
     FrameArrived,
+    FrameDropped,
     FrameRequested,
     NoiseChanged,
     PowerCame,
     PowerWent,
+    QuestionAnswered,
     SerialBytes,
     SerialOut,
     SoundBegan,
     Stimulus,
     SupplyChanged,
 )
-from agents.modem.frames import Frame
+from agents.modem.frames import ModemFrame
 from agents.modem.receiving import receive_frame
 from agents.modem.serial_line import TICKS_PER_MS
-from agents.modem.states import RECEPTIVE, ModemState, Trigger
+from agents.modem.states import RECEPTIVE, ModemState, ModemTrigger
 
 
-class Timer(IntEnum):
+class ModemTimer(IntEnum):
     """The events that a modem waits for; of those due at one time the first named goes first."""
 
     SENDING_ENDS = 0
@@ -67,11 +67,13 @@ class Modem(ModemCore):
             dues.sort()
             due_ms, timer, line_index = dues[0]
             self._now_ms = max(self._now_ms, due_ms)
-            if timer is Timer.INPUT:
+            if timer is ModemTimer.INPUT:
                 # Reads bytes up to the next other event, or to just before it if the event goes first at the same time.
-                limits = [due - ((other, line) < (Timer.INPUT, line_index)) for due, other, line in dues[1:]]
+                limits = [
+                    due - ((other, line) < (ModemTimer.INPUT, line_index)) for due, other, line in dues[1:]
+                ]
                 actions += self._read(line_index, min([now_ms, *limits]))
-            elif timer is Timer.OUTPUT:
+            elif timer is ModemTimer.OUTPUT:
                 actions.append(SerialOut(self._now_ms, self.lines[line_index].printed(), line_index))
             else:
                 actions += self._fire(timer)
@@ -90,7 +92,7 @@ class Modem(ModemCore):
                 if self.state in RECEPTIVE:
                     self._sound_until_ms = max(self._sound_until_ms or 0, now_ms + duration_ms)
                     if self.state is ModemState.LISTENING:
-                        actions += self.go(Trigger.SOUND_BEGAN)
+                        actions += self.go(ModemTrigger.SOUND_BEGAN)
             case FrameArrived():
                 actions += receive_frame(self, stimulus, now_ms)
             case SupplyChanged(supply_mv):
@@ -99,57 +101,57 @@ class Modem(ModemCore):
                 self.noise = stimulus
             case PowerCame():
                 if self.state is ModemState.OFF:
-                    actions += self.go(Trigger.POWER_CAME)
+                    actions += self.go(ModemTrigger.POWER_CAME)
             case PowerWent():
                 if self.state is not ModemState.OFF:
                     self._start_up()
                     for line in self.lines:
                         line.empty()
-                    actions += self.go(Trigger.POWER_WENT)
+                    actions += self.go(ModemTrigger.POWER_WENT)
         return actions
 
     @property
     def _reads(self) -> bool:
         return self.state not in (ModemState.TRANSMITTING, ModemState.OFF)
 
-    def _timers(self) -> tuple[tuple[int | None, Timer], ...]:
+    def _timers(self) -> tuple[tuple[int | None, ModemTimer], ...]:
         """Each timer but those of the serial lines, with its due time."""
         return (
-            (None if self._sending is None else self._sending[0], Timer.SENDING_ENDS),
-            (self._sound_until_ms, Timer.SOUND_ENDS),
-            (None if self.question is None else self.question.until_ms, Timer.QUESTION_TIMES_OUT),
-            (self.waiting[0][0] if self.waiting and self._sending is None else None, Timer.FRAME_IS_DUE),
-            (None if self.measurement is None else self.measurement.until_ms, Timer.MEASUREMENT_ENDS),
+            (None if self._sending is None else self._sending[0], ModemTimer.SENDING_ENDS),
+            (self._sound_until_ms, ModemTimer.SOUND_ENDS),
+            (None if self.question is None else self.question.until_ms, ModemTimer.QUESTION_TIMES_OUT),
+            (self.waiting[0][0] if self.waiting and self._sending is None else None, ModemTimer.FRAME_IS_DUE),
+            (None if self.measurement is None else self.measurement.until_ms, ModemTimer.MEASUREMENT_ENDS),
         )
 
-    def _dues(self) -> list[tuple[int, Timer, int]]:
+    def _dues(self) -> list[tuple[int, ModemTimer, int]]:
         """(time, timer, line) of everything that has a due time."""
         dues = [(due, timer, 0) for due, timer in self._timers() if due is not None]
         for line_index, line in enumerate(self.lines):
             if self._reads and (due := line.input_due_ms) is not None:
-                dues.append((due, Timer.INPUT, line_index))
+                dues.append((due, ModemTimer.INPUT, line_index))
             if (due := line.output_due_ms) is not None:
-                dues.append((due, Timer.OUTPUT, line_index))
+                dues.append((due, ModemTimer.OUTPUT, line_index))
         return dues
 
-    def _fire(self, timer: Timer) -> list[Action]:
+    def _fire(self, timer: ModemTimer) -> list[Action]:
         now_ms, question = self._now_ms, self.question
-        if timer is Timer.SENDING_ENDS:
+        if timer is ModemTimer.SENDING_ENDS:
             assert self._sending is not None
             if question is not None and question.frame is self._sending[1]:
                 self.question = replace(question, until_ms=now_ms + self.config.answer_wait_ms)
             self._sending = None
-            return self.go(Trigger.SENDING_ENDED)
-        if timer is Timer.SOUND_ENDS:
-            return self.go(Trigger.SOUND_ENDED)
-        if timer is Timer.QUESTION_TIMES_OUT:
+            return self.go(ModemTrigger.SENDING_ENDED)
+        if timer is ModemTimer.SOUND_ENDS:
+            return self.go(ModemTrigger.SOUND_ENDED)
+        if timer is ModemTimer.QUESTION_TIMES_OUT:
             assert question is not None
             self.question = None
             if question.line is None:
-                return [Answered(now_ms, question.frame, None)]
+                return [QuestionAnswered(now_ms, question.frame, None)]
             self.answer(question.line, answers.TIME_OUT)
             return []
-        if timer is Timer.MEASUREMENT_ENDS:
+        if timer is ModemTimer.MEASUREMENT_ENDS:
             measurement, self.measurement = self.measurement, None
             assert measurement is not None
             self.answer(measurement.line, answers.measured(measurement.name, self.noise))
@@ -160,20 +162,20 @@ class Modem(ModemCore):
         now_ms = self._now_ms
         _, frame = self.waiting.pop(0)
         self._sending = (now_ms + frame.duration_ms, frame)
-        return [*self.go(Trigger.SENDING_BEGAN), EmitFrame(now_ms, frame)]
+        return [*self.go(ModemTrigger.SENDING_BEGAN), EmitFrame(now_ms, frame)]
 
     def _take_bytes(self, written: SerialBytes) -> list[Action]:
         if self.state is ModemState.OFF:
-            return [Dropped(self._now_ms, "bytes for a modem without power")]
+            return [FrameDropped(self._now_ms, "bytes for a modem without power")]
         lost = self.lines[written.line].write(written.data, self._now_ms, written.paused)
-        return [Dropped(self._now_ms, "bytes beyond the serial line's buffer")] if lost else []
+        return [FrameDropped(self._now_ms, "bytes beyond the serial line's buffer")] if lost else []
 
-    def _take_frame(self, frame: Frame) -> list[Action]:
+    def _take_frame(self, frame: ModemFrame) -> list[Action]:
         reason = sending.why_not(self, frame.kind)
         if self.state in (ModemState.OFF, ModemState.SLEEPING):
             reason = f"the modem is {self.state.name.lower()}"
         if reason is not None:
-            return [Dropped(self._now_ms, f"asked: {reason}")]
+            return [FrameDropped(self._now_ms, f"asked: {reason}")]
         if frame.kind in sending.AWAITED:
             self.ask("", frame, sending.AWAITED[frame.kind], None)
         self.send(frame, self._now_ms)

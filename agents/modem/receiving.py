@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from agents.modem import answers
 from agents.modem.core import ModemCore
-from agents.modem.facts import Action, Answered, Delivered, Dropped, FrameArrived, Pin, PinRose
+from agents.modem.facts import Action, Delivered, FrameArrived, FrameDropped, Pin, PinRose, QuestionAnswered
 from agents.modem.firmware import range_steps
-from agents.modem.frames import ANSWERS, Frame, FrameKind
+from agents.modem.frames import ANSWERS, FrameKind, ModemFrame
 from agents.modem.states import RECEPTIVE
 
 _DATA = (FrameKind.UNICAST, FrameKind.UNICAST_ACKED)
@@ -20,9 +20,9 @@ _REPLIES = {
 def receive_frame(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[Action]:
     frame = arrived.frame
     if modem.state not in RECEPTIVE or now_ms - frame.duration_ms < modem.receptive_since_ms:
-        return [Dropped(now_ms, f"sound: the modem was {modem.state.name.lower()} or had just been so")]
+        return [FrameDropped(now_ms, f"sound: the modem was {modem.state.name.lower()} or had just been so")]
     if frame.generation is not modem.config.firmware.generation:
-        return [Dropped(now_ms, "sound: a frame of another generation")]
+        return [FrameDropped(now_ms, "sound: a frame of another generation")]
     actions: list[Action] = [PinRose(now_ms, Pin.RXS)] if modem.raises_rxs else []
     if not frame.is_for(modem.address):
         return actions
@@ -58,11 +58,11 @@ def _printed(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> bytes | No
     return answers.line(f"#F{frame.source:03}{time}") if frame.kind is FrameKind.BEACON else None
 
 
-def _reply(modem: ModemCore, frame: Frame, propagation_us: int) -> Frame | None:
+def _reply(modem: ModemCore, frame: ModemFrame, propagation_us: int) -> ModemFrame | None:
     generation = modem.config.firmware.generation
     if frame.kind in _REPLIES:
         kind = _REPLIES[frame.kind]
-        return Frame(kind, modem.address, frame.source, b"", generation, propagation_us)
+        return ModemFrame(kind, modem.address, frame.source, b"", generation, propagation_us)
     match frame.kind:
         case FrameKind.STATUS_REQUEST:
             data = answers.remote_report(modem.config.firmware, modem.supply_mv, modem.noise)
@@ -72,7 +72,7 @@ def _reply(modem: ModemCore, frame: Frame, propagation_us: int) -> Frame | None:
             data = frame.data
         case _:
             return None
-    return Frame(FrameKind.BROADCAST, modem.address, None, data, generation)
+    return ModemFrame(FrameKind.BROADCAST, modem.address, None, data, generation)
 
 
 def _take_answer(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[Action]:
@@ -83,12 +83,12 @@ def _take_answer(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[A
         or question.frame.destination != frame.source
         or question.until_ms is None
     ):
-        return [Dropped(now_ms, "sound: an answer that is not waited for")]
+        return [FrameDropped(now_ms, "sound: an answer that is not waited for")]
     # Half of the round trip; both modems know the turnaround, which is taken off.
     steps = range_steps((frame.flight_us + arrived.propagation_us) / 2)
     modem.question = None
     if question.line is None:
-        return [Answered(now_ms, question.frame, steps)]
+        return [QuestionAnswered(now_ms, question.frame, steps)]
     if frame.kind is FrameKind.PROBE_REPLY:
         result = answers.impulse_response(question.name, frame.source, steps, arrived.echoes)
     else:

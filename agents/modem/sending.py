@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from agents.modem import answers
-from agents.modem.commands import Command
+from agents.modem.commands import ModemCommand
 from agents.modem.core import ModemCore
-from agents.modem.facts import Action, Dropped
-from agents.modem.frames import TO_ALL, Frame, FrameKind
+from agents.modem.facts import Action, FrameDropped
+from agents.modem.frames import TO_ALL, FrameKind, ModemFrame
 from agents.modem.serial_line import TICKS_PER_MS
 
 _KINDS = {
@@ -33,7 +33,7 @@ def goes_out(name: str) -> bool:
     return name in _KINDS
 
 
-def send(modem: ModemCore, command: Command, line_index: int, tick: int, now_ms: int) -> list[Action]:
+def send(modem: ModemCore, command: ModemCommand, line_index: int, tick: int, now_ms: int) -> list[Action]:
     """Acknowledges the command on its line and sends its frame; answers `E` if it cannot."""
     wait_us: int | None = 0
     now_us = tick * 1000 // TICKS_PER_MS
@@ -47,10 +47,10 @@ def send(modem: ModemCore, command: Command, line_index: int, tick: int, now_ms:
         reason = "a transmission can be put off by 2 s at most, and not into the past"
     if reason is not None or wait_us is None:
         modem.answer(line_index, answers.ERROR, tick)
-        return [Dropped(now_ms, f"serial: {reason}")]
+        return [FrameDropped(now_ms, f"serial: {reason}")]
     generation = modem.config.firmware.generation
     to = None if kind in TO_ALL else command.address
-    frame = Frame(kind, modem.address, to, command.data, generation)
+    frame = ModemFrame(kind, modem.address, to, command.data, generation)
     address = "" if to is None else f"{to:03}"
     size = answers.length(generation, command.data) if command.data else ""
     modem.answer(line_index, answers.acknowledgement(generation, command.name + address + size), tick)

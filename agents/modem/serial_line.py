@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from agents.modem.commands import Command, CommandReader, Malformed
-from agents.modem.frames import Generation
+from agents.modem.commands import CommandReader, Malformed, ModemCommand
+from agents.modem.frames import ModemGeneration
 
 TICKS_PER_MS = 24
 BYTE_TICKS = 25
@@ -18,7 +18,7 @@ BUFFER_BYTES = 4096
 class SerialLine:
     """Bytes with their times. The bytes of a chunk follow each other at once, after the bytes still on the line."""
 
-    def __init__(self, generation: Generation) -> None:
+    def __init__(self, generation: ModemGeneration) -> None:
         self.reader = CommandReader(generation)
         self._coming: deque[tuple[int, int]] = deque()
         """(the tick of the byte's end, the byte)"""
@@ -67,7 +67,7 @@ class SerialLine:
     def _silence_before_next(self) -> bool:
         return self._coming[0][0] - BYTE_TICKS > self._last_tick + SILENCE_TICKS
 
-    def read(self, now_ms: int) -> tuple[int, list[Command | Malformed]] | None:
+    def read(self, now_ms: int) -> tuple[int, list[ModemCommand | Malformed]] | None:
         """Reads bytes until one completes an item: (tick, items); None if nothing more is due by `now_ms`."""
         reader = self.reader
         while (due_ms := self.input_due_ms) is not None and due_ms <= now_ms:

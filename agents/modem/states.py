@@ -14,7 +14,7 @@ class ModemState(IntEnum):
     """After `$Z`: the receiver is off, and no sound wakes it."""
 
 
-class Trigger(IntEnum):
+class ModemTrigger(IntEnum):
     POWER_CAME = 0
     POWER_WENT = 1
     SOUND_BEGAN = 2
@@ -26,22 +26,22 @@ class Trigger(IntEnum):
     RESET_TOLD = 8
 
 
-TABLE: dict[tuple[ModemState, Trigger], ModemState] = {
-    (ModemState.OFF, Trigger.POWER_CAME): ModemState.LISTENING,
-    (ModemState.LISTENING, Trigger.SOUND_BEGAN): ModemState.RECEIVING,
-    (ModemState.LISTENING, Trigger.SENDING_BEGAN): ModemState.TRANSMITTING,
-    (ModemState.LISTENING, Trigger.SLEEP_TOLD): ModemState.SLEEPING,
-    (ModemState.LISTENING, Trigger.RESET_TOLD): ModemState.LISTENING,
-    (ModemState.LISTENING, Trigger.POWER_WENT): ModemState.OFF,
-    (ModemState.RECEIVING, Trigger.SOUND_ENDED): ModemState.LISTENING,
-    (ModemState.RECEIVING, Trigger.SENDING_BEGAN): ModemState.TRANSMITTING,
-    (ModemState.RECEIVING, Trigger.SLEEP_TOLD): ModemState.SLEEPING,
-    (ModemState.RECEIVING, Trigger.RESET_TOLD): ModemState.LISTENING,
-    (ModemState.RECEIVING, Trigger.POWER_WENT): ModemState.OFF,
-    (ModemState.TRANSMITTING, Trigger.SENDING_ENDED): ModemState.LISTENING,
-    (ModemState.TRANSMITTING, Trigger.POWER_WENT): ModemState.OFF,
-    (ModemState.SLEEPING, Trigger.WAKE_TOLD): ModemState.LISTENING,
-    (ModemState.SLEEPING, Trigger.POWER_WENT): ModemState.OFF,
+TABLE: dict[tuple[ModemState, ModemTrigger], ModemState] = {
+    (ModemState.OFF, ModemTrigger.POWER_CAME): ModemState.LISTENING,
+    (ModemState.LISTENING, ModemTrigger.SOUND_BEGAN): ModemState.RECEIVING,
+    (ModemState.LISTENING, ModemTrigger.SENDING_BEGAN): ModemState.TRANSMITTING,
+    (ModemState.LISTENING, ModemTrigger.SLEEP_TOLD): ModemState.SLEEPING,
+    (ModemState.LISTENING, ModemTrigger.RESET_TOLD): ModemState.LISTENING,
+    (ModemState.LISTENING, ModemTrigger.POWER_WENT): ModemState.OFF,
+    (ModemState.RECEIVING, ModemTrigger.SOUND_ENDED): ModemState.LISTENING,
+    (ModemState.RECEIVING, ModemTrigger.SENDING_BEGAN): ModemState.TRANSMITTING,
+    (ModemState.RECEIVING, ModemTrigger.SLEEP_TOLD): ModemState.SLEEPING,
+    (ModemState.RECEIVING, ModemTrigger.RESET_TOLD): ModemState.LISTENING,
+    (ModemState.RECEIVING, ModemTrigger.POWER_WENT): ModemState.OFF,
+    (ModemState.TRANSMITTING, ModemTrigger.SENDING_ENDED): ModemState.LISTENING,
+    (ModemState.TRANSMITTING, ModemTrigger.POWER_WENT): ModemState.OFF,
+    (ModemState.SLEEPING, ModemTrigger.WAKE_TOLD): ModemState.LISTENING,
+    (ModemState.SLEEPING, ModemTrigger.POWER_WENT): ModemState.OFF,
 }
 
 RECEPTIVE = frozenset({ModemState.LISTENING, ModemState.RECEIVING})
@@ -56,7 +56,7 @@ SUPPLY_UA: dict[ModemState, int] = {
 """Microamperes from 5 V, by the data sheet: up to 300 mA when transmitting. It publishes no figure for sleep."""
 
 
-def next_state(state: ModemState, trigger: Trigger) -> ModemState:
+def next_state(state: ModemState, trigger: ModemTrigger) -> ModemState:
     """ValueError for a transition that is not in the table."""
     try:
         return TABLE[state, trigger]

@@ -7,10 +7,10 @@ from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from agents.modem.frames import SHORT_MS, Generation
+from agents.modem.frames import SHORT_MS, ModemGeneration
 from agents.mussel.body import Body, WaterConfig, gps_fix_um
 from agents.mussel.firmware_failure import PowerLost
-from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
+from agents.mussel.outputs import Output, PingAnswered, SoundSent, StimulusDropped, Truth, WifiSent
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
 from agents.mussel.stimuli import (
@@ -161,7 +161,7 @@ class Agent:
             return self._others
         from agents.mussel.whole_port_firmware import WholePortFirmware
 
-        modem = 2 if config.reports.modem is Generation.V2 else 3
+        modem = 2 if config.reports.modem is ModemGeneration.V2 else 3
         self._others = whole = WholePortFirmware(
             lambda: link_to(config.firmware), config.board, hardware, seed, self._world, modem
         )
@@ -396,24 +396,26 @@ class Agent:
         match stimulus:
             case ContactClosed(north_um, east_um):
                 if not self._at_surface(now_ms) or self.body.docked:
-                    return [Dropped(now_ms, "a dock closed, but not around this aMussel")]
+                    return [StimulusDropped(now_ms, "a dock closed, but not around this aMussel")]
                 self.body.dock(north_um, east_um, now_ms)
                 return self._pin_changed(True, now_ms) if self.body.pin_high else []
             case DockMoved(north_um, east_um):
                 if not self.body.docked:
-                    return [Dropped(now_ms, "a dock moved that does not hold this aMussel")]
+                    return [StimulusDropped(now_ms, "a dock moved that does not hold this aMussel")]
                 self.body.carry(north_um, east_um)
                 return []
             case ContactOpened():
                 if not self.body.docked:
-                    return [Dropped(now_ms, "a dock opened that does not hold this aMussel")]
+                    return [StimulusDropped(now_ms, "a dock opened that does not hold this aMussel")]
                 self.body.let_go(now_ms)
                 if self._defects is not None:
                     self._defects.bounces = 0
                 return self._pin_changed(False, now_ms)
             case CoilSlipped():
                 if not self.body.docked:
-                    return [Dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
+                    return [
+                        StimulusDropped(now_ms, "coils slipped in a dock that does not hold this aMussel")
+                    ]
                 self.body.slip(now_ms)
                 outputs = self._pin_changed(False, now_ms)
                 if self.body.pin_high:
@@ -421,13 +423,13 @@ class Agent:
                 return outputs
             case SoundArrived(data):
                 if self._at_surface(now_ms):
-                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                    return [StimulusDropped(now_ms, "sound does not reach a modem in air")]
                 return self._stimulate_board(board_stimuli.PacketHeard(self._received(data)), now_ms)
             case PingArrived(travelled_us):
                 if self._at_surface(now_ms):
-                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                    return [StimulusDropped(now_ms, "sound does not reach a modem in air")]
                 if not self.board.is_modem_listening:
-                    return [Dropped(now_ms, "the modem is not listening")]
+                    return [StimulusDropped(now_ms, "the modem is not listening")]
                 lasting_ms = SHORT_MS[self.config.reports.modem]
                 status = self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
                 return [*status, PingAnswered(now_ms, travelled_us)]
@@ -435,7 +437,7 @@ class Agent:
                 return self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
             case WifiArrived(data):
                 if not self.config.reports.heard_always and not self._at_surface(now_ms):
-                    return [Dropped(now_ms, "Wi-Fi does not reach under water")]
+                    return [StimulusDropped(now_ms, "Wi-Fi does not reach under water")]
                 return self._stimulate_board(board_stimuli.WifiReceived(self._received(data)), now_ms)
             case Placed():
                 return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
@@ -480,33 +482,39 @@ class Agent:
                 return self._pin_changed(self.body.pin_high, now_ms) if is_steady else []
             case ContactBounced(times):
                 if not self.body.docked:
-                    return [Dropped(now_ms, "a contact bounced in a dock that does not hold this aMussel")]
+                    return [
+                        StimulusDropped(now_ms, "a contact bounced in a dock that does not hold this aMussel")
+                    ]
                 defects.bounces = 2 * times
                 return self._bounce(defects, now_ms)
             case PartFailed(part, value):
                 return self._fail_part(defects, part, value, now_ms)
 
     def _fail_part(self, defects: Defects, part: int, value: int, now_ms: int) -> list[Output]:
-        from agents.mussel.defects import WHOLE_ONLY, Part
+        from agents.mussel.defects import WHOLE_ONLY, BoardPart
 
         if self.config.board.whole is None and part in WHOLE_ONLY:
-            return [Dropped(now_ms, f"a defect of its {Part(part).name.lower()}: the worst case has none")]
+            return [
+                StimulusDropped(
+                    now_ms, f"a defect of its {BoardPart(part).name.lower()}: the worst case has none"
+                )
+            ]
         others = {kind: how for kind, how in defects.parts.items() if kind != part}
-        defects.parts = others | ({Part(part): value} if value else {})
+        defects.parts = others | ({BoardPart(part): value} if value else {})
         self._apply_parts(defects, now_ms)
         rests = self._at_surface(now_ms) or self.body.rests_on_bottom
-        return self._depth_noticed(now_ms) if part == Part.DEPTH and rests else []
+        return self._depth_noticed(now_ms) if part == BoardPart.DEPTH and rests else []
 
     def _apply_parts(self, defects: Defects, now_ms: int) -> None:
         """Lets the board's parts fail as their defects say."""
-        from agents.mussel.defects import Part
+        from agents.mussel.defects import BoardPart
 
-        noise, holds = defects.parts.get(Part.CONVERTER, 0), Part.HOLD in defects.parts
+        noise, holds = defects.parts.get(BoardPart.CONVERTER, 0), BoardPart.HOLD in defects.parts
         self.board.receive(board_stimuli.ConverterDisturbed(noise, holds), now_ms)
         if self._flash is not None:
             self._flash.parts = defects.parts
         if self._logbook is not None:
-            self._logbook.sensors_answer = Part.BUS not in defects.parts
+            self._logbook.sensors_answer = BoardPart.BUS not in defects.parts
 
     def _bounce(self, defects: Defects, now_ms: int) -> list[Output]:
         """Opens or closes the contact in the dock; `_align` closes it the last time."""
@@ -540,9 +548,9 @@ class Agent:
         """The bytes of a packet that the board's UART keeps."""
         if self._defects is None:
             return data
-        from agents.mussel.defects import Part
+        from agents.mussel.defects import BoardPart
 
-        return data[: self._defects.parts.get(Part.UARTS, len(data))]
+        return data[: self._defects.parts.get(BoardPart.UARTS, len(data))]
 
     def _report_after(self, now_ms: int) -> int:
         period_ms = self.config.reports.period_ms
@@ -561,10 +569,10 @@ class Agent:
                 case board_actions.RunBuoyancy():
                     outputs += self._run_buoyancy(action, action.at_ms)
                 case board_actions.MotorsStalled(at_ms, to):
-                    outputs.append(Dropped(at_ms, "a motor run: neither battery holds its charge"))
+                    outputs.append(StimulusDropped(at_ms, "a motor run: neither battery holds its charge"))
                     outputs += self._stays_there(to, at_ms)
                 case board_actions.Dropped(at_ms, reason):
-                    outputs.append(Dropped(at_ms, reason))
+                    outputs.append(StimulusDropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):
                     outputs.append(self._status(at_ms, by))
                 case board_actions.SendAnswer(at_ms):
@@ -604,7 +612,7 @@ class Agent:
             case board_actions.DropLog(_, next_sequence):
                 packets = logbook.acknowledge(next_sequence)
         if packets is None:
-            return [Dropped(now_ms, "an acknowledgement of records that were never taken")]
+            return [StimulusDropped(now_ms, "an acknowledgement of records that were never taken")]
         return [WifiSent(now_ms, self._codec.encode(packet)) for packet in packets]
 
     def _status(self, now_ms: int, by: Rail) -> Output:

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import Any
 
 from agents.fleet import FleetConfig, resting_on_bottom
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.body import BodyConfig
-from agents.mussel.defects import Part
+from agents.mussel.defects import BoardPart
 from agents.mussel.outputs import Output, SoundSent, WifiSent
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
@@ -28,11 +28,11 @@ from agents.mussel.stimuli import (
     WasReset,
     WifiArrived,
 )
-from agents.water.patches import CALM, Waters
+from agents.water.patches import CALM, QuantityWater
 from firmware_model.actions import Buoyancy, RunBuoyancy
 from firmware_model.bench.conformance import Case, Whole
 from firmware_model.bench.costly_firmware import CostlyFirmware
-from firmware_model.bench.rigs import Event, History, Rig, charging, ends, flowed
+from firmware_model.bench.rigs import Rig, RigEvent, RigHistory, charging, ends, flowed
 from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
 from firmware_model.packets import Beacon
 from firmware_model.packets.codec import BUILT_IN, MusselbedCodec
@@ -46,7 +46,7 @@ _NORTH_UM, _EAST_UM, _DEPTH_UM = 12_340_000, -5_670_000, 3_000_000
 _TRAVEL_MS = 60_000
 _BEACON_WAIT_MS = 60_000
 _NO_REPORTS_MS = 10**12
-_TURBID = CALM | {"turbidity_ntu": Waters(((0, 2000.0),))}
+_TURBID = CALM | {"turbidity_ntu": QuantityWater(((0, 2000.0),))}
 """More than the sensor of turbidity can tell."""
 _UNEVEN = Cycle(
     alarm_ms=2_700_000,
@@ -58,12 +58,12 @@ _UNEVEN = Cycle(
 )
 _NUMBER = re.compile(r"(beacon|jump|loses|jam|bus|readings|uart|writes|cells|supply|flash):(-?\d+)")
 _PARTS = {
-    "bus": Part.BUS,
-    "uart": Part.UARTS,
-    "writes": Part.WRITES,
-    "cells": Part.CELLS,
-    "supply": Part.SUPPLY,
-    "flash": Part.FLASH,
+    "bus": BoardPart.BUS,
+    "uart": BoardPart.UARTS,
+    "writes": BoardPart.WRITES,
+    "cells": BoardPart.CELLS,
+    "supply": BoardPart.SUPPLY,
+    "flash": BoardPart.FLASH,
 }
 STIMULI = (
     "slips, the coils in the dock",
@@ -151,7 +151,9 @@ class AgentRig(Rig):
                 Sinking(_DEPTH_UM, _TRAVEL_MS, _TRAVEL_MS), drifts_always=False, drift_amplitude_um=0
             ),
             reports=ReportConfig(
-                reports_ms, heard_always=False, modem=Generation.V2 if whole.short_modem else Generation.V3
+                reports_ms,
+                heard_always=False,
+                modem=ModemGeneration.V2 if whole.short_modem else ModemGeneration.V3,
             ),
             waters=_TURBID if whole.turbid else CALM,
         )
@@ -211,7 +213,7 @@ class AgentRig(Rig):
         elif word == "loses":
             self._tell(ChargeLost(grains(number / 100), 0))
         elif word == "readings":
-            self._tell(PartFailed(Part.CONVERTER, grains(number / 100)))
+            self._tell(PartFailed(BoardPart.CONVERTER, grains(number / 100)))
         else:
             self._tell(PartFailed(_PARTS[word], number))
 
@@ -222,14 +224,14 @@ class AgentRig(Rig):
         for stimulus in stimuli:
             self.outputs += self.agent.receive(stimulus, self.now_ms)
 
-    def shown(self) -> History:
+    def shown(self) -> RigHistory:
         agent = self.agent
         agent.close()
-        events = [Event(it.at_ms, f"motors {it.to.name.lower()}{_depth(it)}") for it in agent.runs]
+        events = [RigEvent(it.at_ms, f"motors {it.to.name.lower()}{_depth(it)}") for it in agent.runs]
         for output in self.outputs:
             if isinstance(output, SoundSent | WifiSent):
                 by = "sound" if isinstance(output, SoundSent) else "Wi-Fi"
-                events.append(Event(output.at_ms, f"sends by {by} {output.data.hex()}"))
+                events.append(RigEvent(output.at_ms, f"sends by {by} {output.data.hex()}"))
         truths = agent.take_truths()
         courses = [
             [(it.at_ms, battery) for it, battery in zip(truths, batteries, strict=True)]
@@ -245,7 +247,7 @@ class AgentRig(Rig):
             for name, course in zip(("the primary", "the backup"), courses, strict=True)
             for it in ends(name, course, model, self.now_ms)
         ]
-        return History(
+        return RigHistory(
             tuple(sorted(events, key=lambda it: it.at_ms)),
             primary,
             flowed(courses[0], primary),

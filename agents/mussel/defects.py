@@ -14,7 +14,7 @@ BOUNCE_MS = 20
 """Agent time between two edges of a bouncing contact: faster than a board's debounce time."""
 
 
-class Part(IntEnum):
+class BoardPart(IntEnum):
     """A part of the board that may fail, and the meaning of the value of its failure."""
 
     BUS = 0
@@ -37,7 +37,7 @@ class Part(IntEnum):
     """1: the pressure sensor stands: it notices neither the surface nor the bottom."""
 
 
-WHOLE_ONLY = (Part.BUS, Part.WRITES, Part.CELLS, Part.SUPPLY, Part.FLASH)
+WHOLE_ONLY = (BoardPart.BUS, BoardPart.WRITES, BoardPart.CELLS, BoardPart.SUPPLY, BoardPart.FLASH)
 """The parts that the worst case does not have: it has no sensors and no flash."""
 
 
@@ -55,13 +55,13 @@ class Defects:
     """The pin's edges cause no interrupt."""
     bounces: int = 0
     """The contact in the dock will open or close so often yet, each time after `BOUNCE_MS`; it is open if this is odd."""
-    parts: dict[Part, int] = field(default_factory=dict)
+    parts: dict[BoardPart, int] = field(default_factory=dict)
     """The parts of the board that fail, with their values."""
 
     @property
     def bus_silent(self) -> bool:
-        return Part.BUS in self.parts
+        return BoardPart.BUS in self.parts
 
     @property
     def depth_stands(self) -> bool:
-        return Part.DEPTH in self.parts
+        return BoardPart.DEPTH in self.parts

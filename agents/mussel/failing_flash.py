@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agents.mussel.defects import Part
+from agents.mussel.defects import BoardPart
 from agents.mussel.firmware_failure import PowerLost
 from firmware_model.sampling.flash import Flash
 
@@ -13,13 +13,13 @@ class FailingFlash:
     def __init__(self, flash: Flash) -> None:
         self._flash = flash
         self.pages, self.page_bytes = flash.pages, flash.page_bytes
-        self.parts: dict[Part, int] = {}
+        self.parts: dict[BoardPart, int] = {}
         self._stale: set[int] = set()
         """The pages whose erasure failed: their old bytes are still there."""
 
     def read(self, at: int, size: int) -> bytes:
         """A flash that does not answer reads as an erased one, because nothing drives its line."""
-        return bytes(size) if Part.FLASH in self.parts else self._flash.read(at, size)
+        return bytes(size) if BoardPart.FLASH in self.parts else self._flash.read(at, size)
 
     def program(self, at: int, data: bytes) -> None:
         """Programs what the defects leave of `data`; PowerLost once if the supply fails in its middle.
@@ -27,19 +27,21 @@ class FailingFlash:
         Nothing is programmed where an erasure failed.
         """
         parts = self.parts
-        if Part.FLASH in parts or (at // self.page_bytes in self._stale and any(self.read(at, len(data)))):
+        if BoardPart.FLASH in parts or (
+            at // self.page_bytes in self._stale and any(self.read(at, len(data)))
+        ):
             return
         if parts:
-            cells = 0xFF & ~parts.get(Part.CELLS, 0)
-            data = bytes(byte & cells for byte in data)[: parts.get(Part.WRITES, len(data))]
-            reached = parts.pop(Part.SUPPLY, None)
+            cells = 0xFF & ~parts.get(BoardPart.CELLS, 0)
+            data = bytes(byte & cells for byte in data)[: parts.get(BoardPart.WRITES, len(data))]
+            reached = parts.pop(BoardPart.SUPPLY, None)
             if reached is not None:
                 self._flash.program(at, data[:reached])
                 raise PowerLost
         self._flash.program(at, data)
 
     def erase(self, page: int) -> None:
-        if Part.FLASH in self.parts:
+        if BoardPart.FLASH in self.parts:
             self._stale.add(page)
             return
         self._stale.discard(page)

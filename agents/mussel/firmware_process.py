@@ -25,7 +25,7 @@ _SETPRIV = ("/usr/bin/setpriv", "--pdeathsig", "KILL", "--")
 _AT_ONCE = 65_536
 
 
-class Stream(Protocol):
+class StreamEnd(Protocol):
     """This end of a stream socket."""
 
     def fileno(self) -> int: ...
@@ -39,7 +39,7 @@ class Program(Protocol):
     pid: int
 
     @property
-    def link(self) -> Stream: ...
+    def link(self) -> StreamEnd: ...
 
     def end(self, patience_s: float = 0.0) -> int | None:
         """Ends it, after so long for it to end by itself: its wait status, or None if it has ended before."""
@@ -105,10 +105,10 @@ class FirmwareProcess:
         )
 
 
-class Child:
+class FirmwareChild:
     """The process of a program that it starts, and this end of its link. FirmwareFailed if there can be none."""
 
-    link: Stream
+    link: StreamEnd
 
     def __init__(self, command: Sequence[str], timeout_s: float) -> None:
         """`command` is an executable and its arguments."""

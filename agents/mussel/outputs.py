@@ -32,16 +32,16 @@ class PingAnswered:
 
 
 @dataclass(frozen=True, slots=True)
-class Dropped:
+class StimulusDropped:
     """A stimulus without effect; counted, never raised."""
 
     at_ms: int
     reason: str
 
 
-Output = WifiSent | SoundSent | Dropped | PingAnswered
+Output = WifiSent | SoundSent | StimulusDropped | PingAnswered
 
-_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, Dropped, PingAnswered)
+_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, StimulusDropped, PingAnswered)
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int))
 """The name and type of each kind's value besides its time."""

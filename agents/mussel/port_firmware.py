@@ -48,9 +48,9 @@ def link_to(command: Sequence[str], timeout_s: float = TURN_TIMEOUT_S) -> BoardL
     # Imported here: a fleet of programs needs no pyserial, and one of real boards no processes.
     line = serial_line(command[0])
     if line is None:
-        from agents.mussel.firmware_process import Child, FirmwareProcess
+        from agents.mussel.firmware_process import FirmwareChild, FirmwareProcess
 
-        return FirmwareProcess(Child(command, timeout_s), timeout_s)
+        return FirmwareProcess(FirmwareChild(command, timeout_s), timeout_s)
     from agents.mussel.serial_board import SerialBoard
 
     return SerialBoard(*line, timeout_s)

@@ -6,7 +6,7 @@ from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 from agents.mussel.body import Body
 from firmware_model.board import Board
 from firmware_model.packets import AcousticStatus, Packet, ShortStatus, StatusPacket, WifiStatus
@@ -23,14 +23,14 @@ class ReportConfig:
     period_ms: int
     heard_always: bool
     """True for the paper's mode, in which Wi-Fi works at any depth; otherwise only at the surface."""
-    modem: Generation = Generation.V3
+    modem: ModemGeneration = ModemGeneration.V3
     """The nanomodem: a packet by sound has 7 bytes with V2, and 64 with V3."""
 
 
 class Reporter:
     """Makes and counts the reports of one aMussel. The paper's worst case has no log and one status for all media."""
 
-    def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: Generation) -> None:
+    def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: ModemGeneration) -> None:
         self._board = board
         self._body = body
         self._logbook = logbook
@@ -64,7 +64,7 @@ class Reporter:
 
     def sound_status(self, now_ms: int) -> Packet:
         basic, logbook = self._basic(now_ms), self._logbook
-        if self._modem is Generation.V2:
+        if self._modem is ModemGeneration.V2:
             return _short(basic)
         if logbook is None:
             return basic

@@ -21,7 +21,7 @@ from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
 from agents.nursery.protocol import WATCHDOG_FIRED, Died
-from agents.nursery.state_file import RECORD_BYTES, RING_BYTES, Record, RecordRing
+from agents.nursery.state_file import RECORD_BYTES, RING_BYTES, RecordRing, StateRecord
 from agents.nursery.warm_up import warm_up, warm_up_port
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
@@ -31,7 +31,7 @@ _LOCK_TIMEOUT_S = 2.0
 
 
 @dataclass(slots=True)
-class Child:
+class LivingAgent:
     """A living agent: its process, and the supervisor's end of its link."""
 
     pid: int
@@ -93,7 +93,7 @@ class AgentProcesses:
         self._restarts_in_a_row: dict[int, int] = {}
         self._settles_ms: dict[int, int] = {}
         """The agent time at which an agent's newest life has settled."""
-        self.children: dict[int, Child] = {}
+        self.children: dict[int, LivingAgent] = {}
         self._id_of_pid: dict[int, int] = {}
         self._hung: set[int] = set()
         """The agents whose firmware did not end its turn: it would hang again, and hold up the fleet."""
@@ -135,9 +135,9 @@ class AgentProcesses:
             rows.append((agent_id, child.pid if child else 0, *record.key, record.granted_ms))
         return rows
 
-    def start(self, wanted: Sequence[Boot]) -> list[Child | NotStarted]:
+    def start(self, wanted: Sequence[Boot]) -> list[LivingAgent | NotStarted]:
         """Forks agents. Returns a Child, or why there is none, for each boot in order."""
-        outcomes: dict[int, Child | NotStarted] = {}
+        outcomes: dict[int, LivingAgent | NotStarted] = {}
         pending: list[PendingFork] = []
         for place, boot in enumerate(wanted):
             try:
@@ -178,7 +178,7 @@ class AgentProcesses:
             if forked is None:
                 os.close(agent.supervisor_end)
                 continue
-            outcomes[agent.place] = self.children[agent.agent_id] = Child(forked, agent.supervisor_end)
+            outcomes[agent.place] = self.children[agent.agent_id] = LivingAgent(forked, agent.supervisor_end)
             self._id_of_pid[forked] = agent.agent_id
         return [outcomes[place] for place in range(len(wanted))]
 
@@ -279,7 +279,7 @@ def _lock(descriptor: int) -> None:
     signal.setitimer(signal.ITIMER_REAL, 0)
 
 
-def _newest(ring: RecordRing, up_to: Key | None, until_ms: int | None) -> Record:
+def _newest(ring: RecordRing, up_to: Key | None, until_ms: int | None) -> StateRecord:
     record = ring.newest(up_to, until_ms)
     if record is None:
         raise NotStarted(

@@ -30,7 +30,7 @@ RING_BYTES = RECORDS * RECORD_BYTES
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class StateRecord:
     """An aMussel's state at the end of window `key`, at agent time `granted_ms`."""
 
     key: Key
@@ -73,12 +73,12 @@ class RecordRing:
         """The next writes overwrite the last `count` records, which do not count; RECORDS - 1 at most."""
         self._next = (self._next - count) % RECORDS
 
-    def newest(self, up_to: Key | None, until_ms: int | None = None) -> Record | None:
+    def newest(self, up_to: Key | None, until_ms: int | None = None) -> StateRecord | None:
         """The newest whole record with a key up to `up_to` and an end up to `until_ms` (any, if None).
 
         The next writes spare it.
         """
-        found: Record | None = None
+        found: StateRecord | None = None
         ring = os.pread(self._fd, RING_BYTES, self._offset)
         for which in range(RECORDS):
             record = self._decoded(ring[RECORD_BYTES * which :][:RECORD_BYTES])
@@ -91,7 +91,7 @@ class RecordRing:
                 self._next = (which + 1) % RECORDS
         return found
 
-    def _decoded(self, data: bytes) -> Record | None:
+    def _decoded(self, data: bytes) -> StateRecord | None:
         """The record in `data`; None if it is torn, or another agent's."""
         if (
             len(data) < _BODY_BYTES + _CRC.size
@@ -101,4 +101,4 @@ class RecordRing:
         agent_id, epoch, sequence, granted_ms = _HEAD.unpack_from(data)
         if agent_id != self.agent_id:
             return None
-        return Record((epoch, sequence), granted_ms, Physical.unpack(data[_HEAD.size : _BODY_BYTES]))
+        return StateRecord((epoch, sequence), granted_ms, Physical.unpack(data[_HEAD.size : _BODY_BYTES]))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from agents.fleet import AgentConfigs, resting_on_bottom
 from agents.hosting.agent_process import WindowHandler, answer_one, message_buffer
 from agents.hosting.host import Grant
-from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
+from agents.hosting.link_protocol import NEVER, Key, Repeat, WindowGrant
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.stimuli import (
     CoilSlipped,
@@ -80,7 +80,7 @@ def warm_up_port(config: AgentConfig, codec: Codec) -> None:
     Without it each agent would import and specialise that code after the fork, in memory of its own.
     """
     # Imported here: most fleets have no firmware but ours.
-    from agents.mussel.firmware_process import Child, FirmwareProcess
+    from agents.mussel.firmware_process import FirmwareChild, FirmwareProcess
     from agents.mussel.port_firmware import PortFirmware
     from agents.nursery.answering_board import AnsweringBoard
 
@@ -104,7 +104,7 @@ def warm_up_port(config: AgentConfig, codec: Codec) -> None:
             board.receive(stimulus, n * _PAUSE_MS)
         board.advance((len(stimuli) + 1) * _PAUSE_MS)
         # The start of a process is warmed by one that ends at once.
-        Child(("/bin/true",), _TURN_S).end()
+        FirmwareChild(("/bin/true",), _TURN_S).end()
 
 
 class _Walk:
@@ -145,7 +145,7 @@ class _Walk:
         self._ask(Repeat(self._key).encode())
         for _ in range(_VISITS):
             self._visit()
-        for wrong in (b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
+        for wrong in (b"wrong", WindowGrant(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
             self._ask(wrong)
 
     def _visit(self) -> None:
@@ -166,7 +166,7 @@ class _Walk:
         self._key = epoch, sequence + 1
         facts = tuple((self._now_ms, stimulus) for stimulus in stimuli)
         self._now_ms = max(self._now_ms, until_ms)
-        self._ask(Window(self._key, Grant(self._now_ms, facts)).encode())
+        self._ask(WindowGrant(self._key, Grant(self._now_ms, facts)).encode())
 
     def _ask(self, message: bytes) -> None:
         self._supervisor.send(message)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from agents.modem.frames import Frame, FrameKind
+from agents.modem.frames import FrameKind, ModemFrame
 
 ANSWER_TIMEOUT_MS = 4000
 """The modem's own time-out, after which a ping counts as unanswered."""
@@ -13,11 +13,11 @@ _CAPACITY = 256
 
 
 @dataclass(frozen=True, slots=True)
-class Send:
+class ModemSend:
     at_ms: int
     node: int | None
     """The receiving node, because several nodes may share an address; None for everyone."""
-    frame: Frame
+    frame: ModemFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class APadModem:
     """The three verbs. It sends frames in the order in which they were queued."""
 
     def __init__(self, now_ms: int = 0) -> None:
-        self._waiting: deque[tuple[int, int | None, Frame]] = deque()
+        self._waiting: deque[tuple[int, int | None, ModemFrame]] = deque()
         """(not before, receiver, frame)."""
         self._now_ms = now_ms
         self._free_ms = now_ms
@@ -45,11 +45,11 @@ class APadModem:
             return self._free_ms
         return max(self._free_ms, self._waiting[0][0]) if self._waiting else None
 
-    def advance(self, now_ms: int) -> list[Send | Unanswered]:
+    def advance(self, now_ms: int) -> list[ModemSend | Unanswered]:
         """Sends everything due by `now_ms` (ValueError if time went back)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
-        events: list[Send | Unanswered] = []
+        events: list[ModemSend | Unanswered] = []
         while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
             at_ms = max(due_ms, self._now_ms)
             self._now_ms = at_ms
@@ -62,11 +62,11 @@ class APadModem:
             if frame.kind is FrameKind.PING:
                 self._pinged = node
                 self._free_ms += ANSWER_TIMEOUT_MS
-            events.append(Send(at_ms, node, frame))
+            events.append(ModemSend(at_ms, node, frame))
         self._now_ms = now_ms
         return events
 
-    def ask(self, node: int | None, frame: Frame, not_before_ms: int = 0) -> bool:
+    def ask(self, node: int | None, frame: ModemFrame, not_before_ms: int = 0) -> bool:
         """Queues a frame, to be sent then or later; drops it and returns False if there is no room."""
         if len(self._waiting) >= _CAPACITY:
             return False

@@ -14,16 +14,16 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from math import log10
 
-from agents.modem.frames import Frame
+from agents.modem.frames import ModemFrame
 from agents.water.chance import fates
-from agents.water.places import Grid, Place, distance_m
+from agents.water.places import CellGrid, ModemPlace, distance_m
 from agents.water.sound import Sound
 from agents.water.topology import Topology
 
 _LANE = b"sound"
 
 
-class Outcome(IntEnum):
+class PacketOutcome(IntEnum):
     """The outcome of a packet at a receiver: the first that holds, in this order."""
 
     RECEIVED = 0
@@ -48,15 +48,15 @@ class Began:
     """A modem began to send. `node` identifies it where the 8-bit address may not."""
 
     node: int
-    frame: Frame
+    frame: ModemFrame
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class ModemMoved:
     """A modem is at this place from now on; None takes it out of the water for good."""
 
     node: int
-    place: Place | None
+    place: ModemPlace | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class LinksChanged:
     topology: Topology
 
 
-Stimulus = Began | Moved | ThrustersRan | Readdressed | LinksChanged
+Stimulus = Began | ModemMoved | ThrustersRan | Readdressed | LinksChanged
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,17 +89,17 @@ class Reception:
 
     receiver: int
     at_ms: int
-    outcome: Outcome
+    outcome: PacketOutcome
     snr_db: float
     travelled_us: int
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class FrameHeard:
     """A whole packet reached a modem that takes it, at `reception.at_ms`."""
 
     sender: int
-    frame: Frame
+    frame: ModemFrame
     reception: Reception
 
 
@@ -109,13 +109,13 @@ class PacketEnded:
 
     sender: int
     began_ms: int
-    frame: Frame
+    frame: ModemFrame
     unsent: str | None
     """The reason why nothing went into the water; None if it did."""
     receptions: tuple[Reception, ...]
 
 
-Result = Heard | PacketEnded
+Result = FrameHeard | PacketEnded
 
 
 @dataclass(slots=True)
@@ -123,14 +123,14 @@ class _OnAir:
     sender: int
     began_ms: int
     ends_ms: int
-    frame: Frame
-    place: Place
+    frame: ModemFrame
+    place: ModemPlace
     waiting: int = 0
     """The number of receivers at which it is still undecided."""
     receptions: list[Reception] = field(default_factory=list)
 
 
-class Medium:
+class WaterMedium:
     """The three verbs. Nodes are numbers; each has a modem's address, which several nodes of a large fleet share."""
 
     def __init__(
@@ -143,8 +143,8 @@ class Medium:
         self._nodes_at: dict[int, list[int]] = {}
         for node, address in sorted(addresses):
             self._nodes_at.setdefault(address, []).append(node)
-        self._places: dict[int, Place] = {}
-        self._grid = Grid(max(1, round(sound.range_limit_m * 1e6)))
+        self._places: dict[int, ModemPlace] = {}
+        self._grid = CellGrid(max(1, round(sound.range_limit_m * 1e6)))
         self._loud: set[int] = set()
         """Nodes beside running thrusters."""
         self._topology = Topology()
@@ -171,8 +171,8 @@ class Medium:
             at_ms, _, _, receiver, packet, travelled_us = heapq.heappop(self._ends)
             reception = self._decide(packet, receiver, at_ms, travelled_us)
             packet.receptions.append(reception)
-            if reception.outcome is Outcome.RECEIVED:
-                results.append(Heard(packet.sender, packet.frame, reception))
+            if reception.outcome is PacketOutcome.RECEIVED:
+                results.append(FrameHeard(packet.sender, packet.frame, reception))
             packet.waiting -= 1
             if packet.waiting == 0:
                 results.append(_whole(packet))
@@ -183,7 +183,7 @@ class Medium:
         """Takes a fact at `now_ms`, after everything that was due by then."""
         results = self.advance(now_ms)
         match stimulus:
-            case Moved(node, place):
+            case ModemMoved(node, place):
                 self._move(node, place)
             case Began(node, frame):
                 self._begin(node, frame, now_ms)
@@ -200,7 +200,7 @@ class Medium:
         self._ended = []
         return results
 
-    def _move(self, node: int, place: Place | None) -> None:
+    def _move(self, node: int, place: ModemPlace | None) -> None:
         if place is None:
             self._places.pop(node, None)
             self._grid.remove(node)
@@ -208,7 +208,7 @@ class Medium:
             self._places[node] = place
             self._grid.put(node, place)
 
-    def _begin(self, node: int, frame: Frame, now_ms: int) -> None:
+    def _begin(self, node: int, frame: ModemFrame, now_ms: int) -> None:
         place = self._places.get(node)
         unsent = None
         if place is None or not place.hears_at(now_ms):
@@ -225,7 +225,7 @@ class Medium:
             if metres > self.sound.range_limit_m:
                 if frame.destination is not None:
                     far = Reception(
-                        receiver, packet.ends_ms, Outcome.OUT_OF_RANGE, self.sound.snr_db(metres), 0
+                        receiver, packet.ends_ms, PacketOutcome.OUT_OF_RANGE, self.sound.snr_db(metres), 0
                     )
                     packet.receptions.append(far)
                 continue
@@ -236,7 +236,7 @@ class Medium:
         if packet.waiting == 0:
             self._ended.append(_whole(packet))
 
-    def _takers(self, node: int, frame: Frame, place: Place) -> list[int]:
+    def _takers(self, node: int, frame: ModemFrame, place: ModemPlace) -> list[int]:
         if frame.destination is None:
             return [other for other in self._grid.near(place) if other != node]
         addressed = self._nodes_at.get(frame.destination, ())
@@ -246,30 +246,30 @@ class Medium:
         place = self._places.get(receiver)
         begin_ms = end_ms - (packet.ends_ms - packet.began_ms)
         if place is None:
-            return Reception(receiver, end_ms, Outcome.IN_AIR, 0.0, travelled_us)
+            return Reception(receiver, end_ms, PacketOutcome.IN_AIR, 0.0, travelled_us)
         sound = self.sound
         level_db = sound.level_db(travelled_us * sound.sound_speed_m_s / 1e6)
         first, second, normal = fates(self._seed, packet.sender, packet.began_ms, receiver, _LANE)
         level_db += sound.fading_db * normal
         snr_db = level_db - sound.noise_db - sound.thruster_noise_db * (receiver in self._loud)
         loss = self._topology.loss(packet.sender, receiver, packet.began_ms)
-        outcome = Outcome.RECEIVED
+        outcome = PacketOutcome.RECEIVED
         if loss >= 1:
-            outcome = Outcome.CUT
+            outcome = PacketOutcome.CUT
         elif not (place.hears_at(begin_ms) and place.hears_at(end_ms)):
-            outcome = Outcome.IN_AIR
+            outcome = PacketOutcome.IN_AIR
         elif (others := self._disturbance(packet, receiver, place, begin_ms, end_ms)) is None:
-            outcome = Outcome.TRANSMITTING
+            outcome = PacketOutcome.TRANSMITTING
         elif others and level_db - 10 * log10(others) < sound.capture_db:
-            outcome = Outcome.COLLIDED
+            outcome = PacketOutcome.COLLIDED
         elif first < loss:
-            outcome = Outcome.LOST
+            outcome = PacketOutcome.LOST
         elif second < sound.errors.probability(snr_db, len(packet.frame.data)):
-            outcome = Outcome.NOISE
+            outcome = PacketOutcome.NOISE
         return Reception(receiver, end_ms, outcome, snr_db, travelled_us)
 
     def _disturbance(
-        self, packet: _OnAir, receiver: int, place: Place, begin_ms: int, end_ms: int
+        self, packet: _OnAir, receiver: int, place: ModemPlace, begin_ms: int, end_ms: int
     ) -> float | None:
         """Summed power of all sounds that overlap [begin_ms, end_ms) at the receiver; None if the receiver was sending."""
         sound, power = self.sound, 0.0

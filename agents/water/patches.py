@@ -31,7 +31,7 @@ class Layers:
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
+class WaterPatch:
     """A patch within which a quantity becomes `core`. From nothing at `begins_ms` it grows for `growing_ms` to
     `radius_um`. Its centre moves with (`north_um_s`, `east_um_s`), in seconds of agent time.
 
@@ -65,7 +65,7 @@ class Patched:
     """A calm field with patches; later patches lie over earlier ones."""
 
     calm: Field
-    patches: tuple[Patch, ...]
+    patches: tuple[WaterPatch, ...]
 
     def value_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> float:
         value = self.calm.value_at(north_um, east_um, depth_um, now_ms)
@@ -75,22 +75,22 @@ class Patched:
 
 
 @dataclass(frozen=True, slots=True)
-class Waters:
+class QuantityWater:
     """One quantity's water as plain values that cross a link: layers (um, value), and patches."""
 
     layers: tuple[tuple[int, float], ...]
-    patches: tuple[Patch, ...] = ()
+    patches: tuple[WaterPatch, ...] = ()
 
     def field(self) -> Field:
         calm: Field = Constant(self.layers[0][1]) if len(self.layers) == 1 else Layers(self.layers)
         return Patched(calm, self.patches) if self.patches else calm
 
     @classmethod
-    def from_wire(cls, wire: dict[str, Any]) -> Waters:
+    def from_wire(cls, wire: dict[str, Any]) -> QuantityWater:
         return cls(
-            tuple([tuple(it) for it in wire["layers"]]), tuple([Patch(**it) for it in wire["patches"]])
+            tuple([tuple(it) for it in wire["layers"]]), tuple([WaterPatch(**it) for it in wire["patches"]])
         )
 
 
-CALM = {sensor.key: Waters(((0, sensor.calm),)) for sensor in SENSORS if sensor.calm is not None}
+CALM = {sensor.key: QuantityWater(((0, sensor.calm),)) for sensor in SENSORS if sensor.calm is not None}
 """A calm bay, by the sensors' keys: each quantity that does not follow from the depth."""

@@ -12,7 +12,7 @@ from firmware_model.sinking import Sinking
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ModemPlace:
     """A modem's place from a stated time on, in local NED micrometres, and its vertical motion from an anchor time.
 
     The depth moves by `rise_um` (positive down) in each `rise_over_ms` until it reaches 0 or `bottom_um`. Depth 0 is in
@@ -42,31 +42,31 @@ class Place:
         return self.in_water or self.depth_at_um(at_ms) > 0
 
 
-def along_m(one: Place, other: Place) -> float:
+def along_m(one: ModemPlace, other: ModemPlace) -> float:
     """The horizontal distance between two places."""
     return hypot(one.north_um - other.north_um, one.east_um - other.east_um) / 1e6
 
 
-def distance_m(one: Place, other: Place, at_ms: int) -> float:
+def distance_m(one: ModemPlace, other: ModemPlace, at_ms: int) -> float:
     north, east = one.north_um - other.north_um, one.east_um - other.east_um
     down = one.depth_at_um(at_ms) - other.depth_at_um(at_ms)
     return sqrt(north * north + east * east + down * down) / 1e6
 
 
-def place_of(physical: Physical, sinking: Sinking) -> Place:
+def place_of(physical: Physical, sinking: Sinking) -> ModemPlace:
     """The place of an aMussel's modem, which sits in the cap of its body."""
     if physical.docked:
-        return Place(physical.north_um, physical.east_um, 0)
+        return ModemPlace(physical.north_um, physical.east_um, 0)
     here = (physical.north_um, physical.east_um, physical.depth_um, physical.depth_anchor_ms)
     match physical.buoyancy:
         case Buoyancy.FLOAT:
-            return Place(*here, -sinking.bottom_um, sinking.surfacing_ms, sinking.bottom_um)
+            return ModemPlace(*here, -sinking.bottom_um, sinking.surfacing_ms, sinking.bottom_um)
         case Buoyancy.SINK:
-            return Place(*here, sinking.bottom_um, sinking.sinking_ms, sinking.bottom_um)
-    return Place(*here)
+            return ModemPlace(*here, sinking.bottom_um, sinking.sinking_ms, sinking.bottom_um)
+    return ModemPlace(*here)
 
 
-class Grid:
+class CellGrid:
     """Nodes by square cells of `cell_um`: neighbours within that distance are in a node's own cell or the eight around."""
 
     def __init__(self, cell_um: int) -> None:
@@ -74,7 +74,7 @@ class Grid:
         self._cells: dict[tuple[int, int], set[int]] = {}
         self._cell_of: dict[int, tuple[int, int]] = {}
 
-    def put(self, node: int, place: Place) -> None:
+    def put(self, node: int, place: ModemPlace) -> None:
         cell = self._cell(place)
         before = self._cell_of.get(node)
         if before == cell:
@@ -89,12 +89,12 @@ class Grid:
         if cell is not None:
             self._cells[cell].discard(node)
 
-    def near(self, place: Place) -> Iterator[int]:
+    def near(self, place: ModemPlace) -> Iterator[int]:
         """Every node within a cell's width of the place, and some beyond, in no order."""
         north, east = self._cell(place)
         for row in (north - 1, north, north + 1):
             for column in (east - 1, east, east + 1):
                 yield from self._cells.get((row, column), ())
 
-    def _cell(self, place: Place) -> tuple[int, int]:
+    def _cell(self, place: ModemPlace) -> tuple[int, int]:
         return place.north_um // self._cell_um, place.east_um // self._cell_um

@@ -17,24 +17,24 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from agents.coordinator import Died, Heard
+from agents.coordinator import AgentDied, AgentOutput
 from agents.modem.facts import FrameArrived
-from agents.modem.firmware import Firmware
-from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
+from agents.modem.firmware import ModemFirmware
+from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, FrameKind, ModemFrame, ModemGeneration
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water import medium
-from agents.water.apad_modem import APadModem, Send
+from agents.water.apad_modem import APadModem, ModemSend
 from agents.water.chance import fates
-from agents.water.medium import Began, LinksChanged, Medium, Moved, PacketEnded, ThrustersRan
-from agents.water.places import Place, along_m, place_of
+from agents.water.medium import Began, LinksChanged, ModemMoved, PacketEnded, ThrustersRan, WaterMedium
+from agents.water.places import ModemPlace, along_m, place_of
 from agents.water.sea_events import (
     APAD,
     APAD_ADDRESS,
+    AgentRanged,
     NotRanged,
     Printed,
-    Ranged,
     SeaResult,
     SoundReached,
     StimulusDelivered,
@@ -47,7 +47,7 @@ from agents.water.wifi import Wifi
 from firmware_model.power.rails import RAILS
 from firmware_model.sinking import Sinking
 
-_FIRMWARE = {Generation.V2: Firmware.V2, Generation.V3: Firmware.V3}
+_FIRMWARE = {ModemGeneration.V2: ModemFirmware.V2, ModemGeneration.V3: ModemFirmware.V3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +58,19 @@ class SeaConfig:
     sound: Sound
     wifi: Wifi | None
     sinking: Sinking
-    modems: Generation = Generation.V3
+    modems: ModemGeneration = ModemGeneration.V3
 
-    def apad_place(self, north_m: float, east_m: float) -> Place:
+    def apad_place(self, north_m: float, east_m: float) -> ModemPlace:
         """The place of an aPad's modem, on its keel."""
-        return Place(round(north_m * 1e6), round(east_m * 1e6), self.sound.keel_um, in_water=True)
+        return ModemPlace(round(north_m * 1e6), round(east_m * 1e6), self.sound.keel_um, in_water=True)
 
     def wifi_gets_through(
-        self, sender: int, sent_at: Place | None, receiver: int, received_at: Place | None, at_ms: int
+        self,
+        sender: int,
+        sent_at: ModemPlace | None,
+        receiver: int,
+        received_at: ModemPlace | None,
+        at_ms: int,
     ) -> bool:
         """True if a Wi-Fi packet between two nodes at these places gets through the air; None is a place not known yet."""
         if self.wifi is None:
@@ -75,7 +80,7 @@ class SeaConfig:
         return self.wifi.gets_through(along_m(sent_at, received_at), self.seed, sender, at_ms, receiver)
 
     def any_radio_reaches(
-        self, apads: Mapping[int, Place | None], agent_id: int, place: Place | None, at_ms: int
+        self, apads: Mapping[int, ModemPlace | None], agent_id: int, place: ModemPlace | None, at_ms: int
     ) -> bool:
         """True if a packet from one of the aPads to an aMussel gets through the air. Their radios are one network."""
         return any(
@@ -95,9 +100,9 @@ class Authority(Protocol):
     @property
     def due_agent_ms(self) -> int | None: ...
 
-    def advance(self, now_ms: MissionMs) -> Iterable[Heard | Died]: ...
+    def advance(self, now_ms: MissionMs) -> Iterable[AgentOutput | AgentDied]: ...
 
-    def grant(self, until_ms: AgentMs) -> Iterable[Heard | Died]: ...
+    def grant(self, until_ms: AgentMs) -> Iterable[AgentOutput | AgentDied]: ...
 
     def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> int | None: ...
 
@@ -106,7 +111,7 @@ class TruthSource(Protocol):
     def take_truths(self) -> list[Truth]: ...
 
 
-Event = tuple[int, int, int, medium.Stimulus | Heard]
+Event = tuple[int, int, int, medium.Stimulus | AgentOutput]
 """(agent time, order within it, node, stimulus); a Heard is a Wi-Fi packet on its way to the aPad."""
 
 
@@ -138,7 +143,7 @@ class Sea:
         addresses = {node: address_of(node) for node in nodes}
         self.now_ms = scale.agent_ms(now_ms)
         """Agent time."""
-        self.medium = Medium(config.sound, config.seed, addresses.items(), self.now_ms)
+        self.medium = WaterMedium(config.sound, config.seed, addresses.items(), self.now_ms)
         self.modem_dropped: Counter[str] = Counter()
         """The drops of simulated modems, which belong to no station alone."""
         self.modems = (
@@ -148,8 +153,8 @@ class Sea:
         )
         if self.modems is not None:
             self.modems.measure(noise_measured(config.sound.noise_db), nodes)
-        self.places: dict[int, Place] = {}
-        self.apads_at_tick: dict[int, Place | None] = {}
+        self.places: dict[int, ModemPlace] = {}
+        self.apads_at_tick: dict[int, ModemPlace | None] = {}
         """The place of each aPad at the end of the last rounds, as other flights know it. None before its first place."""
         self._stations: dict[int, Station] = {}
         """The stations in the water, by their aPads' nodes."""
@@ -183,11 +188,11 @@ class Sea:
         for node in (station.apad, *gone):
             self._station_of.pop(node, None)
             self.places.pop(node, None)
-            self.undelivered += self.medium.receive(Moved(node, None), self.now_ms)
+            self.undelivered += self.medium.receive(ModemMoved(node, None), self.now_ms)
 
-    def move(self, node: int, place: Place, at_ms: int) -> list[medium.Result]:
+    def move(self, node: int, place: ModemPlace, at_ms: int) -> list[medium.Result]:
         self.places[node] = place
-        return self.medium.receive(Moved(node, place), at_ms)
+        return self.medium.receive(ModemMoved(node, place), at_ms)
 
     # Rounds.
 
@@ -235,30 +240,30 @@ class Sea:
                 horizon_ms = min(horizon_ms, max(acts_ms, self.now_ms) + SHORT_MS[self.config.modems])
         return AgentMs(max(horizon_ms, self.now_ms))
 
-    def _round(self, outputs: Sequence[tuple[Station, Heard | Died]], horizon_ms: int) -> None:
+    def _round(self, outputs: Sequence[tuple[Station, AgentOutput | AgentDied]], horizon_ms: int) -> None:
         """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
         events: list[Event] = []
         for truth in [truth for it in self._stations.values() for truth in it.new_truths()]:
-            moved = Moved(truth.agent_id, place_of(truth.physical, self.config.sinking))
+            moved = ModemMoved(truth.agent_id, place_of(truth.physical, self.config.sinking))
             events.append((truth.at_ms, 0, truth.agent_id, moved))
             if self.modems is not None:
                 self.modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
         for station, it in outputs:
             match it:
-                case Heard(_, agent_id, SoundSent() | PingAnswered() as output):
+                case AgentOutput(_, agent_id, SoundSent() | PingAnswered() as output):
                     frame = station.frame(agent_id, output)
                     if frame is not None:
                         self._send(events, output.at_ms, agent_id, frame)
-                case Heard(_, agent_id, WifiSent(at_ms)):
+                case AgentOutput(_, agent_id, WifiSent(at_ms)):
                     events.append((at_ms, 2, agent_id, it))
-                case Died(_, agent_id, gave_up=reason) if reason is not None:
-                    events.append((horizon_ms, 0, agent_id, Moved(agent_id, None)))
+                case AgentDied(_, agent_id, gave_up=reason) if reason is not None:
+                    events.append((horizon_ms, 0, agent_id, ModemMoved(agent_id, None)))
                     station.results.append(it)
                 case _:
                     station.results.append(it)
         for station in self._stations.values():
             for action in station.keel.advance(horizon_ms):
-                if isinstance(action, Send):
+                if isinstance(action, ModemSend):
                     self._send(events, action.at_ms, station.apad, action.frame)
                 elif action.node is not None:
                     station.results.append(NotRanged(self._mission_ms(action.at_ms), action.node))
@@ -278,20 +283,20 @@ class Sea:
         """Applies the events in the order of time. Returns the medium's decisions up to the horizon."""
         decided: list[medium.Result] = []
         for at_ms, _, node, event in sorted(events, key=lambda it: it[:3]):
-            if isinstance(event, Heard):
+            if isinstance(event, AgentOutput):
                 if any(self._through_the_air(node, apad, at_ms) for apad in self._stations):
                     self._station_of[node].results.append(event)
                 else:
                     self._station_of[node].dropped[LOST_IN_THE_AIR] += 1
                 continue
             now_ms = min(max(at_ms, self.medium.now_ms), horizon_ms)
-            if isinstance(event, Moved) and event.place is not None:
+            if isinstance(event, ModemMoved) and event.place is not None:
                 decided += self.move(node, event.place, now_ms)
             else:
                 decided += self.medium.receive(event, now_ms)
         return decided + self.medium.advance(horizon_ms)
 
-    def _send(self, events: list[Event], at_ms: int, node: int, frame: Frame) -> None:
+    def _send(self, events: list[Event], at_ms: int, node: int, frame: ModemFrame) -> None:
         """Sends by the node's modem, if there are modems; otherwise straight into the water."""
         if self.modems is None:
             events.append((at_ms, 1, node, Began(node, frame)))
@@ -433,7 +438,7 @@ class Station:
 
     def ping(self, agent_id: int, not_before_ms: int = 0) -> None:
         """Measures the range to an aMussel; Ranged or NotRanged follows."""
-        ping = Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id), generation=self.config.modems)
+        ping = ModemFrame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id), generation=self.config.modems)
         self._ranged.add(agent_id)
         self._ask(agent_id, ping, not_before_ms)
 
@@ -461,21 +466,21 @@ class Station:
             raise ValueError(f"the modem of aMussel {agent_id} has not been opened")
         self._sea.modems.write(agent_id, data)
 
-    def _ask(self, node: int | None, frame: Frame, not_before_ms: int) -> None:
+    def _ask(self, node: int | None, frame: ModemFrame, not_before_ms: int) -> None:
         if not self.keel.ask(node, frame, not_before_ms):
             self.dropped["sound: the aPad's modem has too much to send"] += 1
 
     # For the sea's rounds.
 
-    def frame(self, agent_id: int, output: SoundSent | PingAnswered) -> Frame | None:
+    def frame(self, agent_id: int, output: SoundSent | PingAnswered) -> ModemFrame | None:
         """An aMussel's frame, which goes to the address that all aPads share."""
         source = address_of(agent_id)
         if isinstance(output, PingAnswered):
             modems, us = self.config.modems, output.travelled_us
-            return Frame(FrameKind.PING_REPLY, source, APAD_ADDRESS, b"", modems, us)
+            return ModemFrame(FrameKind.PING_REPLY, source, APAD_ADDRESS, b"", modems, us)
         return self._carrying(output.data, source, APAD_ADDRESS)
 
-    def receive_at_apad(self, heard: medium.Heard) -> None:
+    def receive_at_apad(self, heard: medium.FrameHeard) -> None:
         at_ms, frame, config = heard.reception.at_ms, heard.frame, self.config
         mission_ms = self._sea.scale.mission_ms(AgentMs(at_ms))
         if frame.kind is not FrameKind.PING_REPLY:
@@ -484,7 +489,7 @@ class Station:
             *_, normal = fates(config.seed, heard.sender, at_ms, self.apad, b"range")
             round_trip_us = frame.flight_us + heard.reception.travelled_us
             range_m = config.sound.range_m(round_trip_us, config.sound.range_noise_m * normal)
-            self.results.append(Ranged(mission_ms, heard.sender, range_m))
+            self.results.append(AgentRanged(mission_ms, heard.sender, range_m))
         elif heard.sender in self._ranged:
             self.dropped["sound: an answer to a ping that was given up"] += 1
 
@@ -501,16 +506,16 @@ class Station:
                 receptions.append(replace(it, receiver=APAD))
             elif it.receiver > APAD:
                 receptions.append(it)
-            elif it.outcome is not medium.Outcome.OUT_OF_RANGE:
+            elif it.outcome is not medium.PacketOutcome.OUT_OF_RANGE:
                 receptions.append(replace(it, receiver=it.receiver - 1))
         sender = APAD if packet.sender == self.apad else packet.sender
         return replace(packet, sender=sender, receptions=tuple(receptions))
 
-    def _carrying(self, data: bytes, source: int, to: int | None) -> Frame | None:
+    def _carrying(self, data: bytes, source: int, to: int | None) -> ModemFrame | None:
         """A frame with these bytes, to one address or to all; None, counted, if a modem cannot carry them."""
         modems = self.config.modems
         fewest, most = PAYLOAD_BYTES[modems]
         if not fewest <= len(data) <= most:
             self.dropped[f"sound: not the {fewest} to {most} bytes that a {modems.name} modem carries"] += 1
             return None
-        return Frame(FrameKind.BROADCAST if to is None else FrameKind.UNICAST, source, to, data, modems)
+        return ModemFrame(FrameKind.BROADCAST if to is None else FrameKind.UNICAST, source, to, data, modems)

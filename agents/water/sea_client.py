@@ -10,25 +10,33 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 
-from agents.coordinator import Coordinator, Died, Heard
+from agents.coordinator import AgentDied, AgentOutput, Coordinator
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import Stimulus
 from agents.time_scale import AgentMs, MissionMs
-from agents.water.places import Place, place_of
+from agents.water.places import ModemPlace, place_of
 from agents.water.sea import LOST_IN_THE_AIR, SeaConfig, TruthSource
-from agents.water.sea_events import APAD, LeftWater, NotRanged, Ranged, SeaLost, SeaResult, StimulusDelivered
+from agents.water.sea_events import (
+    APAD,
+    AgentRanged,
+    LeftWater,
+    NotRanged,
+    SeaLost,
+    SeaResult,
+    StimulusDelivered,
+)
 from agents.water.sea_link import (
     Begin,
-    Call,
-    Hello,
     Leave,
     Link,
     LinkEnded,
     Ready,
-    Refused,
+    SeaHello,
+    SeaRefusal,
+    SeaWelcome,
+    StationCall,
     Tick,
     Ticked,
-    Welcome,
     Window,
     Windowed,
     connect,
@@ -58,9 +66,9 @@ class RemoteSea:
         self.name = name
         self._link = link
         try:
-            link.send(Hello(number, epoch))
+            link.send(SeaHello(number, epoch))
             welcome = self._receive(_CONNECT_S)
-            if not isinstance(welcome, Welcome):
+            if not isinstance(welcome, SeaWelcome):
                 raise SeaRefused(f"the sea said {type(welcome).__name__}")
         except BaseException:
             link.close()
@@ -98,7 +106,7 @@ class RemoteSea:
 
     def _receive(self, timeout_s: float) -> object:
         message = self._link.receive(timeout_s)
-        if isinstance(message, Refused):
+        if isinstance(message, SeaRefusal):
             raise SeaRefused(message.reason)
         return message
 
@@ -119,17 +127,17 @@ class RemoteStation:
         self._link: Link | None = link
         self._coordinator = coordinator
         self._host = host
-        self._calls: list[Call] = []
+        self._calls: list[StationCall] = []
         self._truths: list[Truth] = []
         """Those that `take_truths` has not returned."""
         self._untold: list[Truth] = []
         """Those that the sea does not know."""
         self._stamps: list[int | None] = []
         """The agent times of the stimuli from the sea in this tick, in order."""
-        self._places: dict[int, Place] = {}
+        self._places: dict[int, ModemPlace] = {}
         """The newest place of each aMussel of this fleet."""
-        self._place: Place | None = None
-        self._apads: Mapping[int, Place | None] = {}
+        self._place: ModemPlace | None = None
+        self._apads: Mapping[int, ModemPlace | None] = {}
         self._dropped: Counter[str] = Counter()
         self._dropped_there: Counter[str] = Counter()
         self._pinged: list[int] = []
@@ -170,14 +178,14 @@ class RemoteStation:
                         if tick_ms is None
                         else self._coordinator.advance(tick_ms)
                     )
-                    died += [it for it in outputs if isinstance(it, Died)]
+                    died += [it for it in outputs if isinstance(it, AgentDied)]
                     self._new_truths()
                     link.send(Windowed(outputs, self._take_untold(), self._coordinator.due_agent_ms))
                 case Ticked(results, stimuli, apads, dropped):
                     self._receive_stimuli(stimuli)
                     self._apads, self._dropped_there = apads, dropped
                     return self._stamped(results)
-                case Refused(reason):
+                case SeaRefusal(reason):
                     raise SeaRefused(reason)
                 case other:
                     raise LinkEnded(f"it said {type(other).__name__} when it was not due")
@@ -193,7 +201,7 @@ class RemoteStation:
         stamps, self._stamps = iter(self._stamps), []
         stamped: list[SeaResult] = []
         for it in results:
-            if isinstance(it, Ranged | NotRanged) and it.agent_id in self._pinged:
+            if isinstance(it, AgentRanged | NotRanged) and it.agent_id in self._pinged:
                 self._pinged.remove(it.agent_id)
             if not isinstance(it, StimulusDelivered):
                 stamped.append(it)
@@ -205,10 +213,10 @@ class RemoteStation:
         results: list[SeaResult] = [NotRanged(now_ms, it) for it in self._pinged]
         self._pinged = []
         for it in self._coordinator.advance(now_ms):
-            if isinstance(it, Heard) and isinstance(it.output, SoundSent | PingAnswered):
+            if isinstance(it, AgentOutput) and isinstance(it.output, SoundSent | PingAnswered):
                 self._dropped[_NO_WATER] += 1
             elif (
-                isinstance(it, Heard)
+                isinstance(it, AgentOutput)
                 and isinstance(it.output, WifiSent)
                 and not self._gets_through(it.agent_id, self.apad, it.output.at_ms)
             ):
@@ -292,6 +300,6 @@ class RemoteStation:
 
     def _ask(self, method: str, *arguments: object) -> None:
         if self._link is not None:
-            self._calls.append(Call(method, arguments))
+            self._calls.append(StationCall(method, arguments))
         elif method in ("send_sound", "ping"):
             self._dropped[_NO_WATER] += 1

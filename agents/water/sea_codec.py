@@ -12,7 +12,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import msgpack
 
 
-class Codec:
+class SeaCodec:
     """Encodes values of `roots`, and of the classes of their fields. A class is a number, the same at both ends of a link.
 
     A class is a dataclass, an enumeration, a Counter, or one that is made of what its only attribute holds (`holders`). One

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.coordinator import Died, Heard
+from agents.coordinator import AgentDied, AgentOutput
 from agents.mussel.stimuli import Stimulus
 from agents.time_scale import MissionMs
 from agents.water.medium import PacketEnded
@@ -34,7 +34,7 @@ class SoundReached:
 
 
 @dataclass(frozen=True, slots=True)
-class Ranged:
+class AgentRanged:
     """An aMussel answered a ping of the aPad."""
 
     mission_ms: MissionMs
@@ -88,10 +88,10 @@ class SeaLost:
 
 SeaResult = (
     Printed
-    | Heard
-    | Died
+    | AgentOutput
+    | AgentDied
     | SoundReached
-    | Ranged
+    | AgentRanged
     | NotRanged
     | StimulusDelivered
     | PacketEnded

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, get_args
 
-from agents.coordinator import Died, Heard
+from agents.coordinator import AgentDied, AgentOutput
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery import protocol
 from agents.time_scale import AgentMs, MissionMs
-from agents.water.places import Place
-from agents.water.sea_codec import Codec
+from agents.water.places import ModemPlace
+from agents.water.sea_codec import SeaCodec
 from agents.water.sea_events import SeaResult
 from agents.water.topology import LinkRule, Topology
 
@@ -40,7 +40,7 @@ class LinkEnded(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Hello:
+class SeaHello:
     """A flight's first message: the number of its aPad from 0 on, and the epoch of its supervisor."""
 
     number: int
@@ -48,14 +48,14 @@ class Hello:
 
 
 @dataclass(frozen=True, slots=True)
-class Welcome:
+class SeaWelcome:
     """`now_ms` is the mission time that the flights have come to; None before they begin."""
 
     now_ms: MissionMs | None
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class SeaRefusal:
     """The flight is not, or no more, in the sea. The sea closes the link."""
 
     reason: str
@@ -81,7 +81,7 @@ class Begin:
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class StationCall:
     """A call of the flight's station by this method, one of `sea_server.CALLS`."""
 
     method: str
@@ -93,7 +93,7 @@ class Tick:
     """The flight has come to mission time `now_ms`, with what it did since its last tick."""
 
     now_ms: MissionMs
-    calls: tuple[Call, ...]
+    calls: tuple[StationCall, ...]
     truths: tuple[Truth, ...]
     due_ms: int | None
     """The coordinator's `due_agent_ms`."""
@@ -113,7 +113,7 @@ class Window:
 class Windowed:
     """The fleet's outcome of a window."""
 
-    outputs: tuple[Heard | Died, ...]
+    outputs: tuple[AgentOutput | AgentDied, ...]
     truths: tuple[Truth, ...]
     due_ms: int | None
 
@@ -125,7 +125,7 @@ class Ticked:
     results: tuple[SeaResult, ...]
     stimuli: tuple[tuple[int, int, Stimulus], ...]
     """The stimuli at the very end of the last window."""
-    apads: Mapping[int, Place | None]
+    apads: Mapping[int, ModemPlace | None]
     """`Sea.apads_at_tick`."""
     dropped: Counter[str]
 
@@ -135,9 +135,9 @@ class Leave:
     """The flight has ended in order."""
 
 
-Message = Hello | Welcome | Refused | Ready | Begin | Tick | Window | Windowed | Ticked | Leave
-CODEC = Codec((*get_args(Message), LinkRule, Topology), {Topology: "rules"})
-"""A `Call` has any arguments of a station's methods; of these a topology alone is more than numbers and bytes."""
+Message = SeaHello | SeaWelcome | SeaRefusal | Ready | Begin | Tick | Window | Windowed | Ticked | Leave
+CODEC = SeaCodec((*get_args(Message), LinkRule, Topology), {Topology: "rules"})
+"""A `StationCall` has any arguments of a station's methods; of these a topology alone is more than numbers and bytes."""
 
 
 class Link:

@@ -12,21 +12,21 @@ from dataclasses import dataclass, replace
 from agents.modem.facts import (
     Action,
     AddressChanged,
-    Answered,
     Delivered,
-    Dropped,
     EmitFrame,
     FrameArrived,
+    FrameDropped,
     FrameRequested,
     NoiseChanged,
     PowerCame,
     PowerWent,
+    QuestionAnswered,
     SerialBytes,
     SerialOut,
     Stimulus,
 )
-from agents.modem.firmware import Firmware, ModemConfig
-from agents.modem.frames import Frame
+from agents.modem.firmware import ModemConfig, ModemFirmware
+from agents.modem.frames import ModemFrame
 from agents.modem.rack import NodeAction, Rack
 from agents.water.medium import Readdressed
 
@@ -35,7 +35,7 @@ from agents.water.medium import Readdressed
 class Emission:
     at_ms: int
     node: int
-    frame: Frame
+    frame: ModemFrame
     from_host: bool
     """True if the node's own host sent it; otherwise another driver did, or the modem answered by itself."""
 
@@ -45,7 +45,7 @@ class SeaModems:
 
     def __init__(
         self,
-        firmware: Firmware,
+        firmware: ModemFirmware,
         addresses: Mapping[int, int],
         opened: Collection[int],
         now_ms: int,
@@ -60,7 +60,7 @@ class SeaModems:
         self._printed: list[tuple[int, bytes]] = []
         self._emitted: list[Emission] = []
         self._readdressed: list[tuple[int, Readdressed]] = []
-        self._requested: dict[int, Frame] = {}
+        self._requested: dict[int, ModemFrame] = {}
         """The last frame that each node's host requested."""
 
     @property
@@ -71,7 +71,7 @@ class SeaModems:
         """Writes bytes of whoever opened the modem, after a pause, at once."""
         self._take(self._rack.receive(node, SerialBytes(data, 0, paused=True), self._now_ms))
 
-    def ask(self, node: int, frame: Frame, at_ms: int) -> None:
+    def ask(self, node: int, frame: ModemFrame, at_ms: int) -> None:
         """Requests a frame for the node's own host. Its source becomes the modem's present address."""
         frame = replace(frame, source=self._rack[node].address)
         self._requested[node] = frame
@@ -126,12 +126,12 @@ class SeaModems:
                     self._emitted.append(Emission(at_ms, node, frame, from_host))
                 case AddressChanged(at_ms, address):
                     self._readdressed.append((at_ms, Readdressed(node, address)))
-                case Dropped(_, reason):
+                case FrameDropped(_, reason):
                     self.dropped[f"modem: {reason}"] += 1
 
 
 def _reaches_host(action: Action) -> bool:
-    return isinstance(action, Answered) or (isinstance(action, Delivered) and bool(action.frame.data))
+    return isinstance(action, QuestionAnswered) or (isinstance(action, Delivered) and bool(action.frame.data))
 
 
 def noise_measured(level_db: float) -> NoiseChanged:

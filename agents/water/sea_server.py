@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 
-from agents.coordinator import Died, Heard
+from agents.coordinator import AgentDied, AgentOutput
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery.protocol import is_of_our_user
@@ -23,15 +23,15 @@ from agents.water.sea import Sea, Station
 from agents.water.sea_events import APAD, LeftWater
 from agents.water.sea_link import (
     Begin,
-    Hello,
     Leave,
     Link,
     LinkEnded,
     Ready,
-    Refused,
+    SeaHello,
+    SeaRefusal,
+    SeaWelcome,
     Tick,
     Ticked,
-    Welcome,
     Window,
     Windowed,
 )
@@ -85,10 +85,10 @@ class RemoteFleet:
         stimuli, self._stimuli = self._stimuli, []
         return tuple(stimuli)
 
-    def advance(self, now_ms: MissionMs) -> Iterable[Heard | Died]:
+    def advance(self, now_ms: MissionMs) -> Iterable[AgentOutput | AgentDied]:
         return self._ask(AgentMs(now_ms), now_ms)
 
-    def grant(self, until_ms: AgentMs) -> Iterable[Heard | Died]:
+    def grant(self, until_ms: AgentMs) -> Iterable[AgentOutput | AgentDied]:
         due_ms = self.due_agent_ms
         if due_ms is None or due_ms > until_ms:
             return ()
@@ -98,7 +98,7 @@ class RemoteFleet:
         truths, self._truths = self._truths, []
         return truths
 
-    def _ask(self, until_ms: AgentMs, tick_ms: MissionMs | None) -> Iterable[Heard | Died]:
+    def _ask(self, until_ms: AgentMs, tick_ms: MissionMs | None) -> Iterable[AgentOutput | AgentDied]:
         window = Window(until_ms, tick_ms, self.take_stimuli())
         try:
             if self.gone is None:
@@ -107,7 +107,7 @@ class RemoteFleet:
             self._end(str(ended))
         return self._answer()
 
-    def _answer(self) -> Iterator[Heard | Died]:
+    def _answer(self) -> Iterator[AgentOutput | AgentDied]:
         """Waits for the answer when the first outcome is asked for: other fleets have their windows by then."""
         if self.gone is not None:
             return
@@ -203,13 +203,13 @@ class SeaServer:
         link = Link(sock)
         try:
             hello = link.receive(_HELLO_S)
-            if not isinstance(hello, Hello) or not 0 <= hello.number < len(self._flights):
+            if not isinstance(hello, SeaHello) or not 0 <= hello.number < len(self._flights):
                 raise LinkEnded("no aPad of this sea")
             flight = self._flights[hello.number]
             if hello.epoch <= flight.epoch:
-                link.send(Refused(f"a newer supervisor of {flight.name} is in the water, or was"))
+                link.send(SeaRefusal(f"a newer supervisor of {flight.name} is in the water, or was"))
                 raise LinkEnded("fenced off")
-            link.send(Welcome(self._now_ms))
+            link.send(SeaWelcome(self._now_ms))
         except LinkEnded:
             link.close()
             return
@@ -252,7 +252,7 @@ class SeaServer:
             return
         if reason:
             with suppress(LinkEnded):  # it is gone, or it will see that its link is closed
-                link.send(Refused(reason))
+                link.send(SeaRefusal(reason))
             for other in self._flights:
                 if other.station is not None:
                     other.station.results.append(LeftWater(self._now_ms or MissionMs(0), flight.name, reason))

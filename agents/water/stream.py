@@ -17,7 +17,7 @@ _UNIT = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Tide:
+class TideConstituent:
     """One constituent of the tide: an ellipse with the period `period_s`.
 
     North is `north_um_s` sin(2 pi (t / period + north_phase / 10^6)), and east likewise.
@@ -52,7 +52,7 @@ class Stream:
     seconds: array[int]
     depths_um: array[int]
     fields: tuple[CurrentField, ...]
-    tides: tuple[Tide, ...]
+    tides: tuple[TideConstituent, ...]
     profile: tuple[tuple[int, int], ...]
     is_still: bool
     """True if nothing ever drifts anywhere. It is stored because bodies ask at every event."""
@@ -63,7 +63,7 @@ class Stream:
         seconds: array[int],
         depths_um: array[int],
         fields: tuple[CurrentField, ...],
-        tides: tuple[Tide, ...] = (),
+        tides: tuple[TideConstituent, ...] = (),
         profile: tuple[tuple[int, int], ...] = (),
     ) -> Stream:
         is_still = not tides and all(field.is_still for field in fields)
@@ -167,7 +167,7 @@ class CurrentConfig:
 
     csv: str | None = None
     """The text of the file for `parse_stream`; None for no field beside the tides."""
-    tides: tuple[Tide, ...] = ()
+    tides: tuple[TideConstituent, ...] = ()
     profile: tuple[tuple[int, int], ...] = ()
     """The profile of a `Stream`."""
 
@@ -178,7 +178,7 @@ class CurrentConfig:
 
     @classmethod
     def from_wire(cls, wire: dict[str, Any]) -> CurrentConfig:
-        tides = tuple([Tide(**it) for it in wire["tides"]])
+        tides = tuple([TideConstituent(**it) for it in wire["tides"]])
         return cls(wire["csv"], tides, tuple([tuple(it) for it in wire["profile"]]))
 
 

@@ -24,7 +24,7 @@ _FLAT = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class PlaceSolution:
     """A place. `covariance` is (north, north-east, east) in square metres, `residuals_m` is in the order of the ranges.
 
     `chi2` is the weighted sum of squared residuals: with n ranges about n - 2 if their variances are true.
@@ -44,7 +44,7 @@ class NoFix(ValueError):
 
 def solve(
     anchors_m: Floats, ranges_m: Floats, deviations_m: Floats, depth_m: float, start_m: tuple[float, float]
-) -> Solution:
+) -> PlaceSolution:
     """Solves for the place, beginning at `start_m`.
 
     The anchors are (n, 3: north, east, depth), the ranges (n) and their standard deviations (n). Raises NoFix when the
@@ -96,10 +96,10 @@ def _linear(place: Floats, anchors_m: Floats, ranges_m: Floats, depth_m: float) 
     return ranges_m - lengths, vectors[:, :2] / lengths[:, None]
 
 
-def _solution(place: Floats, residuals: Floats, jacobian: Floats, weights: Floats) -> Solution:
+def _solution(place: Floats, residuals: Floats, jacobian: Floats, weights: Floats) -> PlaceSolution:
     covariance = np.linalg.inv(jacobian.T @ (weights[:, None] * jacobian))
     hdop = float(np.sqrt(np.trace(np.linalg.inv(jacobian.T @ jacobian))))
-    return Solution(
+    return PlaceSolution(
         float(place[0]),
         float(place[1]),
         (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.time_scale import MissionMs
-from apad_bridge.acoustics.least_squares import Floats, NoFix, Solution, mirrored, solve
+from apad_bridge.acoustics.least_squares import Floats, NoFix, PlaceSolution, mirrored, solve
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.water.options import Localisation
 
@@ -110,7 +110,9 @@ class Locator:
     def _are_apart(self, old: RangeTaken, new: RangeTaken) -> bool:
         return math.dist((old.north_m, old.east_m), (new.north_m, new.east_m)) >= self._config.apart_m
 
-    def _solve(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> tuple[Solution, int]:
+    def _solve(
+        self, ranges: list[RangeTaken], near_m: tuple[float, float] | None
+    ) -> tuple[PlaceSolution, int]:
         if len(ranges) < _AT_LEAST:
             raise NoFix("too few ranges from places apart")
         solution = self._best(ranges, near_m)
@@ -125,13 +127,13 @@ class Locator:
             raise NoFix("the ranges contradict each other")
         return solution, len(ranges)
 
-    def _best(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> Solution:
+    def _best(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> PlaceSolution:
         """The better fit of the two places on either side of the anchors' line."""
         anchors = np.array([(it.north_m, it.east_m, it.depth_m) for it in ranges])
         lengths = np.array([it.range_m for it in ranges])
         deviations = np.full(len(ranges), self._config.deviation_m)
         start = near_m or _beside(anchors, float(lengths.mean()))
-        solutions: list[Solution] = []
+        solutions: list[PlaceSolution] = []
         for begin in (start, mirrored(anchors, start)):
             try:
                 solutions.append(solve(anchors, lengths, deviations, self._depth_m, begin))

@@ -22,7 +22,7 @@ from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.surface import current_config
-from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, WithoutWater
+from apad_bridge.supervisor.fleet import FlightFleet, InSea, LinksFile, WithoutWater
 
 _START_MS = MissionMs(0)
 
@@ -73,7 +73,7 @@ def fleet_of(
     now_ms: MissionMs = _START_MS,
     opened: Collection[int] = (),
     sea: Sea | RemoteSea | None = None,
-) -> Fleet:
+) -> FlightFleet:
     """Builds the fleet that runs in `host` at mission time `now_ms`; each aMussel has run up to its `granted_ms`.
 
     `opened` are the aMussels whose modems are open to other programs, in a scenario with water. It joins the `sea` that
@@ -83,15 +83,15 @@ def fleet_of(
     host = FaultyHost(host, scenario.seed)
     coordinator = Coordinator(host, granted_ms, scenario.time_scale, now_ms)
     if config.sea is None or scenario.water is None:
-        return Fleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
+        return FlightFleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
     if sea is None:
         sea = Sea(config.sea, scenario.time_scale, granted_ms, now_ms=now_ms, opened=opened)
     station = sea.join(coordinator, host)
     if scenario.water.links_file is None:
-        return Fleet(coordinator, host, InSea(station), config.timeslots)
+        return FlightFleet(coordinator, host, InSea(station), config.timeslots)
     links = LinksFile(Path(scenario.water.links_file), scenario.time_scale)
     station.set_topology(links.read())
-    return Fleet(coordinator, host, InSea(station), config.timeslots, links)
+    return FlightFleet(coordinator, host, InSea(station), config.timeslots, links)
 
 
 def shared_sea(scenario: Scenario, apads: int) -> Sea | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 from agents.mussel.body import BodyConfig
 from agents.mussel.reporter import ReportConfig
 from agents.water.sea import SeaConfig
@@ -48,7 +48,7 @@ class FlightConfig:
 def flight_config(scenario: Scenario) -> FlightConfig:
     """Resolves the scenario. Reads no file: the current's file is read when a fleet starts."""
     water, drift = scenario.water, scenario.fleet.drift
-    modems = Generation.V3 if water is None else water.modems
+    modems = ModemGeneration.V3 if water is None else water.modems
     board = board_config(scenario.board, scenario.seed, modems)
     body = BodyConfig(
         sinking_of(scenario),

@@ -20,7 +20,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import CommandSource, ManualMission
-from apad_bridge.mission.role import Mission
+from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation, BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
@@ -32,9 +32,9 @@ from apad_bridge.scenario.timed_faults import planned
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import LearnedState, Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, Ongoing
-from apad_bridge.supervisor.fleet import Fleet, NoFleet
+from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.supervisor.loop import START_MS, Flight
-from apad_bridge.supervisor.recorder_interface import Recorder
+from apad_bridge.supervisor.recorder_interface import FlightRecorder
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
@@ -47,7 +47,7 @@ from firmware_model.packets.codec import load_codec
 
 def fault_injection(
     config: FlightConfig,
-    fleet: Fleet | NoFleet,
+    fleet: FlightFleet | NoFleet,
     after_ms: int = -1,
     ongoing: Iterable[Ongoing] = (),
     *,
@@ -137,7 +137,7 @@ def ranging_service(config: FlightConfig) -> RangingService | NoRanging:
 def flight(
     config: FlightConfig,
     context: FlightContext,
-    recorder: Recorder,
+    recorder: FlightRecorder,
     *,
     state: MissionState | None = None,
     first_command_id: int = 1,
@@ -194,7 +194,7 @@ def supervisor(
             scenario.mission, scenario.apad.max_speed_m_s, beliefs, command_sources or (), mission_state
         )
 
-    mission: Mission
+    mission: MissionRole
     if calls is None and command_sources is None:
         mission = planned(state)
     else:

@@ -35,12 +35,12 @@ from apad_bridge.vehicle.guards.guards import (
 )
 from apad_bridge.vehicle.guards.monitor import (
     CanStopInWaters,
-    Check,
     EndsInTime,
     IsInWaters,
     KeepsClearOfAPads,
     MakesProgress,
     Monitor,
+    MonitorCheck,
     PositionIsGood,
     SpeedIsAllowed,
     Stopping,
@@ -124,13 +124,13 @@ def _guards(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[G
     return guards
 
 
-def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[Check]:
+def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[MonitorCheck]:
     stopping = Stopping(
         scenario.apad.max_acceleration_m_s2, options.coasting_m, options.coasting_speed_m_s or 1.0
     )
     most_m_s = options.speed_limit_m_s or math.inf
     outside = Reaction.RETURN if options.outside is WhenOutside.RETURN else Reaction.HOLD
-    checks: list[Check] = [
+    checks: list[MonitorCheck] = [
         PositionIsGood(),
         IsInWaters(waters, outside),
         CanStopInWaters(waters, stopping, most_m_s),

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from agents.water.patches import CALM, Patch, Waters
+from agents.water.patches import CALM, QuantityWater, WaterPatch
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water.options import Fields
 
 
-def waters_config(fields: Fields) -> dict[str, Waters]:
+def waters_config(fields: Fields) -> dict[str, QuantityWater]:
     """Converts the water's true values, by the sensors' keys."""
     return {key: _waters(fields, key) for key in CALM}
 
@@ -19,10 +19,10 @@ def leeway_um_s(scenario: Scenario) -> tuple[int, int]:
     return round(wind.leeway * wind.north_m_s * 1e6), round(wind.leeway * wind.east_m_s * 1e6)
 
 
-def _waters(fields: Fields, key: str) -> Waters:
+def _waters(fields: Fields, key: str) -> QuantityWater:
     layers = tuple((round(depth_m * 1e6), value) for depth_m, value in getattr(fields, key))
     patches = tuple(
-        Patch(
+        WaterPatch(
             core,
             round(patch.begins_s * 1000),
             round(patch.growing_s * 1000),
@@ -36,4 +36,4 @@ def _waters(fields: Fields, key: str) -> Waters:
         for patch in fields.patches
         if (core := getattr(patch, key)) is not None
     )
-    return Waters(layers, patches)
+    return QuantityWater(layers, patches)

@@ -8,7 +8,7 @@ from enum import IntFlag
 from typing import NamedTuple
 
 from agents.time_scale import MissionMs
-from apad_bridge.beliefs.mixture import Part, below, interval
+from apad_bridge.beliefs.mixture import Gaussian, below, interval
 from apad_bridge.beliefs.modes import Mode, mode_of
 from firmware_model.states import State
 from firmware_model.value import value
@@ -28,7 +28,7 @@ class Source(IntFlag):
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class ClockBelief:
     """An aMussel's clock against its nominal agent time: ahead by `offset_ms`, gaining `drift_ppm`; their covariance."""
 
     offset_ms: float = 0.0
@@ -53,7 +53,7 @@ class CapacityLeft(NamedTuple):
     high: float
 
 
-EXACT_CLOCK = Clock()
+EXACT_CLOCK = ClockBelief()
 EXACT = (0.0, 0.0, 0.0)
 
 
@@ -80,13 +80,13 @@ class Belief:
     """Variance north, covariance, variance east; square metres."""
     mode_probabilities: tuple[float, ...] = ()
     """One probability for each `Mode`, in its order; empty when the estimator takes `state` as certain."""
-    clock: Clock = EXACT_CLOCK
+    clock: ClockBelief = EXACT_CLOCK
     learned_from: Source = Source.PACKET
     silent_timeslots: int = 0
     """Timeslots since the newest packet in which a packet was due and none was received."""
     suspicion: Suspicion | None = None
     """None for an aMussel whose packets can all be true."""
-    parts: tuple[Part, ...] = ()
+    parts: tuple[Gaussian, ...] = ()
     """The primary charge as a mixture, not yet clamped to 0 and 1; empty for one Gaussian."""
     capacity_left: CapacityLeft | None = None
     """Both batteries age alike. None for an estimator that learns no ageing."""
@@ -151,5 +151,5 @@ class Belief:
         return interval(self._mixture, share)
 
     @property
-    def _mixture(self) -> tuple[Part, ...]:
-        return self.parts or (Part(1.0, self.primary, math.sqrt(self.charge_cov[0])),)
+    def _mixture(self) -> tuple[Gaussian, ...]:
+        return self.parts or (Gaussian(1.0, self.primary, math.sqrt(self.charge_cov[0])),)

@@ -12,7 +12,7 @@ _STANDARD = NormalDist()
 _NEAR = 1e-9
 
 
-class Part(NamedTuple):
+class Gaussian(NamedTuple):
     """A Gaussian of weight `weight`, before clamping; a deviation of 0 is a certain value."""
 
     weight: float
@@ -28,7 +28,7 @@ def normal_pdf(z: float) -> float:
     return math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
 
 
-def below(parts: Sequence[Part], charge: float) -> float:
+def below(parts: Sequence[Gaussian], charge: float) -> float:
     """The probability of `charge` or less."""
     if charge < 0:
         return 0.0
@@ -38,7 +38,7 @@ def below(parts: Sequence[Part], charge: float) -> float:
     return min(1.0, math.fsum(weight * _cdf(charge, mean, sd) for weight, mean, sd in parts))
 
 
-def below_strictly(parts: Sequence[Part], charge: float) -> float:
+def below_strictly(parts: Sequence[Gaussian], charge: float) -> float:
     """The probability of less than `charge`; at 1, that excludes the probability clamped to 1."""
     if charge <= 0:
         return 0.0
@@ -47,12 +47,12 @@ def below_strictly(parts: Sequence[Part], charge: float) -> float:
     return min(1.0, math.fsum(weight * _cdf(charge, mean, sd, strictly=True) for weight, mean, sd in parts))
 
 
-def interval(parts: Sequence[Part], share: float) -> tuple[float, float]:
+def interval(parts: Sequence[Gaussian], share: float) -> tuple[float, float]:
     """The central interval of probability `share`."""
     return quantile(parts, (1 - share) / 2), quantile(parts, (1 + share) / 2)
 
 
-def quantile(parts: Sequence[Part], probability: float) -> float:
+def quantile(parts: Sequence[Gaussian], probability: float) -> float:
     """The least charge that is not exceeded with `probability`: exact for one Gaussian, bisected to 1e-9 for several."""
     z = _STANDARD.inv_cdf(probability)
     # The quantile of the mixture lies between the clamped quantiles of its parts.

@@ -15,7 +15,7 @@ from typing import Any
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
-from apad_bridge.beliefs.belief import Belief, Clock, Source, Suspicion
+from apad_bridge.beliefs.belief import Belief, ClockBelief, Source, Suspicion
 from apad_bridge.beliefs.charge_checker import ChargeChecker, Stated, extended
 from apad_bridge.beliefs.charge_state import Anchor
 from apad_bridge.beliefs.measurement import (
@@ -356,7 +356,7 @@ class Twin:
             twin_state, parameters, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
         )
 
-    def _clock_set(self, agent_ms: int, at_ms: MissionMs) -> Clock:
+    def _clock_set(self, agent_ms: int, at_ms: MissionMs) -> ClockBelief:
         known = self.parameters.clock
         return clocks.set_to(
             agent_ms - self.parameters.scale.agent_ms(at_ms), known.reading_ms, known.drift_ppm

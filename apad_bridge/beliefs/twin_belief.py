@@ -7,7 +7,7 @@ import math
 from agents.time_scale import MissionMs
 from apad_bridge.beliefs.belief import Belief, CapacityLeft, Source
 from apad_bridge.beliefs.charge_state import PRIMARY, RATE, SECONDARY
-from apad_bridge.beliefs.mixture import Part, below, clamped
+from apad_bridge.beliefs.mixture import Gaussian, below, clamped
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import TwinParameters
 from apad_bridge.beliefs.twin_state import TwinState, in_dock, load_of_all, obey_probability, primary_parts
@@ -31,17 +31,17 @@ def belief_from_state(
     if twin_state.situation is Mode.CHARGING_PRIMARY:
         rows = in_dock(twin_state, parameters)
         parts = tuple(
-            Part(anchor.weight, mean, math.sqrt(variance))
+            Gaussian(anchor.weight, mean, math.sqrt(variance))
             for anchor, ((mean, variance, _, _), _) in zip(twin_state.anchors, rows, strict=True)
         )
-        second = Part(1.0, rows[0][1][0], math.sqrt(rows[0][1][1]))
+        second = Gaussian(1.0, rows[0][1][0], math.sqrt(rows[0][1][1]))
         both = 0.0
         modes = _docked(parts, second)
     else:
         parts = primary_parts(twin_state, parameters)
         gave, gave_sd = twin_state.from_secondary
         cov = twin_state.cov
-        second = Part(
+        second = Gaussian(
             1.0,
             twin_state.mean.item(SECONDARY) - gave,
             math.sqrt(cov.item(SECONDARY, SECONDARY) + gave_sd**2),
@@ -90,7 +90,7 @@ def _capacity_left(twin_state: TwinState, parameters: TwinParameters) -> Capacit
     return CapacityLeft(max(least, low), max(least, high))
 
 
-def _moments(parts: tuple[Part, ...]) -> tuple[float, float]:
+def _moments(parts: tuple[Gaussian, ...]) -> tuple[float, float]:
     """Mean and variance of the mixture, clamped to [0, 1]."""
     if len(parts) == 1:
         return clamped(parts[0][1], parts[0][2] ** 2)
@@ -102,7 +102,7 @@ def _moments(parts: tuple[Part, ...]) -> tuple[float, float]:
     return mean, max(0.0, square - mean * mean)
 
 
-def _docked(primary: tuple[Part, ...], secondary: Part) -> tuple[float, ...]:
+def _docked(primary: tuple[Gaussian, ...], secondary: Gaussian) -> tuple[float, ...]:
     charging = below(primary, FULL_CHARGE)
     second = (1 - charging) * below((secondary,), FULL_CHARGE)
     probabilities = [0.0] * len(Mode)
@@ -113,7 +113,7 @@ def _docked(primary: tuple[Part, ...], secondary: Part) -> tuple[float, ...]:
 
 
 def _in_the_water(
-    twin_state: TwinState, parameters: TwinParameters, parts: tuple[Part, ...], secondary: Part
+    twin_state: TwinState, parameters: TwinParameters, parts: tuple[Gaussian, ...], secondary: Gaussian
 ) -> tuple[float, ...]:
     probabilities = [0.0] * len(Mode)
     empty = below(parts, 0.0)

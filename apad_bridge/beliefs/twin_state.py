@@ -13,10 +13,10 @@ from typing import Any
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, spent_charge
-from apad_bridge.beliefs.belief import Clock, Suspicion
+from apad_bridge.beliefs.belief import ClockBelief, Suspicion
 from apad_bridge.beliefs.charge_checker import ReadingTrack
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, RATE, SECONDARY, Anchor, Array
-from apad_bridge.beliefs.mixture import Part, below
+from apad_bridge.beliefs.mixture import Gaussian, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, merged
@@ -69,7 +69,7 @@ class TwinState:
     place: Place
     place_ms: int
     """Mission time."""
-    clock: Clock
+    clock: ClockBelief
     clock_ms: int
     packet: tuple[int, int]
     """(sequence, stated agent time) of the newest packet."""
@@ -386,7 +386,7 @@ def _drawn_from_backup(twin_state: TwinState, parameters: TwinParameters, elapse
     return replace(twin_state, from_secondary=(mean + empty * amount, sd + spread))
 
 
-def primary_parts(twin_state: TwinState, parameters: TwinParameters) -> tuple[Part, ...]:
+def primary_parts(twin_state: TwinState, parameters: TwinParameters) -> tuple[Gaussian, ...]:
     """The primary charge at `at_ms` as a mixture, not clamped to [0, 1]."""
     parts = []
     for weight, mean, cov in twin_state.anchors:
@@ -399,9 +399,9 @@ def primary_parts(twin_state: TwinState, parameters: TwinParameters) -> tuple[Pa
             spread = (
                 at_var - 2 * spent * both + spent * spent * drain_var + (drain * drain + drain_var) * variance
             )
-            parts.append(Part(weight * probability, at - drain * spent, math.sqrt(max(0.0, spread))))
+            parts.append(Gaussian(weight * probability, at - drain * spent, math.sqrt(max(0.0, spread))))
     total = math.fsum(part.weight for part in parts)
-    return tuple(Part(weight / total, mean, sd) for weight, mean, sd in parts)
+    return tuple(Gaussian(weight / total, mean, sd) for weight, mean, sd in parts)
 
 
 def spent_hypotheses(twin_state: TwinState, parameters: TwinParameters) -> list[Spent]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from apad_bridge.beliefs.belief import Clock, Suspicion
+from apad_bridge.beliefs.belief import ClockBelief, Suspicion
 from apad_bridge.beliefs.charge_checker import ReadingTrack, Stated
 from apad_bridge.beliefs.charge_state import SIZE, Anchor, Array
 from apad_bridge.beliefs.modes import Mode
@@ -70,7 +70,7 @@ def state_from_data(data: Plain) -> TwinState:
         since_ms=data["since_ms"],
         place=Place(_unpacked(mean, 4), _unpacked(cov, 4, 4)),
         place_ms=data["place_ms"],
-        clock=Clock(*data["clock"]),
+        clock=ClockBelief(*data["clock"]),
         clock_ms=data["clock_ms"],
         packet=(sequence, agent_ms),
         from_secondary=(first, second),

@@ -24,7 +24,7 @@ from apad_bridge.records.journal import JournalTail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import Part, RunOptions
+from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.timed_faults import TABLE
 from apad_bridge.supervisor.control import listens
 
@@ -52,7 +52,7 @@ class Feed:
         try:
             scenario = load(self._directory.scenario)
             options = RunOptions.load(run_dir)
-            self._has_water = scenario.water is not None and options.part is not Part.MISSION
+            self._has_water = scenario.water is not None and options.part is not BenchPart.MISSION
             self._takes_faults = not options.has_real_vehicle
             self._journal = JournalTail(self._directory.journal)
             begun = self._journal.read_new()

@@ -17,7 +17,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.hosting.interrupts import received_by
 from agents.hosting.link_protocol import readable
-from apad_bridge.console.server import Ending, app_of
+from apad_bridge.console.server import ConsoleEnding, app_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 
 TOKEN_VARIABLE = "MUSSELBED_CONSOLE_TOKEN"
@@ -31,7 +31,7 @@ _NICE = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Address:
+class ListenAddress:
     """The address to listen on; port 0 takes a free one."""
 
     host: str
@@ -40,7 +40,7 @@ class Address:
 
 def serve(
     run_dir: Path,
-    address: Address,
+    address: ListenAddress,
     tell: Callable[[str], None],
     ended: Callable[[str], None],
     warn: Callable[[str], None],
@@ -71,7 +71,7 @@ def serve(
             end()
 
         config = uvicorn.Config(
-            app_of(run_dir, token, Ending(ended, asked_to_end.is_set, fail, warn)),
+            app_of(run_dir, token, ConsoleEnding(ended, asked_to_end.is_set, fail, warn)),
             http=bounded(most),
             backlog=_BACKLOG,
             log_level="warning",

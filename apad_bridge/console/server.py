@@ -70,7 +70,7 @@ _NOT_BEGUN = PlainTextResponse(
 
 
 @dataclass(frozen=True, slots=True)
-class Ending:
+class ConsoleEnding:
     """The ways in which a console and its run end."""
 
     run_ended: Callable[[str], None]
@@ -86,7 +86,7 @@ class Ending:
 class Broadcast:
     """Sends what the feed gives to every open page, encoded once."""
 
-    def __init__(self, feed: Feed, ending: Ending) -> None:
+    def __init__(self, feed: Feed, ending: ConsoleEnding) -> None:
         self._feed = feed
         self._ending = ending
         self._has_told_end = False
@@ -158,7 +158,7 @@ def order_line(url: str) -> str:
     return f"curl -H '{_TOKEN_HEADER}: {token}' -H 'Origin: {page}' -d '{order}' {page}/orders"
 
 
-def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
+def app_of(run_dir: Path, token: str, ending: ConsoleEnding) -> Starlette:
     """The console of a run. Its pages say that the flight has not begun until it has."""
     pages = _Pages(run_dir, token)
 

@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 Subject = TypeVar("Subject")
 
 
-class Status(StrEnum):
+class CheckStatus(StrEnum):
     OK = "OK"
     WARN = "WARN"
     FAIL = "FAIL"
@@ -24,12 +24,12 @@ class Finding:
     """`check` names the subject of the check. Raises ValueError for trouble without a mend."""
 
     check: str
-    status: Status
+    status: CheckStatus
     found: str
     mend: str | None = None
 
     def __post_init__(self) -> None:
-        if (self.mend is None) != (self.status is Status.OK):
+        if (self.mend is None) != (self.status is CheckStatus.OK):
             raise ValueError(f"{self.check}: trouble has a mend, and what is OK has none")
 
     def line(self) -> str:
@@ -38,19 +38,19 @@ class Finding:
 
 
 def ok(check: str, found: str) -> Finding:
-    return Finding(check, Status.OK, found)
+    return Finding(check, CheckStatus.OK, found)
 
 
 def warn(check: str, found: str, mend: str) -> Finding:
-    return Finding(check, Status.WARN, found, mend)
+    return Finding(check, CheckStatus.WARN, found, mend)
 
 
 def fail(check: str, found: str, mend: str) -> Finding:
-    return Finding(check, Status.FAIL, found, mend)
+    return Finding(check, CheckStatus.FAIL, found, mend)
 
 
 def cannot_tell(check: str, found: str, mend: str) -> Finding:
-    return Finding(check, Status.CANNOT_TELL, found, mend)
+    return Finding(check, CheckStatus.CANNOT_TELL, found, mend)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +90,8 @@ def run_checks(
     """The findings of a table's checks, in its order; `apad` names the subject of checks of one aPad."""
     for check in checks:
         for finding in run_check(f"{apad} {check.name}".strip(), partial(check.examine, subject)):
-            is_red = before_mission and check.is_red_at_warning and finding.status is Status.WARN
-            yield replace(finding, status=Status.FAIL) if is_red else finding
+            is_red = before_mission and check.is_red_at_warning and finding.status is CheckStatus.WARN
+            yield replace(finding, status=CheckStatus.FAIL) if is_red else finding
 
 
 def run_check(check: str, examine: Callable[[], Finding | Iterable[Finding]]) -> list[Finding]:

@@ -16,7 +16,7 @@ from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
 from apad_bridge.doctor.network import (
     CALLER,
     TIMEOUT_S,
-    Refused,
+    ConnectionRefused,
     Unreachable,
     address_of,
     call,
@@ -256,7 +256,7 @@ def _has_ended(uri: str, node: str) -> bool:
         return False
     try:
         connect(api).close()
-    except Refused:
+    except ConnectionRefused:
         return True
     except Unreachable:
         return False

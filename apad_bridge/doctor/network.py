@@ -23,7 +23,7 @@ class Unreachable(Exception):
     """A host, master or node did not answer, or gave a wrong answer; the text names it and the reason."""
 
 
-class Refused(Unreachable):
+class ConnectionRefused(Unreachable):
     """The machine is there, and no process listens at that port: the one that did has ended."""
 
 
@@ -100,7 +100,7 @@ def connect(uri: str) -> socket.socket:
         return socket.create_connection((address, port), timeout=TIMEOUT_S)
     except OSError as error:
         where = host if host == address else f"{host} ({address})"
-        kind = Refused if isinstance(error, ConnectionRefusedError) else Unreachable
+        kind = ConnectionRefused if isinstance(error, ConnectionRefusedError) else Unreachable
         raise kind(f"port {port} of {where} does not answer ({error})") from None
 
 

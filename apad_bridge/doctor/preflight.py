@@ -8,7 +8,7 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, key_of, ok, warn
+from apad_bridge.doctor.finding import CheckStatus, Finding, cannot_tell, fail, key_of, ok, warn
 from apad_bridge.scenario.area.clearance import stopping_room
 from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import LOOK_MS
@@ -38,7 +38,7 @@ def red_keys(
     red: dict[str, list[Finding]] = {}
     for it in findings:
         key = key_among(it.check, apads)
-        if it.status is Status.FAIL or (it.status is Status.CANNOT_TELL and key not in accepted):
+        if it.status is CheckStatus.FAIL or (it.status is CheckStatus.CANNOT_TELL and key not in accepted):
             red.setdefault(key, []).append(it)
     return red
 
@@ -197,14 +197,14 @@ def check_off(apad: str, missing: Sequence[str], offered: Sequence[str], *, hard
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class TopicSeen:
     """A topic of the vehicle: whether a node publishes it, and its newest value, None where it is silent."""
 
     is_published: bool
     value: Any = None
 
 
-def check_pilot(apad: str, *, hears_pilot: bool, manual: Heard) -> Finding:
+def check_pilot(apad: str, *, hears_pilot: bool, manual: TopicSeen) -> Finding:
     """Nobody steers the aPad. `hears_pilot`: its generation tells by the topic `manual`."""
     check = f"{apad} pilot"
     if manual.value:
@@ -228,7 +228,7 @@ def check_pilot(apad: str, *, hears_pilot: bool, manual: Heard) -> Finding:
     return ok(check, "nobody steers (manual is false)")
 
 
-def check_watchdog(apad: str, *, drifts: bool, state: Heard) -> Finding:
+def check_watchdog(apad: str, *, drifts: bool, state: TopicSeen) -> Finding:
     """`state` is what the vehicle's watchdog says. `drifts`: controllers go off between primitives."""
     check = f"{apad} watchdog"
     mend = "start launch_scripts/vehicle_watchdog on the vehicle's own computer: docs/failures.md"

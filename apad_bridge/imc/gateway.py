@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agents.hosting.interrupts import received_by
-from apad_bridge.analysis.replay.history import Told
+from apad_bridge.analysis.replay.history import ToldEvent
 from apad_bridge.imc import messages
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.lsf_log import LsfLog
-from apad_bridge.imc.orders import Order, Orders, Unfit
-from apad_bridge.imc.picture import Picture
+from apad_bridge.imc.orders import ConsoleOrders, Order, Unfit
+from apad_bridge.imc.picture import RunPicture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import System, amussel_system, apad_system
 from apad_bridge.imc.wire import Address, Console, Received, Wire
@@ -44,7 +44,7 @@ _SUMMARY_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class GatewaySettings:
     """Addresses of a gateway and of its consoles."""
 
     listen: Address
@@ -60,11 +60,11 @@ class _Answered:
     console: Address
 
 
-class Gateway:
+class ImcGateway:
     """One run's gateway, which listens from the beginning; the run may begin later."""
 
     def __init__(
-        self, run_dir: Path, scenario: Scenario, settings: Settings, tell: Callable[[str], None]
+        self, run_dir: Path, scenario: Scenario, settings: GatewaySettings, tell: Callable[[str], None]
     ) -> None:
         """`tell` takes lines for a person. OSError for an address that cannot be used."""
         self._run_dir = run_dir
@@ -74,7 +74,7 @@ class Gateway:
         self._apad = apad_system(scenario.apad.name)
         systems = [self._apad, *map(amussel_system, scenario.fleet.ids)]
         self._systems = {it.imc_id: it for it in systems}
-        self._orders = Orders(self._frame, self._apad.name)
+        self._orders = ConsoleOrders(self._frame, self._apad.name)
         self._wire = Wire(settings.listen, settings.consoles, multicast=settings.multicast)
         self._log = LsfLog(run_dir, time.time())
         self._answers: queue.SimpleQueue[_Answered] = queue.SimpleQueue()
@@ -106,7 +106,7 @@ class Gateway:
         try:
             if not await_beginning(RunDirectory(self._run_dir), is_asked_to_end, self._tell):
                 return None
-            picture = Picture(self._run_dir, self._scenario)
+            picture = RunPicture(self._run_dir, self._scenario)
             try:
                 return self._show(picture, is_asked_to_end)
             finally:
@@ -115,7 +115,7 @@ class Gateway:
             self._log.close()
             self._wire.close()
 
-    def _show(self, picture: Picture, is_asked_to_end: Callable[[], bool]) -> str | None:
+    def _show(self, picture: RunPicture, is_asked_to_end: Callable[[], bool]) -> str | None:
         self._record([messages.logging_started(self._log.name), messages.entity_list()])
         next_beat_s = next_announce_s = next_poll_s = 0.0
         end_seen_s: float | None = None
@@ -143,7 +143,7 @@ class Gateway:
             self._give_answers()
         return None
 
-    def _announce(self, picture: Picture) -> None:
+    def _announce(self, picture: RunPicture) -> None:
         services = self._wire.services
         if (apad := picture.apad) is not None:
             place = messages.place_rad(self._frame, apad.north_m, apad.east_m)
@@ -154,7 +154,7 @@ class Gateway:
                 place = messages.place_rad(self._frame, amussel.north_m, amussel.east_m)
                 self._send(system, [messages.announce(system, place, services)], announces=True)
 
-    def _beat(self, picture: Picture) -> None:
+    def _beat(self, picture: RunPicture) -> None:
         """Everything that a console is to hear once a second."""
         self._send(self._apad, self._of_apad(picture))
         for amussel in picture.amussels:
@@ -164,7 +164,7 @@ class Gateway:
             else:
                 self._send(self._apad, messages.reported(amussel, self._frame))
 
-    def _of_apad(self, picture: Picture) -> Iterator[Message]:
+    def _of_apad(self, picture: RunPicture) -> Iterator[Message]:
         takes_orders = self._takes_orders
         yield imc.Heartbeat()
         if picture.apad is not None:
@@ -172,12 +172,12 @@ class Gateway:
         yield messages.vehicle_state(picture, takes_orders=takes_orders)
         yield messages.plan_control_state(picture, self._plan_id, takes_orders=takes_orders)
 
-    def _show_events(self, events: Iterable[Told]) -> None:
+    def _show_events(self, events: Iterable[ToldEvent]) -> None:
         for event in events:
             entry = messages.log_book_entry(event.text, time.time(), is_warning=event.category.is_trouble)
             self._send(self._apad, [entry])
 
-    def _show_samples(self, picture: Picture) -> None:
+    def _show_samples(self, picture: RunPicture) -> None:
         newest = {line.get("id"): line for line in picture.new_samples()}
         for agent_id, sample in newest.items():
             if isinstance(agent_id, int):
@@ -269,7 +269,10 @@ class Gateway:
 
 
 def serve(
-    run_dir: Path, settings: Settings, listening: Callable[[Gateway], None], tell: Callable[[str], None]
+    run_dir: Path,
+    settings: GatewaySettings,
+    listening: Callable[[ImcGateway], None],
+    tell: Callable[[str], None],
 ) -> tuple[str | None, dict[str, int]]:
     """Runs a gateway until its run has ended, or SIGINT or SIGTERM comes.
 
@@ -284,7 +287,7 @@ def serve(
         raise RunDirectoryError(error.lines[0]) from error
     asked_to_end = threading.Event()
     with received_by(asked_to_end.set):
-        gateway = Gateway(run_dir, scenario, settings, tell)
+        gateway = ImcGateway(run_dir, scenario, settings, tell)
         listening(gateway)
         return gateway.run(asked_to_end.is_set), gateway.dropped
 

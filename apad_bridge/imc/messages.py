@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 
 from apad_bridge.events.mission import Phase
 from apad_bridge.imc import protocol as imc
-from apad_bridge.imc.picture import AMusselView, APadView, Picture
+from apad_bridge.imc.picture import AMusselView, ConsoleAPad, RunPicture
 from apad_bridge.imc.protocol import Message
 from apad_bridge.imc.systems import NOBODY, System, amussel_system
 from apad_bridge.records.journal import Line
@@ -95,7 +95,7 @@ def estimated_state(frame: LocalFrame, north_m: float, east_m: float) -> Message
     return message
 
 
-def of_apad(apad: APadView, frame: LocalFrame) -> Iterator[Message]:
+def of_apad(apad: ConsoleAPad, frame: LocalFrame) -> Iterator[Message]:
     """The aPad's place and battery."""
     state = estimated_state(frame, apad.north_m, apad.east_m)
     state.psi = math.remainder(apad.heading_rad, math.tau)
@@ -185,7 +185,7 @@ _READINGS = (
 """The sensor, its key, IMC's message, and the factor to its unit."""
 
 
-def plan_control_state(picture: Picture, plan_id: str, *, takes_orders: bool) -> Message:
+def plan_control_state(picture: RunPicture, plan_id: str, *, takes_orders: bool) -> Message:
     """The plan that the aPad executes: the mission, or a person's manoeuvre with the plan `plan_id`."""
     states, outcomes = (
         imc.PlanControlState.StateEnum,
@@ -210,7 +210,7 @@ def plan_control_state(picture: Picture, plan_id: str, *, takes_orders: bool) ->
     return message
 
 
-def vehicle_state(picture: Picture, *, takes_orders: bool) -> Message:
+def vehicle_state(picture: RunPicture, *, takes_orders: bool) -> Message:
     """The aPad's state: ready for a plan, or executing one."""
     modes = imc.VehicleState.OperationModeEnum
     message = imc.VehicleState()
@@ -225,7 +225,7 @@ def vehicle_state(picture: Picture, *, takes_orders: bool) -> Message:
     return message
 
 
-def _manoeuvre_type(picture: Picture) -> int:
+def _manoeuvre_type(picture: RunPicture) -> int:
     if picture.primitive.startswith("go to point"):
         return int(imc.Goto().msg_id)
     if picture.primitive.startswith("hold position"):

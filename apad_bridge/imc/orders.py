@@ -54,7 +54,7 @@ class Unfit(ValueError):
     """A message that no order can be made of; the text says why."""
 
 
-class Orders:
+class ConsoleOrders:
     """The store of plans, and the making of orders."""
 
     def __init__(self, frame: LocalFrame, system_name: str) -> None:

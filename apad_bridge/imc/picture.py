@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from apad_bridge.analysis.replay.history import History, Told
+from apad_bridge.analysis.replay.history import History, ToldEvent
 from apad_bridge.events.mission import Phase, PrimitiveChanged
 from apad_bridge.events.persons import Overridden, PersonOrdered
 from apad_bridge.events.vehicle import APadMoved
@@ -27,7 +27,7 @@ _NEWEST_MS = 5000
 
 
 @dataclass(frozen=True, slots=True)
-class APadView:
+class ConsoleAPad:
     """Metres north and east of the scenario's origin, m/s, radians from north to east."""
 
     north_m: float
@@ -64,7 +64,7 @@ class AMusselView:
 
 
 @dataclass(frozen=True, slots=True)
-class Manoeuvre:
+class PersonsManoeuvre:
     """A person's go-to or hold under way."""
 
     is_go_to: bool
@@ -73,7 +73,7 @@ class Manoeuvre:
     """The straight way at its beginning; 0 for a hold."""
 
 
-class Picture:
+class RunPicture:
     """Follows one run: `poll` reads what is new, the properties are as of the newest line."""
 
     def __init__(self, run_dir: Path, scenario: Scenario) -> None:
@@ -85,7 +85,7 @@ class Picture:
         self._samples: LineTail | None = None
         self._track: tuple[Line, ...] = ()
         """The newest two lines of the aPad."""
-        self.manoeuvre: Manoeuvre | None = None
+        self.manoeuvre: PersonsManoeuvre | None = None
         self.last_failed: bool | None = None
         """Result of a person's last go-to; None while there was none."""
         self._told_events = 0
@@ -93,7 +93,7 @@ class Picture:
         self._history.advance(self._history.end_ms)
         self._told_events = len(self._history.events)  # a console that comes later gets no old news
 
-    def poll(self) -> list[Told]:
+    def poll(self) -> list[ToldEvent]:
         """Reads what is new, and returns the new events for people."""
         new = self._journal.read_new()
         self._history.add(new)
@@ -139,11 +139,11 @@ class Picture:
         return self.phase == Phase.COMMANDED.value
 
     @property
-    def apad(self) -> APadView | None:
+    def apad(self) -> ConsoleAPad | None:
         line = self._history.now.apad
         if line is None:
             return None
-        return APadView(
+        return ConsoleAPad(
             line["north_m"],
             line["east_m"],
             line["heading_rad"],
@@ -203,7 +203,7 @@ class Picture:
     def _begin(self, is_go_to: bool, goal_m: tuple[float, float]) -> None:
         here = self._track[-1] if self._track else None
         whole_m = math.dist((here["north_m"], here["east_m"]), goal_m) if here and is_go_to else 0.0
-        self.manoeuvre = Manoeuvre(is_go_to, goal_m, whole_m)
+        self.manoeuvre = PersonsManoeuvre(is_go_to, goal_m, whole_m)
 
     def _end(self, line: Line, *, has_failed: bool) -> None:
         manoeuvre = self.manoeuvre

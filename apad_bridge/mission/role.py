@@ -10,7 +10,7 @@ from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.vehicle.primitives import Outcome
 
 
-class Mission(Protocol):
+class MissionRole(Protocol):
     """Acts at mission ticks. `state` is one frozen value, journaled in every note of kind `mission`."""
 
     @property

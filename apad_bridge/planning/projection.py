@@ -26,7 +26,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ProjectedOutcome:
     """A projection's result, over its horizon."""
 
     active_s: tuple[float, ...]
@@ -55,7 +55,7 @@ class Projection:
             agent.place_m if agent.dock_index is None else agent.home_m for agent in self._agents
         ]
 
-    def of(self, plan: Sequence[int]) -> Outcome:
+    def of(self, plan: Sequence[int]) -> ProjectedOutcome:
         """Projects the collection of `plan` (indices, in order), and what follows."""
         count = len(self._agents)
         self._charge = [agent.charge for agent in self._agents]
@@ -270,14 +270,14 @@ class Projection:
         self._charge[index] = max(0.0, self._charge[index] - drain * active_s)
         self._since_s[index] = now_s
 
-    def _outcome(self) -> Outcome:
+    def _outcome(self) -> ProjectedOutcome:
         end_s = self._horizon_s
         for index in range(len(self._agents)):
             if index not in self._docked:
                 self._settle_active(index, end_s)
             elif self._since_s[index] < end_s:
                 self._charge[index] = self._model.charged(self._charge[index], end_s - self._since_s[index])
-        return Outcome(tuple(self._active_s), tuple(self._charge), self._metres)
+        return ProjectedOutcome(tuple(self._active_s), tuple(self._charge), self._metres)
 
 
 def _last_of(times_s: Sequence[float], count: int) -> float:

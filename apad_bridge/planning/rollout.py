@@ -22,7 +22,7 @@ from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.costs import Scales
 from apad_bridge.planning.energy_model import EnergyModel
 from apad_bridge.planning.explanation import Option, best_of
-from apad_bridge.planning.projection import Outcome, Projection
+from apad_bridge.planning.projection import ProjectedOutcome, Projection
 from apad_bridge.planning.routes import cheapest_choice
 from apad_bridge.planning.solution import Solution, StepKind
 from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
@@ -101,7 +101,7 @@ class Rollout:
         others = [option for option in by_agents.values() if option.agents != agents]
         return [by_agents[agents], *best_of(others)]
 
-    def parts_of(self, outcome: Outcome, model: EnergyModel, horizon_s: float) -> dict[str, float]:
+    def parts_of(self, outcome: ProjectedOutcome, model: EnergyModel, horizon_s: float) -> dict[str, float]:
         """The parts of a projected cost: what the plan is worth, negative, and what it costs."""
         per_battery, drain = self._scales.energy_per_charge, model.drain_per_s
         idle_s = fsum((horizon_s - active_s) ** 2 for active_s in outcome.active_s) / horizon_s

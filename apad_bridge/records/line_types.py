@@ -38,7 +38,7 @@ class Type(NamedTuple):
     text: str
 
 
-class Field(NamedTuple):
+class LineField(NamedTuple):
     name: str
     type: Type
     meaning: str
@@ -54,15 +54,15 @@ BOOLEAN = Type(StrictBool, "true or false")
 _PLAIN = {int: INTEGER, float: NUMBER, str: TEXT, bool: BOOLEAN}
 
 
-def line_fields(kind: type[Event]) -> tuple[Field, ...]:
+def line_fields(kind: type[Event]) -> tuple[LineField, ...]:
     """The fields of the lines of a kind, in order."""
     return tuple(_field_of(it) for it in fields_of(kind))
 
 
-def _field_of(field: EventField) -> Field:
+def _field_of(field: EventField) -> LineField:
     """An optional field of a line is absent rather than null."""
     annotation = _without_none(field.annotation) if field.is_optional else field.annotation
-    return Field(field.name, _type_of(annotation), *field.meaning, field.is_optional)
+    return LineField(field.name, _type_of(annotation), *field.meaning, field.is_optional)
 
 
 def _type_of(annotation: Any) -> Type:
@@ -98,17 +98,17 @@ def _without_none(annotation: Any) -> Any:
     return Union[*(it for it in get_args(annotation) if it is not NoneType)]
 
 
-def _members_of(kind: type) -> list[Field]:
+def _members_of(kind: type) -> list[LineField]:
     """The fields of an object within a line."""
     hints = get_type_hints(kind, include_extras=True).items()
     return [
-        Field(name, _type_of(get_args(hint)[0] if is_optional else hint), "", optional=is_optional)
+        LineField(name, _type_of(get_args(hint)[0] if is_optional else hint), "", optional=is_optional)
         for name, hint in hints
         for is_optional in (get_origin(hint) is NotRequired,)
     ]
 
 
-def _model(name: str, fields: Iterable[Field]) -> Any:
+def _model(name: str, fields: Iterable[LineField]) -> Any:
     """Names of fields may be keywords of Python, so each is an alias."""
     members: dict[str, Any] = {
         f"field_{n}": (it.type.annotation, Constraint(None if it.optional else ..., alias=it.name))
@@ -121,7 +121,7 @@ def _model(name: str, fields: Iterable[Field]) -> Any:
 def _check_of(kind: str) -> SchemaValidator | None:
     """Made when the first line of its kind comes: most runs have few kinds. None for a line without fields."""
     found = EVENTS.get(kind)
-    fields: Sequence[Field] = () if found is None else line_fields(found)
+    fields: Sequence[LineField] = () if found is None else line_fields(found)
     if not fields:
         return None
     model = _model(kind, fields)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from agents.modem.frames import TO_ALL
-from agents.water.medium import Outcome
+from agents.water.medium import PacketOutcome
 
 _TO_ALL = frozenset(kind.name.lower() for kind in TO_ALL)
 
@@ -15,7 +15,7 @@ EVERYBODY = -1
 """The receiver of a broadcast, in a `SoundRow`."""
 _TO_AN_APAD = 0
 """The receiver of a packet to the address that all aPads share."""
-_CONFLICTS = frozenset(it.name.lower() for it in (Outcome.COLLIDED, Outcome.TRANSMITTING))
+_CONFLICTS = frozenset(it.name.lower() for it in (PacketOutcome.COLLIDED, PacketOutcome.TRANSMITTING))
 
 
 class SoundRow(NamedTuple):

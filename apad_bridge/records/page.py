@@ -7,7 +7,7 @@ from enum import IntEnum
 
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.union import EVENTS
-from apad_bridge.records.line_types import Field, line_fields
+from apad_bridge.records.line_types import LineField, line_fields
 from apad_bridge.records.summary import AMUSSEL, SUMMARY
 from firmware_model.states import State
 
@@ -30,11 +30,11 @@ def markdown() -> str:
     return "\n".join(lines)
 
 
-def _table(fields: Sequence[Field]) -> list[str]:
+def _table(fields: Sequence[LineField]) -> list[str]:
     return ["| field | type | unit | |", "|---|---|---|---|", *map(_row, fields)]
 
 
-def _row(field: Field) -> str:
+def _row(field: LineField) -> str:
     meaning = f"{field.meaning} (not in every line)" if field.optional else field.meaning
     return f"| `{field.name}` | {field.type.text} | {field.unit} | {meaning} |"
 

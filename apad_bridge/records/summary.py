@@ -26,7 +26,7 @@ from apad_bridge.events.persons import Overridden, PersonOrdered
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import DocksDisagree
 from apad_bridge.mission.state import MissionEnd
-from apad_bridge.records.line_types import BOOLEAN, INTEGER, NUMBER, TEXT, Field, Type
+from apad_bridge.records.line_types import BOOLEAN, INTEGER, NUMBER, TEXT, LineField, Type
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from firmware_model.power.charge import fraction
 
@@ -213,90 +213,94 @@ def interruption(summary: Mapping[str, Any]) -> str | None:
 
 _SPREAD, _OBJECT = Type(dict, "{mean, max, min}"), Type(dict, "object")
 
-SUMMARY: tuple[Field, ...] = (
-    Field("name", TEXT, "the scenario's name"),
-    Field("theta", INTEGER, "agent time per mission time"),
-    Field("seed", INTEGER, "of all that is random"),
-    Field("agents", INTEGER, "number of aMussels of the fleet"),
-    Field("mission_s", NUMBER, "mission time at the end", "s"),
-    Field(
+SUMMARY: tuple[LineField, ...] = (
+    LineField("name", TEXT, "the scenario's name"),
+    LineField("theta", INTEGER, "agent time per mission time"),
+    LineField("seed", INTEGER, "of all that is random"),
+    LineField("agents", INTEGER, "number of aMussels of the fleet"),
+    LineField("mission_s", NUMBER, "mission time at the end", "s"),
+    LineField(
         "stopped_s",
         NUMBER,
         "of it, the time in which a person or a guard kept the mission from the aPad",
         "s",
     ),
-    Field("ended_by", TEXT, "why the mission ended, for people"),
-    Field("end_reason", TEXT, "the same, one of a fixed set"),
-    Field("first_cause", TEXT, "the first failure of the aPad that was not overcome"),
-    Field("causes", _OBJECT, "number of failures, by cause"),
-    Field("steps_given_up", INTEGER, "steps of plans that the mission gave up"),
-    Field("left_alone", Type(list, "list of integer"), "aMussels that the mission no longer tries to serve"),
-    Field(
+    LineField("ended_by", TEXT, "why the mission ended, for people"),
+    LineField("end_reason", TEXT, "the same, one of a fixed set"),
+    LineField("first_cause", TEXT, "the first failure of the aPad that was not overcome"),
+    LineField("causes", _OBJECT, "number of failures, by cause"),
+    LineField("steps_given_up", INTEGER, "steps of plans that the mission gave up"),
+    LineField(
+        "left_alone", Type(list, "list of integer"), "aMussels that the mission no longer tries to serve"
+    ),
+    LineField(
         "beyond_reach",
         Type(list, "list of integer"),
         "aMussels that it does not serve because of the way, at the end",
     ),
-    Field(
+    LineField(
         "failed_docks",
         Type(list, "list of integer"),
         "docks in which each docking failed, twice or more; from 0",
     ),
-    Field("counted_s", NUMBER, "time in the water as simulated ones, over all aMussels", "s"),
-    Field("counted_at_end", INTEGER, "aMussels that count at the end"),
-    Field("uptime_paper", _SPREAD, "share of ticks undocked with charge in the primary battery", "%"),
-    Field("uptime_submerged", _SPREAD, "share of ticks under water on the primary battery", "%"),
-    Field("active_mean", NUMBER, "aMussels that were active at a tick, in the paper's meaning"),
-    Field("amussels_lost", INTEGER, "aMussels whose batteries were both empty at some time"),
-    Field("emptied", INTEGER, "aMussels whose primary battery was empty at some time"),
-    Field("samples_taken", INTEGER, "samples that the sensors took"),
-    Field("dead_time_s", NUMBER, "time with an empty primary battery, over all aMussels", "s"),
-    Field("final_charge_mean", NUMBER, "charge of the primary batteries at the end", "0 to 1"),
-    Field(
+    LineField("counted_s", NUMBER, "time in the water as simulated ones, over all aMussels", "s"),
+    LineField("counted_at_end", INTEGER, "aMussels that count at the end"),
+    LineField("uptime_paper", _SPREAD, "share of ticks undocked with charge in the primary battery", "%"),
+    LineField("uptime_submerged", _SPREAD, "share of ticks under water on the primary battery", "%"),
+    LineField("active_mean", NUMBER, "aMussels that were active at a tick, in the paper's meaning"),
+    LineField("amussels_lost", INTEGER, "aMussels whose batteries were both empty at some time"),
+    LineField("emptied", INTEGER, "aMussels whose primary battery was empty at some time"),
+    LineField("samples_taken", INTEGER, "samples that the sensors took"),
+    LineField("dead_time_s", NUMBER, "time with an empty primary battery, over all aMussels", "s"),
+    LineField("final_charge_mean", NUMBER, "charge of the primary batteries at the end", "0 to 1"),
+    LineField(
         "charge_gain_mean",
         NUMBER,
         "charge of the primary batteries at the end minus at the begin: below 0 for a flight that lives on its store",
         "-1 to 1",
     ),
-    Field(
+    LineField(
         "uptime_equal_charge",
         NUMBER,
         "mean uptime_paper, with the charge that is left over or missing at the end valued at the boards' own rates",
         "%",
     ),
-    Field(
+    LineField(
         "excluded", _OBJECT, "time that the figures exclude: twins of real aMussels, and retired ones", "s"
     ),
-    Field("uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True),
-    Field("cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"),
-    Field("planned_m", NUMBER, "the straight ways of its orders, as the paper counts them", "m"),
-    Field("services", INTEGER, "aMussels that left a dock full, by two witnesses of the dock"),
-    Field("apad_energy_fraction", NUMBER, "used part of the aPad's battery; at theta 1 alone", "0 to 1"),
-    Field("apad_energy_missing", TEXT, "why there is no such part"),
-    Field("samples_uploaded", INTEGER, "samples on disk"),
-    Field("samples_lost", INTEGER, "samples that can no longer be uploaded"),
-    Field("samples_waiting", INTEGER, "samples still aboard"),
-    Field(
+    LineField("uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True),
+    LineField("cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"),
+    LineField("planned_m", NUMBER, "the straight ways of its orders, as the paper counts them", "m"),
+    LineField("services", INTEGER, "aMussels that left a dock full, by two witnesses of the dock"),
+    LineField("apad_energy_fraction", NUMBER, "used part of the aPad's battery; at theta 1 alone", "0 to 1"),
+    LineField("apad_energy_missing", TEXT, "why there is no such part"),
+    LineField("samples_uploaded", INTEGER, "samples on disk"),
+    LineField("samples_lost", INTEGER, "samples that can no longer be uploaded"),
+    LineField("samples_waiting", INTEGER, "samples still aboard"),
+    LineField(
         "latest_tick_s",
         NUMBER,
         "the largest lateness of a tick, by the clock that the flight follows, since this supervisor began; "
         "null in virtual time",
         "s",
     ),
-    Field("gave_up", INTEGER, "aMussels whose process stayed dead"),
-    Field("amussels", _OBJECT, "each aMussel's own figures, by its id"),
-    Field("dropped", _OBJECT, "number of dropped inputs, by reason"),
-    Field("digest", TEXT, "of the decisions and happenings: equal runs have equal ones, on every machine"),
+    LineField("gave_up", INTEGER, "aMussels whose process stayed dead"),
+    LineField("amussels", _OBJECT, "each aMussel's own figures, by its id"),
+    LineField("dropped", _OBJECT, "number of dropped inputs, by reason"),
+    LineField(
+        "digest", TEXT, "of the decisions and happenings: equal runs have equal ones, on every machine"
+    ),
 )
 """In order. A figure that nobody knows is null."""
 
-AMUSSEL: tuple[Field, ...] = (
-    Field("uptime_paper", NUMBER, "its uptime, as above", "%"),
-    Field("uptime_submerged", NUMBER, "its other uptime", "%"),
-    Field("services", INTEGER, "number of times that it left a dock of this aPad full"),
-    Field("samples_taken", INTEGER, "samples that its sensors took; null for boards without a log"),
-    Field("final_charge", NUMBER, "charge of its primary battery at the end", "0 to 1"),
-    Field("emptied", BOOLEAN, "its primary battery was empty at some time"),
-    Field("lost", BOOLEAN, "both batteries were empty at some time"),
+AMUSSEL: tuple[LineField, ...] = (
+    LineField("uptime_paper", NUMBER, "its uptime, as above", "%"),
+    LineField("uptime_submerged", NUMBER, "its other uptime", "%"),
+    LineField("services", INTEGER, "number of times that it left a dock of this aPad full"),
+    LineField("samples_taken", INTEGER, "samples that its sensors took; null for boards without a log"),
+    LineField("final_charge", NUMBER, "charge of its primary battery at the end", "0 to 1"),
+    LineField("emptied", BOOLEAN, "its primary battery was empty at some time"),
+    LineField("lost", BOOLEAN, "both batteries were empty at some time"),
 )
 """The figures of one aMussel; all but `services` are null where nothing of it was counted here."""
 

@@ -13,12 +13,19 @@ import rospy
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
-from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, RoutedPacket, Sent
+from apad_bridge.acoustics.serial.nanomodem import (
+    PacketDirection,
+    PacketDropped,
+    PacketReceived,
+    Reported,
+    RoutedPacket,
+    Sent,
+)
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
 from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.supervisor.packet_relay import RelayedPacket, Source
+from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
 from apad_bridge.vehicle.errors import PeerFailed
 from firmware_model.packets import ShortStatus, Status, basic_of
 from firmware_model.packets.codec import Codec
@@ -46,7 +53,7 @@ class AMusselBridge:
         self._codec = codec
         self._modem = modem
         self._tell = tell
-        self._topics = PacketTopics(ids, [Source.REMOTE_SUPERVISOR])
+        self._topics = PacketTopics(ids, [PacketOrigin.REMOTE_SUPERVISOR])
         self._claims = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
         self._claim = FleetClaim(node=rospy.get_name(), real=True, lease_s=LEASE_S, ids=sorted(ids))
         self._claim.since = genpy.Time.from_sec(rospy.get_time())
@@ -92,18 +99,18 @@ class AMusselBridge:
     def _take(self, results: list[Result], now_ms: MissionMs) -> None:
         for result in results:
             match result:
-                case Heard(_, packet):
+                case PacketReceived(_, packet):
                     self._hear(packet, now_ms)
                 case Sent():
                     self.counts["sent to aMussels"] += 1
-                case Dropped(_, reason):
+                case PacketDropped(_, reason):
                     self._drop(reason)
                 case Reported(_, what):
                     self._tell("modem", what)
 
     def _hear(self, packet: RoutedPacket, now_ms: MissionMs) -> None:
         read = self._codec.decode(packet.data)
-        if packet.direction is not Direction.FROM_AMUSSEL:
+        if packet.direction is not PacketDirection.FROM_AMUSSEL:
             self._drop("heard: another bridge's packet to an aMussel")
         elif packet.agent_id not in self._ids:
             self._drop(f"heard: aMussel {packet.agent_id} is none of --ids")
@@ -114,7 +121,7 @@ class AMusselBridge:
         else:
             self.counts["heard from aMussels"] += 1
             self._topics.publish(
-                RelayedPacket(Source.LOCAL_AMUSSEL, packet.agent_id, Medium.SOUND, packet.data, now_ms)
+                RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, packet.agent_id, Medium.SOUND, packet.data, now_ms)
             )
 
     def _drop(self, reason: str, count: int = 1) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Protocol, cast
 import rospy
 
 from apad_bridge.assembly.safety import safety_of
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.events.event import Event
 from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
@@ -47,35 +47,39 @@ from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
-from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
 from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection
-from apad_bridge.supervisor.fleet import Fleet, NoFleet
+from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
     Division,
-    Outcome,
     PacketRelay,
+    RelayOutcome,
     one_of_several,
     whole_flight,
 )
 from apad_bridge.supervisor.roster import NoRoster, Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
-from apad_bridge.vehicle.guards.orders import Body
+from apad_bridge.vehicle.guards.orders import BodyInWater
 from apad_bridge.vehicle.link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
 from firmware_model.packets.codec import load_codec
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
 APadLink = LegacyLink[Any]
-_NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
+_NODES = {
+    BenchPart.WHOLE: "musselbed",
+    BenchPart.FLEET: "musselbed_fleet",
+    BenchPart.MISSION: "musselbed_mission",
+}
 
 
 @contextmanager
@@ -83,7 +87,7 @@ def open_flight_context(
     scenario: Scenario,
     options: RunOptions,
     *,
-    fleet: Fleet | NoFleet,
+    fleet: FlightFleet | NoFleet,
     docked: Mapping[int, int],
     held: tuple[int, ...],
     now_ms: int,
@@ -101,7 +105,7 @@ def open_flight_context(
     journal's `presences`. The vehicle docks the aMussels of the `allocation` and no others.
     """
     # A mission alone publishes none of its aMussels' topics: they, or their fleet, do so themselves.
-    shown = () if options.part is Part.MISSION else scenario.fleet.ids
+    shown = () if options.part is BenchPart.MISSION else scenario.fleet.ids
     with ExitStack() as stack:
         try:
             if options.has_real_vehicle:
@@ -128,7 +132,7 @@ def open_flight_context(
         is_bench = capabilities is not None and not capabilities.reports_contact
         link = LaboratoryLink(laboratory, vehicle, cast(DockAlertReceiver, vehicle) if is_bench else None)
         yield FlightContext(
-            vehicle=ListeningLink(link) if options.part is Part.FLEET else link,
+            vehicle=ListeningLink(link) if options.part is BenchPart.FLEET else link,
             pace=_pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet=fleet,
             safety=safety,
@@ -151,13 +155,13 @@ def open_flight_context(
             ),
             roster=roster,
             faults=faults,
-            keeps_samples=options.part is not Part.FLEET,
+            keeps_samples=options.part is not BenchPart.FLEET,
         )
 
 
 def safety_for(scenario: Scenario, options: RunOptions) -> Safety:
     """The guards and the monitor of the aPad. A fleet alone commands no aPad, so nothing watches it there."""
-    if options.part is Part.FLEET:
+    if options.part is BenchPart.FLEET:
         return plain_safety()
     return safety_of(scenario, needs_person=options.has_real_vehicle)
 
@@ -166,7 +170,7 @@ def _refuse_other_origin(scenario: Scenario, options: RunOptions) -> None:
     """Places would mean other places to a vehicle whose local (0, 0) lies elsewhere."""
     name = in_full(options.namespace, scenario.apad.name)
     finding = check_origin(options.master_uri, name, scenario.area.origin)
-    if finding.status is Status.FAIL:
+    if finding.status is CheckStatus.FAIL:
         raise VehicleNotReady(f"{finding.found}: {finding.mend}")
 
 
@@ -179,11 +183,11 @@ def _bodies_watcher(
     """
 
     def watch(now_ms: int) -> None:
-        simulated = frozenset() if options.part is Part.MISSION else presences.simulated
+        simulated = frozenset() if options.part is BenchPart.MISSION else presences.simulated
         no_body = simulated.union(it for it in supervisor.mission.docks if it is not None)
         gate.see_bodies(
             tuple(
-                Body(f"aMussel {it.agent_id}", (it.north_m, it.east_m), it.agent_id)
+                BodyInWater(f"aMussel {it.agent_id}", (it.north_m, it.east_m), it.agent_id)
                 for it in supervisor.beliefs.all()
                 if it.agent_id not in no_body and it.state in UP_AND_UNDOCKED
             )
@@ -240,7 +244,7 @@ def _vehicle(
     truths_at: TruthsAt,
 ) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
     """The link to the aPad, or to somebody else's dock contacts for a fleet alone; and the watchers that it needs."""
-    if options.part is Part.FLEET and reports_contact(scenario):
+    if options.part is BenchPart.FLEET and reports_contact(scenario):
         return ContactsLink(scenario.apad.name, scenario.fleet.ids, docked, now_ms, scenario.apad.docks), ()
     opened = open_apad(scenario, options, gate, docked, now_ms, truths_at)
     return opened.link, () if opened.watch is None else (opened.watch,)
@@ -248,7 +252,7 @@ def _vehicle(
 
 def _roster(
     stack: ExitStack,
-    fleet: Fleet | NoFleet,
+    fleet: FlightFleet | NoFleet,
     presences: Presences,
     options: RunOptions,
     faults: FaultInjection,
@@ -298,17 +302,17 @@ def _open_relay(
     division = _division(options, vehicle, presences, allocation)
     topics = PacketTopics(scenario.fleet.all_ids if options.is_one_of_several else ids, division.peers)
     channels: tuple[_Channel, ...] = (topics,)
-    if options.part is Part.FLEET:
+    if options.part is BenchPart.FLEET:
         channels = (AMusselServices(ids, codec), topics)
-    elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
+    elif options.part is BenchPart.MISSION and not isinstance(vehicle, ContactsLink):
         legacy = AMusselTopics(
             ids, codec, scenario.time_scale, vehicle.holds, topics.senders, charge_model(scenario.board)
         )
         channels = (topics, legacy)
-    if options.part is not Part.MISSION:
+    if options.part is not BenchPart.MISSION:
         channels = (*channels, LegacyOrders(ids, codec, lambda: presences.simulated))
     inlets = [laboratory.take, *(channel.take for channel in channels)]
-    relay = PacketRelay(division, inlets, {Outcome.PUBLISH: topics.publish, **laboratory.outlets})
+    relay = PacketRelay(division, inlets, {RelayOutcome.PUBLISH: topics.publish, **laboratory.outlets})
     return _RelayParts(relay, channels)
 
 
@@ -317,9 +321,9 @@ def _division(
 ) -> Division:
     if options.is_one_of_several:
         return one_of_several(allocation, lambda: presences.simulated)
-    if options.part is Part.FLEET:
+    if options.part is BenchPart.FLEET:
         return FLEET_ALONE if isinstance(vehicle, ContactsLink) else FLEET_TOLD_OF_DOCKS
-    return MISSION_ALONE if options.part is Part.MISSION else whole_flight(lambda: presences.simulated)
+    return MISSION_ALONE if options.part is BenchPart.MISSION else whole_flight(lambda: presences.simulated)
 
 
 def _allocation_watcher(allocation: Allocation, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:

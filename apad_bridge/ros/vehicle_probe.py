@@ -12,7 +12,7 @@ from genpy import DeserializationError
 
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.positions import PositionSample
-from apad_bridge.doctor.preflight import Heard
+from apad_bridge.doctor.preflight import TopicSeen
 from apad_bridge.ros.types.any_message import AnyMessages
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.wire_probe import (
@@ -105,11 +105,11 @@ def battery_percent(graph: Graph, apad: str) -> float:
     return float(percent)
 
 
-def heard_bool(graph: Graph, topic: str) -> Heard:
+def heard_bool(graph: Graph, topic: str) -> TopicSeen:
     return _heard(graph, topic, 1, lambda data: data[:1] == b"\x01")
 
 
-def heard_text(graph: Graph, topic: str) -> Heard:
+def heard_text(graph: Graph, topic: str) -> TopicSeen:
     """The newer of two messages: the first may be the latched word of a node that is dead."""
 
     def text(data: bytes) -> str:
@@ -119,13 +119,13 @@ def heard_text(graph: Graph, topic: str) -> Heard:
     return _heard(graph, topic, 2, text)
 
 
-def _heard(graph: Graph, topic: str, count: int, read: Callable[[bytes], Any]) -> Heard:
+def _heard(graph: Graph, topic: str, count: int, read: Callable[[bytes], Any]) -> TopicSeen:
     if not graph.publishers.get(topic):
-        return Heard(is_published=False)
+        return TopicSeen(is_published=False)
     try:
-        return Heard(True, read(next_messages(graph, topic, count)[-1]))
+        return TopicSeen(True, read(next_messages(graph, topic, count)[-1]))
     except (NotAnnounced, struct.error, UnicodeDecodeError):
-        return Heard(is_published=True)
+        return TopicSeen(is_published=True)
 
 
 def charge(graph: Graph, apad: str) -> float | None:

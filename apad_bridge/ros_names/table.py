@@ -16,7 +16,7 @@ BATTERY_ALERT, CLOCK, CLOCK_REACHED, TF, TF_STATIC, DIAGNOSTICS, USE_SIM_TIME = 
 )
 
 
-class Kind(StrEnum):
+class NameKind(StrEnum):
     TOPIC = "topic"
     SERVICE = "service"
     ACTION = "action"
@@ -24,14 +24,14 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class NameRow:
     """`name` is the name without a namespace and without the slash before it; {apad} and {id} stand for any.
 
     `who` publishes or offers it; `when` gives its rate or its purpose, and for a global name the reason.
     """
 
     name: str
-    kind: Kind
+    kind: NameKind
     type: str
     who: str
     when: str
@@ -42,15 +42,15 @@ class Row:
 @dataclass(frozen=True, slots=True)
 class Section:
     title: str
-    rows: tuple[Row, ...]
+    rows: tuple[NameRow, ...]
 
 
-def _topic(name: str, type_: str, who: str, when: str, *, is_common: bool = False) -> Row:
-    return Row(name, Kind.TOPIC, type_, who, when, is_common)
+def _topic(name: str, type_: str, who: str, when: str, *, is_common: bool = False) -> NameRow:
+    return NameRow(name, NameKind.TOPIC, type_, who, when, is_common)
 
 
-def _service(name: str, type_: str, who: str, when: str) -> Row:
-    return Row(name, Kind.SERVICE, type_, who, when)
+def _service(name: str, type_: str, who: str, when: str) -> NameRow:
+    return NameRow(name, NameKind.SERVICE, type_, who, when)
 
 
 OURS = Section(
@@ -159,8 +159,10 @@ OURS_OF_APAD = Section(
     (
         _topic("musselbed/{apad}/goto_status", "std_msgs/Int32", "supervisor", "at each change, latched"),
         _topic("musselbed/{apad}/docking_status", "std_msgs/Int32", "supervisor", "at each change, latched"),
-        Row("musselbed/{apad}/go_to", Kind.ACTION, "musselbed_msgs/GoTo", "supervisor", "to its end"),
-        Row("musselbed/{apad}/docking", Kind.ACTION, "musselbed_msgs/Docking", "supervisor", "to its end"),
+        NameRow("musselbed/{apad}/go_to", NameKind.ACTION, "musselbed_msgs/GoTo", "supervisor", "to its end"),
+        NameRow(
+            "musselbed/{apad}/docking", NameKind.ACTION, "musselbed_msgs/Docking", "supervisor", "to its end"
+        ),
         _service(
             "musselbed/{apad}/go_to_point",
             "musselbed_msgs/GoToPoint",
@@ -261,7 +263,7 @@ OF_APAD = Section(
         _topic("{apad}/position", "auv_msgs/NavSts", _AB, "10 Hz"),
         _topic("{apad}/stateRef", "auv_msgs/NavSts", _AB, "10 Hz; ours also after each time of /clock"),
         _topic("{apad}/battery_level", "std_msgs/Float64", _AB, "1 Hz, percent"),
-        Row("{apad}/action_server", Kind.ACTION, "apad/aPad", _A, "go to, perch, release"),
+        NameRow("{apad}/action_server", NameKind.ACTION, "apad/aPad", _A, "go to, perch, release"),
         _topic("{apad}/charging", "std_msgs/Float64", "anybody", "generation A subscribes: percent gained"),
         _topic("{apad}/draining", "std_msgs/Float64", "anybody", "generation A subscribes: percent lost"),
         _service("{apad}/check_docking_availability", "misc_msgs/GetDockingInfo", _A, "which docks are free"),
@@ -299,9 +301,9 @@ OF_APAD = Section(
         _service(
             "{apad}/commander/docking", "misc_msgs/DockingService", _B, "the same with rates of its own"
         ),
-        Row(
+        NameRow(
             "{apad}/go2point",
-            Kind.ACTION,
+            NameKind.ACTION,
             "navcon_msgs/GoToPoint",
             _B,
             "the layer below: every go-to, to its end",
@@ -343,9 +345,9 @@ GLOBAL = Section(
             "simulated aPad, supervisor",
             "after each time of /clock or tick, latched: all before is handled; the one /clock waits for it",
         ),
-        Row(
+        NameRow(
             USE_SIM_TIME,
-            Kind.PARAMETER,
+            NameKind.PARAMETER,
             "bool",
             "who starts the clock",
             "rospy reads it there and nowhere else",

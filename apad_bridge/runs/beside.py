@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.hosting.link_protocol import readable
-from apad_bridge.doctor.network import Refused, Unreachable, call_for_reply
+from apad_bridge.doctor.network import ConnectionRefused, Unreachable, call_for_reply
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.exits import UserError
 from apad_bridge.supervisor.control import Act, Request, answer_of, listens
@@ -39,7 +39,7 @@ _MASTER_FAILED = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class ServiceCommand:
     """A command of ours that serves a run."""
 
     name: str
@@ -91,7 +91,7 @@ class Service:
         """
         if not directory.is_dir():
             raise UserError(f"{directory} is no run: it does not exist")
-        first = Command(self.name, directory, [self.name, str(directory), *self.arguments])
+        first = ServiceCommand(self.name, directory, [self.name, str(directory), *self.arguments])
         child, line = first.start()
         further, environment = ((), {}) if self.again is None else self.again(line)
         watch = _Watch(
@@ -163,7 +163,7 @@ def why_no_answer(uri: str) -> str | None:
     """None where the master answers, and where nothing listens there any more."""
     try:
         call_for_reply(uri, "getPid")
-    except Refused:
+    except ConnectionRefused:
         return None
     except Unreachable as error:
         return str(error)
@@ -173,7 +173,7 @@ def why_no_answer(uri: str) -> str | None:
 class _Watch:
     """Watches one command in a thread of its own, which is also the one that starts it again."""
 
-    def __init__(self, child: Child, command: Command, tell: Callable[[str], None]) -> None:
+    def __init__(self, child: Child, command: ServiceCommand, tell: Callable[[str], None]) -> None:
         self._child = child
         self._command = command
         self._notes = _Notes(command.directory, tell)

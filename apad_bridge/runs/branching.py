@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from agents.coordinator import Heard
+from agents.coordinator import AgentOutput
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import WasReset, from_json
@@ -53,7 +53,7 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import FlightFleet
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -139,7 +139,7 @@ class _Opened:
 class _Relived:
     """The aMussels at the moment of the branch, and what a supervisor learned of them."""
 
-    fleet: Fleet
+    fleet: FlightFleet
     learned: LearnedState
     docked: tuple[int, ...]
 
@@ -301,9 +301,9 @@ def _relive(
     for now_ms in map(MissionMs, range(0, at_ms + 1, TICK_MS)):
         for result in fleet.advance(now_ms):
             match result:
-                case Heard(heard_ms, _, WifiSent(_, data)):
+                case AgentOutput(heard_ms, _, WifiSent(_, data)):
                     listener.receive(WifiHeard(heard_ms, data))
-                case Heard(heard_ms, _, SoundSent(_, data)):
+                case AgentOutput(heard_ms, _, SoundSent(_, data)):
                     listener.receive(SoundHeard(heard_ms, data))
         truths = fleet.take_truths()
         recorder.truths(truths)

@@ -9,9 +9,9 @@ from typing import Protocol
 from agents.hosting.started import outlive_starter
 from apad_bridge.events.event import Category, Event
 from apad_bridge.runs.parent_protocol import say, write
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 
-MakeStatus = Callable[[], Status]
+MakeStatus = Callable[[], RunStatus]
 """Makes the newest status. It takes longer than many a tick, so a display calls it for a status that it shows."""
 
 
@@ -58,8 +58,8 @@ class JointDisplay:
         self._newest[name] = now_ms, status
         self._progress.show_status(min(at_ms for at_ms, _ in self._newest.values()), self._combined)
 
-    def _combined(self) -> Status:
-        return Status.combined([status() for _, status in self._newest.values()], len(self._names))
+    def _combined(self) -> RunStatus:
+        return RunStatus.combined([status() for _, status in self._newest.values()], len(self._names))
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,14 +35,14 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
 from apad_bridge.runs.display import ProgressDisplay, failure_line
 from apad_bridge.runs.nurseries import FOLDER, begin_nursery
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible, ClockLost
 from apad_bridge.supervisor.context import Announce, FlightContext
 from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import FlightFleet
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
@@ -154,7 +154,7 @@ def open_fleet(
     run_dir: Path,
     sea: Sea | None = None,
     nursery: StartedNursery | None = None,
-) -> Fleet:
+) -> FlightFleet:
     """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in the run's directory.
 
     It joins the `sea` that several flights share, if there is one, and adopts the `nursery` that was begun for it.
@@ -174,7 +174,7 @@ def open_fleet(
     return fleet_parts.fleet_of(config, host, dict.fromkeys((it.agent_id for it in starts), 0), sea=sea)
 
 
-def in_process_context(config: FlightConfig, fleet: Fleet) -> FlightContext:
+def in_process_context(config: FlightConfig, fleet: FlightFleet) -> FlightContext:
     """Virtual time with the simulated aPad in this process."""
     return FlightContext(
         vehicle=InProcessVehicle(parts.simulated_apad(config.scenario)),
@@ -253,8 +253,8 @@ def prepare(
         def forecast() -> Forecast:
             return flight.supervisor.forecast(forecaster, now_ms)
 
-        def status() -> Status:
-            return Status.of(flight.supervisor, now_ms, context.pace.behind_s, forecast())
+        def status() -> RunStatus:
+            return RunStatus.of(flight.supervisor, now_ms, context.pace.behind_s, forecast())
 
         if forecaster.is_due(now_ms):
             forecast()

@@ -21,7 +21,7 @@ from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import FlightFleet
 from apad_bridge.vehicle.errors import PeerFailed
 
 FOLDER = "fleet"
@@ -93,7 +93,7 @@ def adopt(
     now_ms: MissionMs,
     opened_modems: tuple[int, ...] = (),
     sea: RemoteSea | None = None,
-) -> Fleet:
+) -> FlightFleet:
     """Adopts the run's fleet for supervisor number `epoch` at mission time `now_ms`, with the `opened_modems`.
 
     It joins the `sea` that several flights share, if there is one.

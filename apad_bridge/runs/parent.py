@@ -41,9 +41,9 @@ from apad_bridge.runs.display import JointDisplay, ProgressDisplay
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, Message, Said, Seen, Summary
 from apad_bridge.runs.several.summary import Flown
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.another_apad import Sharing
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def fly(
             own = replace(options, open_modems=opened, is_one_of_several=takes_over, apads=names, sea=sea)
             own = own.at_port(free_port())
             own.save(path)
-            if options.part is not Part.MISSION:
+            if options.part is not BenchPart.MISSION:
                 stack.callback(end_fleet, path, start_nursery(member.scenario, member.starts, path))
             runs.append(Run(member.name, path, own))
         reassigner = None
@@ -245,7 +245,7 @@ class SupervisorWatch:
 
     def _handle(self, name: str, message: Message | None) -> None:
         match message:
-            case Status():
+            case RunStatus():
                 self._displays[name].show_status(message.now_ms, lambda: message)
             case Said(text):
                 self._print(name, text)

@@ -19,7 +19,7 @@ from typing import Any, get_args
 
 from pydantic import TypeAdapter
 
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.text_file import write_atomically
 
 ORDERS_FILE = "squad.json"
@@ -82,7 +82,7 @@ class Kept:
 
 MemberReport = Seen | Gave | Kept
 """The reports that only the parent of several aPads needs."""
-Message = Status | Said | Summary | Failed | MemberReport
+Message = RunStatus | Said | Summary | Failed | MemberReport
 
 _KINDS: dict[str, Any] = {kind.__name__.lower(): kind for kind in get_args(Message)}
 

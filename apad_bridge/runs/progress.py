@@ -22,7 +22,7 @@ from rich.progress import (
 )
 
 from apad_bridge.runs.display import MakeStatus, clock_text
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 from apad_bridge.supervisor.forecast import Forecast
 
 _LINE_EVERY_MS = 300_000
@@ -99,7 +99,7 @@ class FlightProgress:
                 self._last_line_ms = now_ms
                 self._print(f"{self._clock_text(now_ms)}  {_doing(status())}{self._left()}")
 
-    def _show_in_bar(self, status: Status) -> None:
+    def _show_in_bar(self, status: RunStatus) -> None:
         self._unshown = None
         self._last_shown_s = self._clock()
         self._update(completed=status.now_ms, clock=self._clock_text(status.now_ms), doing=_doing(status))
@@ -163,7 +163,7 @@ class WorkProgress:
             self._timer = None
 
 
-def _doing(status: Status) -> str:
+def _doing(status: RunStatus) -> str:
     """The status in words, without its time."""
     reports = f"{status.active}/{status.agents} active" if status.agents else "waiting for first reports"
     doing = (
@@ -178,7 +178,7 @@ def _doing(status: Status) -> str:
     return doing
 
 
-def _apad_text(status: Status) -> str:
+def _apad_text(status: RunStatus) -> str:
     """The mission's phase, and the aPad's primitive where the phase does not say it."""
     known = status.primitive in ("", "none") or status.primitive in status.phase
     return status.phase if known else f"{status.phase} ({status.primitive})"

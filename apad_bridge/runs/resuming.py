@@ -32,7 +32,7 @@ from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
-from apad_bridge.scenario.run_options import Part, RunOptions
+from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import TimedFault, injection
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
@@ -252,7 +252,7 @@ def presence_lines(presences: Presences) -> list[str]:
 
 def _nothing_learned(config: FlightConfig, options: RunOptions) -> LearnedState:
     # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
-    return parts.initial_learned_state(config, has_modem=options.part is not Part.MISSION)
+    return parts.initial_learned_state(config, has_modem=options.part is not BenchPart.MISSION)
 
 
 def restore_learned(

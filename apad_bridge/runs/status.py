@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class RunStatus:
     """`agents` is the number of aMussels served here of which a packet was received; `active` is the number of these
     that are believed to be in the water with charge left."""
 
@@ -34,7 +34,7 @@ class Status:
     """None for several aPads, whose forecasts have no sum."""
 
     @classmethod
-    def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float, forecast: Forecast) -> Status:
+    def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float, forecast: Forecast) -> RunStatus:
         allocation = supervisor.allocation
         beliefs = [it for it in supervisor.beliefs.all() if it.agent_id not in allocation.served_elsewhere]
         state = supervisor.mission.state
@@ -53,7 +53,7 @@ class Status:
         )
 
     @classmethod
-    def combined(cls, each: Sequence[Status], apads: int) -> Status:
+    def combined(cls, each: Sequence[RunStatus], apads: int) -> RunStatus:
         """Sums the figures of several aPads; the time is that of the slowest flight, because the run ends with it."""
         if apads == 1:
             return each[0]

@@ -40,13 +40,13 @@ from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
 from apad_bridge.runs.several.member import join_others
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import Part, RunOptions
+from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.amussel_orders import AMusselOrders
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.core import TICK_MS
-from apad_bridge.supervisor.fleet import Fleet, NoFleet
+from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.vehicle.errors import PeerFailed
 
 
@@ -158,10 +158,10 @@ def _begin_with_others(run: _Run, context: FlightContext) -> _Run:
     return replace(run, start_state=replace(run.start_state, resume_point=resume_point))
 
 
-def _adopt_fleet(run: _Run) -> tuple[_Run, Fleet | NoFleet]:
+def _adopt_fleet(run: _Run) -> tuple[_Run, FlightFleet | NoFleet]:
     """Adopts the run's fleet in the state in which the last supervisor left it, with the stimuli that wait for it."""
     start_state, start_ms = run.start_state, run.start_state.start_ms
-    if run.options.part is Part.MISSION:
+    if run.options.part is BenchPart.MISSION:
         return run, NoFleet()
     fleet = adopt(run.config, run.path, run.options.epoch, start_ms, run.options.open_modems, run.sea)
     start_state.recorder.truths(fleet.take_truths())
@@ -170,7 +170,7 @@ def _adopt_fleet(run: _Run) -> tuple[_Run, Fleet | NoFleet]:
 
 
 @contextmanager
-def _flight_context(run: _Run, fleet: Fleet | NoFleet) -> Iterator[FlightContext]:
+def _flight_context(run: _Run, fleet: FlightFleet | NoFleet) -> Iterator[FlightContext]:
     """Opens the parts of the flight: those on the graph, the serial lines, and the link to other aPads' runs."""
     scenario, options, start_state = run.config.scenario, run.options, run.start_state
     with (
@@ -204,7 +204,7 @@ def _flight_context(run: _Run, fleet: Fleet | NoFleet) -> Iterator[FlightContext
 
 def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: CallQueue) -> FlightContext:
     """Takes orders of commands, too, and counts those that it drops."""
-    has_water = run.config.scenario.water is not None and run.options.part is not Part.MISSION
+    has_water = run.config.scenario.water is not None and run.options.part is not BenchPart.MISSION
     amussels = AMusselOrders(run.config.ids, context.roster, has_water)
     gate = context.safety.gate
     dropped = stack.enter_context(control_offered(run.path, calls, gate, amussels=amussels))

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
+from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
 from agents.mussel.board_link import serial_line
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
@@ -14,7 +14,7 @@ from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import Fence, fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.choices import Hosting
-from apad_bridge.scenario.estimator_options import Estimator
+from apad_bridge.scenario.estimator_options import EstimatorKind
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.firmware_config import can_fill, grains_of_milliwatts
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
@@ -381,7 +381,7 @@ def _check_mission(scenario: Scenario) -> list[Contradiction]:
             look_up(name)
         except ValueError as error:
             found.append((key, str(error)))
-    if mission.suspects is not Suspects.TOLD and scenario.beliefs.estimator is not Estimator.TWIN:
+    if mission.suspects is not Suspects.TOLD and scenario.beliefs.estimator is not EstimatorKind.TWIN:
         found.append(
             (
                 "mission.suspects",
@@ -464,7 +464,7 @@ def _check_water(scenario: Scenario) -> Iterator[Contradiction]:
     if water.links_file is not None and (problem := problem_with_links(Path(water.links_file))):
         yield "water.links_file", problem
     if water.talk.ping_worth_m and (
-        scenario.beliefs.estimator is not Estimator.TWIN or water.localisation is None
+        scenario.beliefs.estimator is not EstimatorKind.TWIN or water.localisation is None
     ):
         yield (
             "water.talk.ping_worth_m",
@@ -472,14 +472,14 @@ def _check_water(scenario: Scenario) -> Iterator[Contradiction]:
             "beliefs.estimator: twin and water.localisation, or leave this key out",
         )
     if water.talk.ask_worth_answers and (
-        scenario.beliefs.estimator is not Estimator.TWIN or scenario.board.whole is None
+        scenario.beliefs.estimator is not EstimatorKind.TWIN or scenario.board.whole is None
     ):
         yield (
             "water.talk.ask_worth_answers",
             "the last packet says nothing of how sure a charge is, and the worst case does not answer: add "
             "beliefs.estimator: twin and board.whole, or leave this key out",
         )
-    if water.modems is Generation.V2:
+    if water.modems is ModemGeneration.V2:
         yield from _check_v2_modems(scenario, water)
     current = water.current
     if current is None:
@@ -496,14 +496,14 @@ def _check_water(scenario: Scenario) -> Iterator[Contradiction]:
 
 
 def _check_v2_modems(scenario: Scenario, water: Water) -> Iterator[Contradiction]:
-    max_bytes = PAYLOAD_BYTES[Generation.V2][1]
+    max_bytes = PAYLOAD_BYTES[ModemGeneration.V2][1]
     for key, is_enabled in (("assigns", water.talk.assigns), ("beacon_period_s", water.talk.beacon_period_s)):
         if is_enabled:
             yield (
                 f"water.talk.{key}",
                 f"a v2 modem carries {max_bytes} bytes, and this takes more: leave it out, or use v3",
             )
-    whole, status_ms = scenario.board.whole, duration_ms(Generation.V2, max_bytes)
+    whole, status_ms = scenario.board.whole, duration_ms(ModemGeneration.V2, max_bytes)
     if whole is not None and whole.transmit_ms < status_ms:
         yield (
             "board.whole.transmit_ms",

@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from apad_bridge.scenario.quantities import NotNegative, Positive, frozen
 
 
-class Estimator(StrEnum):
+class EstimatorKind(StrEnum):
     """`hold_last`: the newest packet's values until the next. `twin`: the firmware model run forward, and a filter."""
 
     HOLD_LAST = "hold_last"
@@ -58,9 +58,9 @@ class TwinModel:
 
 @frozen
 class Beliefs:
-    estimator: Estimator = Estimator.HOLD_LAST
+    estimator: EstimatorKind = EstimatorKind.HOLD_LAST
     twin: TwinModel | None = None
 
     def __post_init__(self) -> None:
-        if (self.estimator is Estimator.TWIN) != (self.twin is not None):
+        if (self.estimator is EstimatorKind.TWIN) != (self.twin is not None):
             raise ValueError("`twin` must be there for the estimator twin, and for no other")

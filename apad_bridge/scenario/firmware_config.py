@@ -7,15 +7,15 @@ from decimal import ROUND_HALF_EVEN, Decimal
 from functools import cache
 
 from agents.fleet import Spread
-from agents.modem.frames import Generation, duration_ms
+from agents.modem.frames import ModemGeneration, duration_ms
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.full_firmware_options import (
     BoardPower,
     FullFirmwareOptions,
-    LastResort,
-    Metering,
+    LastResortOptions,
+    MeteringOptions,
     SleepCycle,
-    Timekeeping,
+    TimekeepingOptions,
 )
 from apad_bridge.scenario.schema import Scenario
 from firmware_model import config
@@ -40,7 +40,9 @@ _CELL_MV = 3700
 _RANGE_MV = FULL_MV - EMPTY_MV
 
 
-def board_config(board: Board, seed: int = 0, modems: Generation = Generation.V3) -> config.BoardConfig:
+def board_config(
+    board: Board, seed: int = 0, modems: ModemGeneration = ModemGeneration.V3
+) -> config.BoardConfig:
     """Builds the configuration that all boards share, with their batteries at their age.
 
     `seed` is for the noise of readings. An aMussel's id, timeslot and clock's drift are its own, and 0 here.
@@ -87,7 +89,7 @@ def charge_models(scenario: Scenario) -> Callable[[int], ChargeModel]:
     return cache(lambda agent_id: spread.charge_model(nominal, scenario.seed, agent_id))
 
 
-def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: Generation) -> config.FullFirmware:
+def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: ModemGeneration) -> config.FullFirmware:
     return config.FullFirmware(
         _power(whole.power, whole.last_resort, seed),
         None if whole.cycle is None else _cycle(whole.cycle),
@@ -122,7 +124,7 @@ def can_fill(board: Board, start: float, level: float) -> bool:
     return firmware.charge.reaches_at_ms(docked, min(FULL, grains(level) + 1)) is not None
 
 
-def _power(power: BoardPower, last_resort: LastResort, seed: int) -> config.Power:
+def _power(power: BoardPower, last_resort: LastResortOptions, seed: int) -> config.Power:
     return config.Power(
         loads=Loads(
             tuple(
@@ -142,7 +144,7 @@ def _power(power: BoardPower, last_resort: LastResort, seed: int) -> config.Powe
     )
 
 
-def _metering(metering: Metering, capacity_wh: float, seed: int) -> config.Metering:
+def _metering(metering: MeteringOptions, capacity_wh: float, seed: int) -> config.Metering:
     """Converts the metering: 1 mW is 1 / 3700 A through the resistance, and a number of grains a ms of this battery."""
     mv_per_mw = metering.internal_resistance_ohm * 1000 / _CELL_MV
     grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / _MS_PER_HOUR
@@ -157,7 +159,7 @@ def _metering(metering: Metering, capacity_wh: float, seed: int) -> config.Meter
     )
 
 
-def _timekeeping(timekeeping: Timekeeping) -> config.Timekeeping:
+def _timekeeping(timekeeping: TimekeepingOptions) -> config.Timekeeping:
     return config.Timekeeping(round(timekeeping.bound_ppm * _PPB_OF_PPM), _ms(timekeeping.beacon_wait_s))
 
 

@@ -52,7 +52,7 @@ class ModuleLoads:
 
 
 @frozen
-class Metering:
+class MeteringOptions:
     """The board's readings of its batteries: a load pulls the voltage down, a charger lifts it, noise is added."""
 
     profile: Literal["table-one"] | None = None
@@ -101,7 +101,7 @@ class BoardPower:
     """Modules that nothing switches off."""
     low_level: Fraction = 0.0
     """A sleeping board wakes and reports when its primary battery is down to this; 0 for no such level."""
-    metering: Metering | None = None
+    metering: MeteringOptions | None = None
     """None: the board knows the charges exactly."""
     ageing: Ageing | None = None
     """None: the batteries are new."""
@@ -114,7 +114,7 @@ class BoardPower:
 
 
 @frozen
-class Timeslots:
+class TimeslotOptions:
     frame_s: PositiveSeconds
     slot_s: PositiveSeconds
     guard_s: NotNegativeSeconds = 0.0
@@ -137,12 +137,12 @@ class SleepCycle:
     """The time that the board stays awake after it has come to rest on the bottom."""
     report_s: PositiveSeconds
     """The time that it stays awake in a dock after a report and after each acknowledgement of its log."""
-    slots: Timeslots | None
+    slots: TimeslotOptions | None
     """The timeslots of the acoustic status; None: the board goes back to sleep without sending one."""
 
 
 @frozen
-class LastResort:
+class LastResortOptions:
     """The board's action when its backup battery is down to the safe level."""
 
     action: config.LastResort
@@ -154,7 +154,7 @@ class LastResort:
 
 
 @frozen
-class Timekeeping:
+class TimekeepingOptions:
     """The drift that the firmware assumes of its clock, and its wait for a beacon."""
 
     bound_ppm: NotNegative
@@ -169,14 +169,14 @@ class FullFirmwareOptions:
     power: BoardPower
     cycle: SleepCycle | None
     """None: never asleep."""
-    last_resort: LastResort
+    last_resort: LastResortOptions
     transmit_ms: Annotated[Milliseconds, Gt(0)]
     """The time that the modem takes to send a status."""
     turnaround_ms: Milliseconds = 500
     """The time from the end of a ping to the board's answer."""
     hover_period_s: PositiveSeconds
     """The time between the motor runs that hold a depth."""
-    timekeeping: Timekeeping | None = None
+    timekeeping: TimekeepingOptions | None = None
     """None: the firmware trusts its clock."""
     clock_drift_ppm: NotNegative = 0.0
     """The largest real drift of a board's clock, either way; the board's and the scenario's seed decide it."""

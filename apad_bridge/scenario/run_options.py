@@ -35,7 +35,7 @@ class OnDeath(StrEnum):
     WAIT = "wait"
 
 
-class Part(StrEnum):
+class BenchPart(StrEnum):
     """The part of the bench that this process runs."""
 
     WHOLE = "whole"
@@ -47,7 +47,7 @@ class Part(StrEnum):
 class RunOptions:
     """`master_uri` is empty for a run that needs no ROS; `epoch` counts the supervisors of the run."""
 
-    part: Part
+    part: BenchPart
     apad: APadKind
     time: TimeSource
     speed: float
@@ -93,7 +93,7 @@ class RunOptions:
 
         A simulated aPad of ours or of a launch file flies by a /clock, which a real one does not.
         """
-        return self.apad is APadKind.ROS and self.time is TimeSource.WALL and self.part is not Part.FLEET
+        return self.apad is APadKind.ROS and self.time is TimeSource.WALL and self.part is not BenchPart.FLEET
 
     @property
     def is_resumed(self) -> bool:
@@ -115,7 +115,7 @@ class RunOptions:
             return cls(
                 **{
                     **data,
-                    "part": Part(data["part"]),
+                    "part": BenchPart(data["part"]),
                     "apad": APadKind(data["apad"]),
                     "time": TimeSource(data["time"]),
                     "on_death": OnDeath(data["on_death"]),

@@ -113,7 +113,7 @@ SpreadDeviation = Annotated[float, Ge(0), Le(0.3)]
 
 
 @frozen
-class Spread:
+class SpreadOptions:
     """Spread of the fleet's aMussels about their board's numbers: one standard deviation, relative. The draws follow
     from the scenario's seed; no estimator knows them."""
 
@@ -151,7 +151,7 @@ class Fleet:
     """The ids that this aPad serves if it is one of several; empty for all."""
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
-    spread: Spread = Spread()
+    spread: SpreadOptions = SpreadOptions()
     firmware: tuple[FirmwareProgram, ...] = ()
     """Somebody's firmware on boards; the others have ours."""
 

@@ -17,7 +17,7 @@ from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.area.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
-from apad_bridge.scenario.starts_table import Row, read_table, table_of
+from apad_bridge.scenario.starts_table import StartRow, read_table, table_of
 from apad_bridge.scenario.text_file import write_atomically
 
 _KEY = Struct("<QQQ")
@@ -128,7 +128,7 @@ def save_starts(path: Path, starts: Iterable[Start], origin: Origin) -> None:
     write_atomically(path, "\n".join(lines) + "\n")
 
 
-def _refuse_far_rows(table: Path, rows: Iterable[Row], area: Area) -> None:
+def _refuse_far_rows(table: Path, rows: Iterable[StartRow], area: Area) -> None:
     """Refuses places outside the bounding box grown by a tenth on each side: lat and lon swapped, or another origin."""
     (south, west), (north, east) = bounding_box(area.polygon_m)
     margin_north, margin_east = (north - south) / 10, (east - west) / 10

@@ -45,7 +45,7 @@ _AGREE_M = 0.01  # lat and lon are written to 9 decimals, 0.1 mm
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class StartRow:
     """One aMussel of the file: local NED metres, charges in [0, 1], and the line's number."""
 
     line: int
@@ -80,10 +80,10 @@ def read_ids(path: Path) -> list[int]:
     return sorted(ids)
 
 
-def read_table(path: Path, frame: LocalFrame) -> list[Row]:
+def read_table(path: Path, frame: LocalFrame) -> list[StartRow]:
     """Reads all rows in the order of the file. Raises ScenarioError with a `FILE:LINE: message` for each wrong row."""
     columns, lines = _read(path)
-    rows: dict[int, Row] = {}
+    rows: dict[int, StartRow] = {}
     problems: list[str] = []
     for number, line in lines:
         try:
@@ -149,12 +149,12 @@ def _columns(header: str) -> list[str]:
     return columns
 
 
-def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> Row:
+def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> StartRow:
     if len(cells) != len(columns):
         raise ValueError(f"{len(cells)} values for {len(columns)} columns")
     texts = dict(zip(columns, cells, strict=True))
     north_m, east_m = _place(texts, frame)
-    return Row(
+    return StartRow(
         line,
         _agent_id(texts["id"]),
         north_m,

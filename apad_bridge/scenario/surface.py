@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from agents.water.stream import CurrentConfig, Stream, Tide
+from agents.water.stream import CurrentConfig, Stream, TideConstituent
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.water.currents import current_text, steady_text
@@ -68,7 +68,7 @@ def current_config(scenario: Scenario) -> CurrentConfig:
     return CurrentConfig(
         _field_text(scenario, current),
         tuple(
-            Tide(
+            TideConstituent(
                 round(tide.period_h * 3600),
                 round(tide.north_m_s * 1e6),
                 round(tide.east_m_s * 1e6),

@@ -14,7 +14,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from agents.mussel.defects import Part
+from agents.mussel.defects import BoardPart
 from apad_bridge.scenario.quantities import NotNegativeSeconds, PositiveSeconds, Quantity, frozen
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 
@@ -83,7 +83,7 @@ class FaultRow:
     """Only an aMussel in a dock can have it."""
     needs_process: bool = False
     """Only an aMussel with a process of its own can have it."""
-    part: Part | None = None
+    part: BoardPart | None = None
     """The part of the board that fails while it lasts."""
 
 
@@ -162,60 +162,60 @@ TABLE: Mapping[TimedFault, FaultRow] = {
         "the sensors do not answer on their bus (NACK)",
         "they answer again; samples meanwhile repeat the last counts",
         60.0,
-        part=Part.BUS,
+        part=BoardPart.BUS,
     ),
     _F.READINGS_SCATTER: FaultRow(
         "the converter's readings of the batteries have noise",
         "they are exact again",
         60.0,
         Parameter("amplitude", "of a battery, either way", 0.05, 0.0, 1.0),
-        part=Part.CONVERTER,
+        part=BoardPart.CONVERTER,
     ),
     _F.READINGS_STAND: FaultRow(
         "the converter stands: its readings of the batteries stay as they are",
         "they follow the batteries again; a reset reads them once",
         60.0,
-        part=Part.HOLD,
+        part=BoardPart.HOLD,
     ),
     _F.DEPTH_STANDS: FaultRow(
         "the pressure sensor stands: the board notices neither the surface nor the bottom",
         "it shows where the aMussel is by then; a reset reads it once",
         60.0,
-        part=Part.DEPTH,
+        part=BoardPart.DEPTH,
     ),
     _F.UART_OVERRUN: FaultRow(
         "the board's UARTs overrun: each packet to it loses its end",
         "packets arrive whole",
         60.0,
         Parameter("kept", "bytes", 4.0, 1.0, 1000.0),
-        part=Part.UARTS,
+        part=BoardPart.UARTS,
     ),
     _F.WRITE_TORN: FaultRow(
         "each write to the flash ends in its middle",
         "writes are whole; the torn records stay unreadable",
         60.0,
         Parameter("written", "bytes", 10.0, 1.0, 4096.0),
-        part=Part.WRITES,
+        part=BoardPart.WRITES,
     ),
     _F.FLASH_WORN: FaultRow(
         "worn cells of the flash stay erased",
         "writes are whole; the spoilt records stay unreadable",
         60.0,
         Parameter("bits", "mask of each byte", 16.0, 1.0, 255.0),
-        part=Part.CELLS,
+        part=BoardPart.CELLS,
     ),
     _F.FLASH_SILENT: FaultRow(
         "the flash does not answer: it reads as erased, and nothing is written or erased",
         "it answers again; the records of the time between are missing",
         60.0,
-        part=Part.FLASH,
+        part=BoardPart.FLASH,
     ),
     _F.WRITE_BROWN_OUT: FaultRow(
         "a brown-out resets the MU in the middle of its next write to the flash",
         "the board boots again, and counts the torn record; if it wrote nothing, nothing happens",
         600.0,
         Parameter("written", "bytes", 10.0, 1.0, 4096.0),
-        part=Part.SUPPLY,
+        part=BoardPart.SUPPLY,
     ),
     _F.APAD_FROZEN: FaultRow(
         "the aPad's computer reports nothing and takes no order; it goes on with the last one",

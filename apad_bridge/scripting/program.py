@@ -29,8 +29,8 @@ from apad_bridge.scripting.rendezvous import (
     AS_FAST_AS_POSSIBLE,
     Aborted,
     Do,
-    Finished,
     Rendezvous,
+    ScriptFinished,
     TurnTimeouts,
     Wait,
 )
@@ -145,7 +145,7 @@ class ScriptSource:
                         busy_s = self._rendezvous.busy_s
                         mission.finish(_failure(f"it neither called the API nor slept for {busy_s:g} s"))
                     return
-                case Finished(failure):
+                case ScriptFinished(failure):
                     if failure is not None:
                         mission.finish(_failure(failure))
                     elif not mission.is_busy:

@@ -58,7 +58,7 @@ Request = Do | Wait
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class ScriptFinished:
     """The script is over; `failure` is the reason in one line, or None if it simply ended."""
 
     failure: str | None
@@ -73,7 +73,7 @@ class Rendezvous:
     def __init__(self, turns: TurnTimeouts) -> None:
         self._turns = turns
         self._lock = threading.Condition()
-        self._request: Request | Finished | None = None
+        self._request: Request | ScriptFinished | None = None
         self._answer: Any = None
         self._closed: str | None = None
         self._tick_s = self._answered_s = time.monotonic()
@@ -110,7 +110,7 @@ class Rendezvous:
 
     def finish(self, failure: str | None) -> None:
         with self._lock:
-            self._request = Finished(failure)
+            self._request = ScriptFinished(failure)
             self._lock.notify_all()
 
     # The supervisor's side.
@@ -127,7 +127,7 @@ class Rendezvous:
             if self._request is not None:
                 self._answered_s = self._tick_s
 
-    def next(self) -> Request | Finished | None:
+    def next(self) -> Request | ScriptFinished | None:
         """The script's next request; None when the script computes for longer than this tick waits."""
         with self._lock:
             self._lock.wait_for(lambda: self._request is not None, self._turns.tick_s)

@@ -15,7 +15,7 @@ from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fault_injection import FaultInjection, NoFaults
-from apad_bridge.supervisor.fleet import Fleet, NoFleet
+from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.supervisor.forecast import Forecast
 from apad_bridge.supervisor.packet_relay import PacketRelay, no_relay
 from apad_bridge.supervisor.roster import NoRoster, Roster
@@ -41,7 +41,7 @@ class FlightContext:
 
     vehicle: VehicleLink
     pace: Pace
-    fleet: Fleet | NoFleet
+    fleet: FlightFleet | NoFleet
     safety: Safety = field(default_factory=plain_safety)
     """Judges each order before it goes out to the vehicle, and watches the vehicle between orders."""
     watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()

@@ -39,7 +39,7 @@ from apad_bridge.mission.orders import (
     StopVehicle,
     TellClear,
 )
-from apad_bridge.mission.role import Mission
+from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation
 from apad_bridge.mission.state import MissionEnd
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
@@ -124,7 +124,7 @@ class Supervisor:
     def __init__(
         self,
         learned: LearnedState,
-        mission: Mission,
+        mission: MissionRole,
         port: DockingPort,
         codec: Codec,
         samples: SampleCollection | NoSampleCollection,

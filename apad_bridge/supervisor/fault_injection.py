@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
-from agents.mussel.defects import Part
+from agents.mussel.defects import BoardPart
 from agents.mussel.stimuli import (
     BuoyancyJammed,
     ChargeLost,
@@ -173,7 +173,7 @@ class FaultInjection:
             case TimedFault.EDGE_FALSE | TimedFault.EDGE_MISSED:
                 return self._pin(injection, begins=True)
             case TimedFault.READINGS_SCATTER:
-                return _to(injection, PartFailed(Part.CONVERTER, grains(value)))
+                return _to(injection, PartFailed(BoardPart.CONVERTER, grains(value)))
             case _ if (part := injection.row.part) is not None:
                 has_value = injection.row.parameter is not None
                 return _to(injection, PartFailed(part, round(value) if has_value else 1))

@@ -83,7 +83,7 @@ class NoLinks:
 NO_LINKS = NoLinks()
 
 
-class Water(Protocol):
+class FlightWater(Protocol):
     """The medium between the aPad and the agents."""
 
     @property
@@ -203,14 +203,14 @@ class WithoutWater(NoModems):
         pass
 
 
-class Fleet:
+class FlightFleet:
     """The agents of a flight, their host, the clock authority over them, and the water between them and the aPad."""
 
     def __init__(
         self,
         coordinator: Coordinator,
         host: Host,
-        water: Water,
+        water: FlightWater,
         timeslots: Timeslots | None = None,
         links: LinksFile | NoLinks = NO_LINKS,
     ) -> None:

@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import astuple
 
-from agents.coordinator import Died, Heard
-from agents.mussel.outputs import Dropped, SoundSent, WifiSent
+from agents.coordinator import AgentDied, AgentOutput
+from agents.mussel.outputs import SoundSent, StimulusDropped, WifiSent
 from agents.mussel.stimuli import SoundArrived, Stimulus, to_json
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
 from agents.water.medium import PacketEnded
 from agents.water.sea_events import (
+    AgentRanged,
     LeftWater,
     NotRanged,
-    Ranged,
     SeaLost,
     SeaResult,
     SoundReached,
@@ -44,7 +44,7 @@ from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.packet_relay import RemoteContact
-from apad_bridge.supervisor.recorder_interface import Recorder
+from apad_bridge.supervisor.recorder_interface import FlightRecorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
@@ -65,7 +65,7 @@ class Flight:
         self,
         supervisor: Supervisor,
         context: FlightContext,
-        recorder: Recorder,
+        recorder: FlightRecorder,
         start_ms: MissionMs = START_MS,
         watchers: tuple[Watcher, ...] = (),
     ) -> None:
@@ -239,18 +239,18 @@ class Flight:
         results_before, self._fleet_results = self._fleet_results, []
         for result in [*results_before, *self._advance_fleet(now_ms)]:
             match result:
-                case Died(_, agent_id, agent_ms, cause, reason, gave_up):
+                case AgentDied(_, agent_id, agent_ms, cause, reason, gave_up):
                     self._recorder.event(now_ms, ProcessDied(agent_id, agent_ms, cause.name, reason, gave_up))
                     self._faults.restarted(agent_id)
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
-                case Heard(at_ms, agent_id, WifiSent(_, data)):
+                case AgentOutput(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
                     self._relay.transmit(Medium.WIFI, agent_id, data, at_ms)
-                case Heard(at_ms, agent_id, SoundSent(_, data)):
+                case AgentOutput(at_ms, agent_id, SoundSent(_, data)):
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
-                case Heard(_, _, Dropped(_, reason)):
+                case AgentOutput(_, _, StimulusDropped(_, reason)):
                     self.dropped[reason] += 1
                 case SoundReached(at_ms, agent_id, data) if self._fleet.has_other_apads:
                     # Each aPad in the water hears for itself, so nothing is relayed.
@@ -261,7 +261,7 @@ class Flight:
                 case SoundReached(at_ms, agent_id, data):
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
-                case Ranged(at_ms, agent_id, range_m):
+                case AgentRanged(at_ms, agent_id, range_m):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
                     self._recorder.event(now_ms, RangeMeasured(agent_id, round(range_m, 3)))
                 case NotRanged(at_ms, agent_id):

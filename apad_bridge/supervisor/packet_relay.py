@@ -29,7 +29,7 @@ ON_THE_WAY_MS = 2_000
 """A report that arrives so soon after a contact may have been sent before the aMussel felt it."""
 
 
-class Source(Enum):
+class PacketOrigin(Enum):
     """The place where a packet begins. A dock's contact with an aMussel travels as a packet without a medium."""
 
     LOCAL_AMUSSEL = auto()
@@ -43,7 +43,7 @@ class Source(Enum):
     """Anybody who commands aMussels by a laboratory's own messages."""
 
 
-class Standing(Enum):
+class AMusselStanding(Enum):
     """Home and server of an aMussel, as one process sees them."""
 
     OURS = auto()
@@ -58,7 +58,7 @@ class Standing(Enum):
     """Neither simulated nor served here."""
 
 
-class Outcome(Enum):
+class RelayOutcome(Enum):
     PUBLISH = auto()
     """Other processes get the packet."""
     RECEIVE = auto()
@@ -77,12 +77,12 @@ class Outcome(Enum):
 class Rule:
     """The outcome of a packet from `source`, by its aMussel's standing and its medium; None stands for any."""
 
-    source: Source
-    standing: Standing | None
+    source: PacketOrigin
+    standing: AMusselStanding | None
     medium: Medium | None
-    outcome: Outcome
+    outcome: RelayOutcome
 
-    def applies(self, source: Source, standing: Standing, medium: Medium | None) -> bool:
+    def applies(self, source: PacketOrigin, standing: AMusselStanding, medium: Medium | None) -> bool:
         return (
             source is self.source
             and self.standing in (None, standing)
@@ -91,29 +91,33 @@ class Rule:
 
 
 RULES = (
-    Rule(Source.LOCAL_AMUSSEL, Standing.LENT, None, Outcome.PUBLISH),
-    Rule(Source.LOCAL_AMUSSEL, None, Medium.SOUND, Outcome.TELL_PACKET),
-    Rule(Source.LOCAL_AMUSSEL, None, Medium.WIFI, Outcome.TELL_WIFI),
-    Rule(Source.LOCAL_SUPERVISOR, Standing.REAL, None, Outcome.PUBLISH),
-    Rule(Source.LOCAL_SUPERVISOR, Standing.BORROWED, None, Outcome.PUBLISH),
-    Rule(Source.LOCAL_SUPERVISOR, Standing.FOREIGN, None, Outcome.PUBLISH),
-    Rule(Source.LOCAL_SUPERVISOR, None, None, Outcome.TELL_COMMAND),
-    Rule(Source.LOCAL_DOCK, Standing.BORROWED, None, Outcome.PUBLISH),
-    Rule(Source.REMOTE_AMUSSEL, Standing.REAL, None, Outcome.RECEIVE),
-    Rule(Source.REMOTE_AMUSSEL, Standing.BORROWED, None, Outcome.RECEIVE),
-    Rule(Source.REMOTE_AMUSSEL, Standing.OURS, None, Outcome.REFUSE),
-    Rule(Source.REMOTE_SUPERVISOR, Standing.LENT, None, Outcome.RECEIVE),
-    Rule(Source.REMOTE_DOCK, Standing.OURS, None, Outcome.RECEIVE),
-    Rule(Source.REMOTE_DOCK, Standing.REAL, None, Outcome.RECEIVE),  # its twin feels the same docks
-    Rule(Source.REMOTE_DOCK, Standing.LENT, None, Outcome.RECEIVE),
-    Rule(Source.LABORATORY, None, None, Outcome.RECEIVE),
+    Rule(PacketOrigin.LOCAL_AMUSSEL, AMusselStanding.LENT, None, RelayOutcome.PUBLISH),
+    Rule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.SOUND, RelayOutcome.TELL_PACKET),
+    Rule(PacketOrigin.LOCAL_AMUSSEL, None, Medium.WIFI, RelayOutcome.TELL_WIFI),
+    Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.REAL, None, RelayOutcome.PUBLISH),
+    Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
+    Rule(PacketOrigin.LOCAL_SUPERVISOR, AMusselStanding.FOREIGN, None, RelayOutcome.PUBLISH),
+    Rule(PacketOrigin.LOCAL_SUPERVISOR, None, None, RelayOutcome.TELL_COMMAND),
+    Rule(PacketOrigin.LOCAL_DOCK, AMusselStanding.BORROWED, None, RelayOutcome.PUBLISH),
+    Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.REAL, None, RelayOutcome.RECEIVE),
+    Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.BORROWED, None, RelayOutcome.RECEIVE),
+    Rule(PacketOrigin.REMOTE_AMUSSEL, AMusselStanding.OURS, None, RelayOutcome.REFUSE),
+    Rule(PacketOrigin.REMOTE_SUPERVISOR, AMusselStanding.LENT, None, RelayOutcome.RECEIVE),
+    Rule(PacketOrigin.REMOTE_DOCK, AMusselStanding.OURS, None, RelayOutcome.RECEIVE),
+    Rule(
+        PacketOrigin.REMOTE_DOCK, AMusselStanding.REAL, None, RelayOutcome.RECEIVE
+    ),  # its twin feels the same docks
+    Rule(PacketOrigin.REMOTE_DOCK, AMusselStanding.LENT, None, RelayOutcome.RECEIVE),
+    Rule(PacketOrigin.LABORATORY, None, None, RelayOutcome.RECEIVE),
 )
 """All rules that apply act, in this order. A packet to which none applies goes no further: the packets of a lent aMussel
 come back from the topic on which this process published them, for example."""
 
 
 @cache
-def outcomes(source: Source, standing: Standing, medium: Medium | None) -> tuple[Outcome, ...]:
+def outcomes(
+    source: PacketOrigin, standing: AMusselStanding, medium: Medium | None
+) -> tuple[RelayOutcome, ...]:
     return tuple(rule.outcome for rule in RULES if rule.applies(source, standing, medium))
 
 
@@ -121,44 +125,51 @@ def outcomes(source: Source, standing: Standing, medium: Medium | None) -> tuple
 class Division:
     """Division of aMussels and supervisors between this process and others."""
 
-    standing: Callable[[int], Standing]
+    standing: Callable[[int], AMusselStanding]
     """The present standing of an aMussel, or of EVERYONE."""
-    peers: tuple[Source, ...]
+    peers: tuple[PacketOrigin, ...]
     """The sources in other processes."""
 
 
 def whole_flight(simulated: Callable[[], frozenset[int]]) -> Division:
     """A supervisor with a fleet. An aMussel that is not simulated is real."""
     return Division(
-        lambda agent_id: Standing.OURS if agent_id in simulated() else Standing.REAL, (Source.REMOTE_AMUSSEL,)
+        lambda agent_id: AMusselStanding.OURS if agent_id in simulated() else AMusselStanding.REAL,
+        (PacketOrigin.REMOTE_AMUSSEL,),
     )
 
 
-FLEET_ALONE = Division(lambda _: Standing.LENT, (Source.REMOTE_SUPERVISOR,))
+FLEET_ALONE = Division(lambda _: AMusselStanding.LENT, (PacketOrigin.REMOTE_SUPERVISOR,))
 """A fleet whose aPad reports by itself what its docks hold."""
-FLEET_TOLD_OF_DOCKS = Division(lambda _: Standing.LENT, (Source.REMOTE_SUPERVISOR, Source.REMOTE_DOCK))
-MISSION_ALONE = Division(lambda _: Standing.BORROWED, (Source.REMOTE_AMUSSEL, Source.REMOTE_DOCK))
+FLEET_TOLD_OF_DOCKS = Division(
+    lambda _: AMusselStanding.LENT, (PacketOrigin.REMOTE_SUPERVISOR, PacketOrigin.REMOTE_DOCK)
+)
+MISSION_ALONE = Division(
+    lambda _: AMusselStanding.BORROWED, (PacketOrigin.REMOTE_AMUSSEL, PacketOrigin.REMOTE_DOCK)
+)
 """A mission hears of nobody's docks, and tells a fleet of its own."""
 
 
 def one_of_several(allocation: Allocation, simulated: Callable[[], frozenset[int]]) -> Division:
     """One of several aPads that take over from each other."""
 
-    def standing(agent_id: int) -> Standing:
+    def standing(agent_id: int) -> AMusselStanding:
         if agent_id in allocation.own:
             if agent_id in allocation.served_elsewhere:
-                return Standing.LENT
-            return Standing.OURS if agent_id in simulated() else Standing.REAL
-        return Standing.BORROWED if agent_id in allocation.served else Standing.FOREIGN
+                return AMusselStanding.LENT
+            return AMusselStanding.OURS if agent_id in simulated() else AMusselStanding.REAL
+        return AMusselStanding.BORROWED if agent_id in allocation.served else AMusselStanding.FOREIGN
 
-    return Division(standing, (Source.REMOTE_AMUSSEL, Source.REMOTE_SUPERVISOR, Source.REMOTE_DOCK))
+    return Division(
+        standing, (PacketOrigin.REMOTE_AMUSSEL, PacketOrigin.REMOTE_SUPERVISOR, PacketOrigin.REMOTE_DOCK)
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class RelayedPacket:
     """A packet of an aMussel, or for an aMussel or EVERYONE, with its mission time."""
 
-    source: Source
+    source: PacketOrigin
     agent_id: int
     medium: Medium | None
     data: bytes
@@ -192,7 +203,7 @@ class PacketRelay:
     """Applies the rules. An outcome without an outlet has no effect: a flight without a laboratory tells none."""
 
     def __init__(
-        self, division: Division, inlets: Sequence[Inlet], outlets: Mapping[Outcome, Outlet]
+        self, division: Division, inlets: Sequence[Inlet], outlets: Mapping[RelayOutcome, Outlet]
     ) -> None:
         self.dropped: Counter[str] = Counter()
         self._division = division
@@ -217,15 +228,17 @@ class PacketRelay:
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: MissionMs) -> None:
         """Routes a packet that an aMussel of this process sent."""
         if self._outlets:
-            self._route(RelayedPacket(Source.LOCAL_AMUSSEL, agent_id, medium, data, now_ms))
+            self._route(RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, agent_id, medium, data, now_ms))
 
     def forward(self, send: Send, now_ms: MissionMs) -> None:
         """Routes a packet that the supervisor of this process sent."""
-        self._route(RelayedPacket(Source.LOCAL_SUPERVISOR, send.agent_id, send.medium, send.data, now_ms))
+        self._route(
+            RelayedPacket(PacketOrigin.LOCAL_SUPERVISOR, send.agent_id, send.medium, send.data, now_ms)
+        )
 
     def send_contact(self, felt: RemoteContact, now_ms: MissionMs) -> None:
         """Routes a contact of this process's docks with an aMussel."""
-        outlets = outcomes(Source.LOCAL_DOCK, self._division.standing(felt.agent_id), None)
+        outlets = outcomes(PacketOrigin.LOCAL_DOCK, self._division.standing(felt.agent_id), None)
         if self._outlets.keys().isdisjoint(outlets):
             return
         self._publish_contact(felt, now_ms)
@@ -253,14 +266,14 @@ class PacketRelay:
 
     def _publish_contact(self, felt: RemoteContact, now_ms: MissionMs) -> None:
         data = json.dumps(to_wire(felt.stimulus)).encode()
-        self._route(RelayedPacket(Source.LOCAL_DOCK, felt.agent_id, None, data, now_ms))
+        self._route(RelayedPacket(PacketOrigin.LOCAL_DOCK, felt.agent_id, None, data, now_ms))
 
     def _route(self, packet: RelayedPacket) -> list[RelayedEvent]:
         received: list[RelayedEvent] = []
         for outcome in outcomes(packet.source, self._division.standing(packet.agent_id), packet.medium):
-            if outcome is Outcome.RECEIVE:
+            if outcome is RelayOutcome.RECEIVE:
                 received += self._received(packet)
-            elif outcome is Outcome.REFUSE:
+            elif outcome is RelayOutcome.REFUSE:
                 self.dropped["a packet of a real aMussel whose id is simulated here"] += 1
             elif (carry := self._outlets.get(outcome)) is not None:
                 carry(packet)
@@ -268,13 +281,13 @@ class PacketRelay:
 
     def _received(self, packet: RelayedPacket) -> list[RelayedEvent]:
         match packet.source, packet.medium:
-            case Source.REMOTE_AMUSSEL, Medium.WIFI:
+            case PacketOrigin.REMOTE_AMUSSEL, Medium.WIFI:
                 return [WifiHeard(packet.at_ms, packet.data)]
-            case Source.REMOTE_AMUSSEL, Medium.SOUND:
+            case PacketOrigin.REMOTE_AMUSSEL, Medium.SOUND:
                 return [SoundHeard(packet.at_ms, packet.data)]
-            case ((Source.REMOTE_SUPERVISOR | Source.LABORATORY), Medium() as medium):
+            case ((PacketOrigin.REMOTE_SUPERVISOR | PacketOrigin.LABORATORY), Medium() as medium):
                 return [Send(medium, packet.agent_id, packet.data)]
-            case Source.REMOTE_DOCK, None:
+            case PacketOrigin.REMOTE_DOCK, None:
                 contact = _contact(packet.data)
                 if contact is None:
                     self.dropped["felt: no contact of a dock"] += 1
@@ -300,4 +313,4 @@ def _contact(data: bytes) -> Stimulus | None:
 
 def no_relay() -> PacketRelay:
     """The relay of a flight whose aMussels and supervisor are all in its process: it relays nothing."""
-    return PacketRelay(Division(lambda _: Standing.OURS, ()), (), {})
+    return PacketRelay(Division(lambda _: AMusselStanding.OURS, ()), (), {})

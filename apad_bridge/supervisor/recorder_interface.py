@@ -13,7 +13,7 @@ from apad_bridge.mission.events import PlacedSample
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 
 
-class Recorder(Protocol):
+class FlightRecorder(Protocol):
     def event(self, at_ms: MissionMs, event: Event) -> None: ...
 
     def truths(self, truths: list[Truth]) -> None: ...

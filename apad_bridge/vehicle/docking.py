@@ -61,7 +61,7 @@ from apad_bridge.vehicle.primitives import (
 )
 
 
-class Phase(Enum):
+class DockingPhase(Enum):
     IDLE = auto()
     GOING = auto()
     HOLDING = auto()
@@ -71,7 +71,7 @@ class Phase(Enum):
     """The mechanism was commanded; only a vehicle's report or the time-out ends this phase."""
 
 
-class Event(Enum):
+class DockingEvent(Enum):
     ARRIVED = auto()
     COMMAND_FAILED = auto()
     MECHANISM_DONE = auto()
@@ -98,22 +98,22 @@ class Effect(Enum):
     START = auto()
 
 
-TABLE: dict[tuple[Phase, Event], Effect] = {
-    (Phase.IDLE, Event.REPLACED): Effect.START,
-    (Phase.GOING, Event.ARRIVED): Effect.SUCCEED,
-    (Phase.GOING, Event.COMMAND_FAILED): Effect.FAIL,
-    (Phase.GOING, Event.TIMED_OUT): Effect.FAIL,
-    (Phase.GOING, Event.REPLACED): Effect.FAIL,
-    (Phase.HOLDING, Event.COMMAND_FAILED): Effect.FAIL,
-    (Phase.HOLDING, Event.REPLACED): Effect.SUCCEED,
-    (Phase.WAITING, Event.MECHANISM_DONE): Effect.SUCCEED,
-    (Phase.WAITING, Event.NOTHING_CAUGHT): Effect.END_EMPTY,
-    (Phase.WAITING, Event.WAIT_OVER): Effect.ACT,
-    (Phase.WAITING, Event.REPLACED): Effect.FAIL,
-    (Phase.ACTING, Event.MECHANISM_DONE): Effect.SUCCEED,
-    (Phase.ACTING, Event.COMMAND_FAILED): Effect.RETRY,
-    (Phase.ACTING, Event.TIMED_OUT): Effect.FAIL,
-    (Phase.ACTING, Event.REPLACED): Effect.QUEUE,
+TABLE: dict[tuple[DockingPhase, DockingEvent], Effect] = {
+    (DockingPhase.IDLE, DockingEvent.REPLACED): Effect.START,
+    (DockingPhase.GOING, DockingEvent.ARRIVED): Effect.SUCCEED,
+    (DockingPhase.GOING, DockingEvent.COMMAND_FAILED): Effect.FAIL,
+    (DockingPhase.GOING, DockingEvent.TIMED_OUT): Effect.FAIL,
+    (DockingPhase.GOING, DockingEvent.REPLACED): Effect.FAIL,
+    (DockingPhase.HOLDING, DockingEvent.COMMAND_FAILED): Effect.FAIL,
+    (DockingPhase.HOLDING, DockingEvent.REPLACED): Effect.SUCCEED,
+    (DockingPhase.WAITING, DockingEvent.MECHANISM_DONE): Effect.SUCCEED,
+    (DockingPhase.WAITING, DockingEvent.NOTHING_CAUGHT): Effect.END_EMPTY,
+    (DockingPhase.WAITING, DockingEvent.WAIT_OVER): Effect.ACT,
+    (DockingPhase.WAITING, DockingEvent.REPLACED): Effect.FAIL,
+    (DockingPhase.ACTING, DockingEvent.MECHANISM_DONE): Effect.SUCCEED,
+    (DockingPhase.ACTING, DockingEvent.COMMAND_FAILED): Effect.RETRY,
+    (DockingPhase.ACTING, DockingEvent.TIMED_OUT): Effect.FAIL,
+    (DockingPhase.ACTING, DockingEvent.REPLACED): Effect.QUEUE,
 }
 
 
@@ -203,7 +203,7 @@ class DockingPort:
         self._stall_ms = round(stall_s * 1000)
         self._next_command_id = first_command_id
         self._now_ms = 0
-        self._phase = Phase.IDLE
+        self._phase = DockingPhase.IDLE
         self._running: Primitive | None = None
         self._queued: Primitive | None = None
         self._command_id: int | None = None
@@ -242,7 +242,7 @@ class DockingPort:
             raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
         actions: list[Action] = []
         while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
-            event = Event.WAIT_OVER if due_ms == self._act_ms else Event.TIMED_OUT
+            event = DockingEvent.WAIT_OVER if due_ms == self._act_ms else DockingEvent.TIMED_OUT
             self._apply(event, due_ms, actions, self._time_out_reason())
         self._now_ms = now_ms
         return actions
@@ -259,10 +259,10 @@ class DockingPort:
                 if self._progress is not None and stimulus.command_id == self._command_id:
                     self._progress.begin(self._pose, now_ms)
             case Arrived():
-                self._receive_answer(Event.ARRIVED, stimulus.command_id, now_ms, actions)
+                self._receive_answer(DockingEvent.ARRIVED, stimulus.command_id, now_ms, actions)
             case CommandFailed():
                 self._receive_answer(
-                    Event.COMMAND_FAILED, stimulus.command_id, now_ms, actions, stimulus.reason
+                    DockingEvent.COMMAND_FAILED, stimulus.command_id, now_ms, actions, stimulus.reason
                 )
             case DockClosed() | DockOpened():
                 self._take_dock(stimulus, now_ms, actions)
@@ -271,13 +271,13 @@ class DockingPort:
         return actions
 
     def _order(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
-        was_going = self._phase is Phase.GOING
-        if TABLE[self._phase, Event.REPLACED] is Effect.QUEUE:
+        was_going = self._phase is DockingPhase.GOING
+        if TABLE[self._phase, DockingEvent.REPLACED] is Effect.QUEUE:
             if self._queued is not None:
                 actions.append(PrimitiveFailed(now_ms, self._queued.primitive_id, PRE_EMPTED))
             self._queued = primitive
             return
-        self._apply(Event.REPLACED, now_ms, actions, PRE_EMPTED)
+        self._apply(DockingEvent.REPLACED, now_ms, actions, PRE_EMPTED)
         if was_going and isinstance(primitive, DockMussel | UndockMussel):
             self._hold_here(actions)
         self._start(primitive, now_ms, actions)
@@ -287,7 +287,7 @@ class DockingPort:
         self._tries, self._first_cause = 0, ""
         match primitive:
             case GoToPoint(_, north_m, east_m, speed_m_s, victory_radius_m):
-                self._phase = Phase.GOING
+                self._phase = DockingPhase.GOING
                 self._progress = GoToProgress(north_m, east_m, self._stall_ms, now_ms, self._pose)
                 self._command_id = self._take_command_id()
                 wanted = (speed_m_s, victory_radius_m)
@@ -295,7 +295,7 @@ class DockingPort:
                     self.dropped["speed or victory radius of a go-to: the aPad uses its own"] += 1
                 actions.append(GoTo(self._command_id, north_m, east_m, *wanted))
             case HoldPosition(_, north_m, east_m):
-                self._phase = Phase.HOLDING
+                self._phase = DockingPhase.HOLDING
                 self._command_id = self._take_command_id()
                 actions.append(Hold(self._command_id, north_m, east_m))
             case DockMussel() | UndockMussel():
@@ -304,14 +304,14 @@ class DockingPort:
     def _start_mechanism(
         self, primitive: DockMussel | UndockMussel, now_ms: int, actions: list[Action]
     ) -> None:
-        self._phase = Phase.WAITING
+        self._phase = DockingPhase.WAITING
         self._tries += 1
         if isinstance(primitive, DockMussel) and dock_index_of(self.docked, primitive.agent_id) is not None:
             # A second request would make the public simulator hold the aMussel twice.
-            self._apply(Event.MECHANISM_DONE, now_ms, actions)
+            self._apply(DockingEvent.MECHANISM_DONE, now_ms, actions)
             return
         if isinstance(primitive, DockMussel) and not self._catches(primitive.agent_id):
-            self._apply(Event.NOTHING_CAUGHT, now_ms, actions)
+            self._apply(DockingEvent.NOTHING_CAUGHT, now_ms, actions)
             return
         self._open_arm(primitive, actions)
         wait_s = self._docking.dock_s if isinstance(primitive, DockMussel) else self._docking.undock_s
@@ -320,7 +320,7 @@ class DockingPort:
         self._act_ms = now_ms + round(wait_s * 1000)
         self._deadline_ms = now_ms + round(self._docking.timeout_s * 1000)
         if self._act_ms == now_ms:
-            self._apply(Event.WAIT_OVER, now_ms, actions)
+            self._apply(DockingEvent.WAIT_OVER, now_ms, actions)
 
     def _catches(self, agent_id: int) -> bool:
         """True for an aMussel within the catch radius, and for one that the bench does not catch itself."""
@@ -349,7 +349,7 @@ class DockingPort:
     def _command_mechanism(self, actions: list[Action]) -> None:
         primitive = self._running
         assert isinstance(primitive, DockMussel | UndockMussel)
-        self._phase = Phase.ACTING
+        self._phase = DockingPhase.ACTING
         self._act_ms = None
         self._command_id = self._take_command_id()
         if isinstance(primitive, DockMussel):
@@ -362,7 +362,7 @@ class DockingPort:
         actions.append(OpenDock(self._command_id, dock_index, primitive.agent_id, primitive.manoeuvre))
 
     def _receive_answer(
-        self, event: Event, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
+        self, event: DockingEvent, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
     ) -> None:
         """The vehicle answers one of our commands."""
         if command_id != self._command_id:
@@ -387,9 +387,9 @@ class DockingPort:
         actions.append(DockChanged(fact.at_ms, fact.dock_index, fact.agent_id, closed, self.docked))
         wanted = DockMussel if closed else UndockMussel
         if isinstance(self._running, wanted) and self._running.agent_id == fact.agent_id:
-            self._apply(Event.MECHANISM_DONE, now_ms, actions)
+            self._apply(DockingEvent.MECHANISM_DONE, now_ms, actions)
 
-    def _apply(self, event: Event, at_ms: int, actions: list[Action], reason: str = "") -> None:
+    def _apply(self, event: DockingEvent, at_ms: int, actions: list[Action], reason: str = "") -> None:
         """Apply the table's effect of this event in the present phase."""
         effect = TABLE.get((self._phase, event))
         if effect is None:
@@ -401,7 +401,7 @@ class DockingPort:
         elif effect in (Effect.SUCCEED, Effect.FAIL, Effect.END_EMPTY):
             self._end(effect, event, at_ms, actions, reason)
 
-    def _try_again(self, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
+    def _try_again(self, event: DockingEvent, at_ms: int, actions: list[Action], reason: str) -> None:
         primitive = self._running
         assert isinstance(primitive, DockMussel | UndockMussel)
         self._first_cause = self._first_cause or reason
@@ -411,10 +411,12 @@ class DockingPort:
             self._command_id = None
             self._start_mechanism(primitive, at_ms, actions)
 
-    def _end(self, effect: Effect, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
-        ended, was_going = self._running, self._phase is Phase.GOING
+    def _end(
+        self, effect: Effect, event: DockingEvent, at_ms: int, actions: list[Action], reason: str
+    ) -> None:
+        ended, was_going = self._running, self._phase is DockingPhase.GOING
         assert ended is not None
-        self._phase = Phase.IDLE
+        self._phase = DockingPhase.IDLE
         self._running = self._command_id = self._act_ms = self._deadline_ms = self._progress = None
         if effect is Effect.SUCCEED:
             actions.append(PrimitiveSucceeded(at_ms, ended.primitive_id))
@@ -425,9 +427,9 @@ class DockingPort:
         else:
             failure = PrimitiveFailed(at_ms, ended.primitive_id, reason)
             actions.append(failure)
-            if event is not Event.REPLACED and self.first_failure is None:
+            if event is not DockingEvent.REPLACED and self.first_failure is None:
                 self.first_failure = failure
-        if was_going and event is Event.TIMED_OUT:
+        if was_going and event is DockingEvent.TIMED_OUT:
             self._hold_here(actions)
         if self._arm_dock is not None:
             actions.append(MoveArm(self._take_command_id(), self._arm_dock, False))

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.mixture import Part, below, below_strictly, normal_cdf
+from apad_bridge.beliefs.mixture import Gaussian, below, below_strictly, normal_cdf
 from apad_bridge.beliefs.modes import DOCKED, Mode
 from benchmarks.belief_study import filters, peers
 from benchmarks.belief_study.truth import Array, Doing, Life, live
@@ -68,7 +68,7 @@ def rows_of(name: str, seed: int, agents: int, knows_schedule: bool, share: floa
 
 
 def _row(belief: Belief, truth: float, doing: Doing) -> tuple[float, ...]:
-    parts = belief.parts or (Part(1.0, belief.primary, math.sqrt(belief.charge_cov[0])),)
+    parts = belief.parts or (Gaussian(1.0, belief.primary, math.sqrt(belief.charge_cov[0])),)
     ends = below(parts, 0.0) + 1 - below_strictly(parts, 1.0)
     return (
         truth,

@@ -16,7 +16,7 @@ from itertools import zip_longest
 from typing import Any
 
 from firmware_model import packets
-from firmware_model.bench.rigs import Event, History, Rig, is_wait, lasts_ms
+from firmware_model.bench.rigs import Rig, RigEvent, RigHistory, is_wait, lasts_ms
 from firmware_model.config import LastResort
 from firmware_model.packets import (
     CommandPacket,
@@ -43,7 +43,7 @@ _CHARGE = 1 / 255
 """The charges that two packets tell may differ by a step of the shortest one."""
 
 
-class Source(StrEnum):
+class RequirementSource(StrEnum):
     """The origin of a requirement; firmware that differs from our own choice does not fail."""
 
     PAPER = "paper"
@@ -93,7 +93,7 @@ class PaperTime:
     """A time of the paper's Table I: from the first `begins` (or power-on) until `ends`, in minutes."""
 
     ends: str
-    """One of `History.ends`."""
+    """One of `RigHistory.ends`."""
     least_min: float
     most_min: float
     """Two numbers where the paper has two: Table I's, and that of its own equation."""
@@ -105,7 +105,7 @@ class Case:
     """`script`: waits (`50ms`, `2s`, `5min`, `1h`) and stimuli (`STIMULI`), from power-on on the bottom."""
 
     name: str
-    source: Source
+    source: RequirementSource
     requirement: str
     script: str
     primary: float = 1.0
@@ -126,13 +126,13 @@ class Result:
     case: Case
     verdict: Verdict
     reason: str
-    ours: History
-    theirs: History
+    ours: RigHistory
+    theirs: RigHistory
 
 
 def judged(
     case: Case,
-    ours: Callable[[Case], Rig] | History,
+    ours: Callable[[Case], Rig] | RigHistory,
     theirs: Callable[[Case], Rig],
     failures: type[Exception],
     waivers: dict[str, str],
@@ -145,7 +145,7 @@ def judged(
     `late_ms`: each event, and each packet that the board takes, may delay those that follow from it by so much more than
     the case's tolerance.
     """
-    expected = ours if isinstance(ours, History) else history(case, ours, failures)
+    expected = ours if isinstance(ours, RigHistory) else history(case, ours, failures)
     found = history(case, theirs, failures)
     reason = _difference(case, expected, found, late_ms)
     if reason is None:
@@ -153,17 +153,21 @@ def judged(
     elif case.name in waivers:
         verdict, reason = Verdict.WAIVED, f"{waivers[case.name]} ({reason})"
     else:
-        verdict = Verdict.DIFFERS if case.source is Source.CHOICE and not found.failure else Verdict.FAILED
+        verdict = (
+            Verdict.DIFFERS
+            if case.source is RequirementSource.CHOICE and not found.failure
+            else Verdict.FAILED
+        )
     return Result(case, verdict, reason or "", expected, found)
 
 
-def captured(text: str, name: str) -> tuple[Case, History]:
+def captured(text: str, name: str) -> tuple[Case, RigHistory]:
     """A case from a board's trace, and what the board did. ValueError names a line that is none.
 
-    Each line has a time in seconds, `<` and a word of a script, or `>` and an event as `Event.what` has it.
+    Each line has a time in seconds, `<` and a word of a script, or `>` and an event as `RigEvent.what` has it.
     """
     words: list[str] = []
-    events: list[Event] = []
+    events: list[RigEvent] = []
     end_ms = 0
     for number, line in enumerate(text.splitlines(), start=1):
         found = _TRACED.fullmatch(line.partition("#")[0].strip())
@@ -175,17 +179,17 @@ def captured(text: str, name: str) -> tuple[Case, History]:
         if at_ms < end_ms:
             raise ValueError(f"line {number}: time goes back to {found[1]} s")
         if found[2] == ">":
-            events.append(Event(at_ms, found[3]))
+            events.append(RigEvent(at_ms, found[3]))
         if wait_ms := at_ms - end_ms:
             words.append(f"{wait_ms}ms")
         end_ms = at_ms
         if found[2] == "<":
             words.append(found[3])
-    case = Case(name, Source.CAPTURED, "the board whose trace it is", " ".join(words))
-    return case, History(tuple(events), charge=None, flowed=0)
+    case = Case(name, RequirementSource.CAPTURED, "the board whose trace it is", " ".join(words))
+    return case, RigHistory(tuple(events), charge=None, flowed=0)
 
 
-def traced(case: Case, found: History) -> Iterator[str]:
+def traced(case: Case, found: RigHistory) -> Iterator[str]:
     """The lines of a trace that `captured` reads: the script's words and the board's events, in the order of time."""
     now_ms = 0
     lines = []
@@ -198,7 +202,7 @@ def traced(case: Case, found: History) -> Iterator[str]:
     yield from (line for _, line in sorted(lines, key=lambda it: it[0]))
 
 
-def history(case: Case, make: Callable[[Case], Rig], failures: type[Exception]) -> History:
+def history(case: Case, make: Callable[[Case], Rig], failures: type[Exception]) -> RigHistory:
     """Plays the case. ValueError for a word that is none."""
     rig = make(case)
     try:
@@ -210,7 +214,7 @@ def history(case: Case, make: Callable[[Case], Rig], failures: type[Exception]) 
     return rig.shown()
 
 
-def _difference(case: Case, ours: History, theirs: History, late_ms: int) -> str | None:
+def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) -> str | None:
     """The first difference, in words; None for none."""
     if theirs.failure is not None:
         return f"its firmware failed: {theirs.failure}"
@@ -233,7 +237,7 @@ def _difference(case: Case, ours: History, theirs: History, late_ms: int) -> str
     return None if case.paper is None else _paper_difference(case.paper, theirs)
 
 
-def _paper_difference(paper: PaperTime, theirs: History) -> str | None:
+def _paper_difference(paper: PaperTime, theirs: RigHistory) -> str | None:
     began_ms = next((it.at_ms for it in theirs.events if it.what == paper.begins), 0)
     at_ms = next((it.at_ms for it in theirs.ends if it.what == paper.ends and it.at_ms >= began_ms), None)
     told = (
@@ -249,7 +253,7 @@ def _paper_difference(paper: PaperTime, theirs: History) -> str | None:
     return f"after {told} {paper.ends} in the paper, and here after {found_min:.1f} min"
 
 
-def _told(event: Event | None) -> str:
+def _told(event: RigEvent | None) -> str:
     """The event in a few words: of a long packet its beginning and its size."""
     if event is None:
         return "nothing more"
@@ -260,7 +264,7 @@ def _told(event: Event | None) -> str:
     return f"{text[: _LONGEST_TOLD - 12]}... ({size} bytes)"
 
 
-def _other_values(expected: Event | None, found: Event | None) -> str:
+def _other_values(expected: RigEvent | None, found: RigEvent | None) -> str:
     """The values in which two packets of one kind differ."""
     if expected is None or found is None:
         return ""
@@ -366,7 +370,7 @@ def random_cases(count: int, seed: int, takes_time: bool = False, is_whole: bool
         script = ["3s", "437ms", *(known[byte % len(known)] for byte in words[: 4 + words[63] % 16])]
         yield Case(
             f"random-{seed}-{n}",
-            Source.CHOICE,
+            RequirementSource.CHOICE,
             "the same motors, charge and bytes as ours",
             (" 60ms " if takes_time else " ").join(script),
             (1.0, 0.5, 0.05)[words[62] % 3],

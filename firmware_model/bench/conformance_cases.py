@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from firmware_model.bench.conformance import Case, PaperTime, Source
+from firmware_model.bench.conformance import Case, PaperTime, RequirementSource
 from firmware_model.bench.wrong_packets import UNKNOWN_LAYOUTS, by_sound, checked, damages
 from firmware_model.packets import (
     EVERYONE,
@@ -37,72 +37,111 @@ _DAMAGED = damages(_PERMISSION)
 
 
 _PAPER = [
-    Case("measures", Source.PAPER, "IV-A: on the bottom it draws equation (1)'s load", "1h"),
+    Case("measures", RequirementSource.PAPER, "IV-A: on the bottom it draws equation (1)'s load", "1h"),
     Case(
         "measures-20-h",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "IV-A: 959 minutes empty a full battery, and 962 in Table I",
         "20h",
         paper=PaperTime("the primary is empty", 959, 962),
     ),
-    Case("stays-down", Source.PAPER, "II: without a permission an aMussel stays on the bottom", "13h"),
-    Case("surfaces", Source.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"),
-    Case("surfaces-once", Source.PAPER, "III-C: it rises by one run of its motors", f"{_UP} 10min"),
-    Case("charges", Source.PAPER, "III-C: the charger's pin alone starts a charge", f"{_DOCKED} 5h", 0.2),
-    Case("charges-from-empty", Source.PAPER, "equation (2) from its first segment", f"{_UP} rises 9h", 0.05),
+    Case(
+        "stays-down",
+        RequirementSource.PAPER,
+        "II: without a permission an aMussel stays on the bottom",
+        "13h",
+    ),
+    Case(
+        "surfaces", RequirementSource.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"
+    ),
+    Case(
+        "surfaces-once", RequirementSource.PAPER, "III-C: it rises by one run of its motors", f"{_UP} 10min"
+    ),
+    Case(
+        "charges",
+        RequirementSource.PAPER,
+        "III-C: the charger's pin alone starts a charge",
+        f"{_DOCKED} 5h",
+        0.2,
+    ),
+    Case(
+        "charges-from-empty",
+        RequirementSource.PAPER,
+        "equation (2) from its first segment",
+        f"{_UP} rises 9h",
+        0.05,
+    ),
     Case(
         "charges-485-min",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "Table I: one coil fills an empty battery in 485 minutes",
         "17h permission 70s rises 9h",
         paper=PaperTime("the primary is full", 485, 485, begins="charges"),
     ),
-    Case("no-charge-unasked", Source.PAPER, "III-C: without the pin nothing charges", f"{_UP} 2h", 0.5),
+    Case(
+        "no-charge-unasked",
+        RequirementSource.PAPER,
+        "III-C: without the pin nothing charges",
+        f"{_UP} 2h",
+        0.5,
+    ),
     Case(
         "charges-no-longer",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "III-C: the falling pin ends the charge",
         f"{_DOCKED} falls 1h",
         0.3,
     ),
     Case(
         "sinks-when-released",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "III-C: it sinks once its dock released it",
         f"{_RELEASED} release 3min",
     ),
     Case(
-        "not-before", Source.PAPER, "III-C: in its dock it does not run its motors", f"{_DOCKED} release 1h"
+        "not-before",
+        RequirementSource.PAPER,
+        "III-C: in its dock it does not run its motors",
+        f"{_DOCKED} release 1h",
     ),
     Case(
         "two-services",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "III-C: a second service is as the first",
         f"{_RELEASED} release 2min permission 70s rises 1h falls 1s release 3min",
     ),
     Case(
-        "empties", Source.PAPER, "IV-A: an empty battery measures nothing, and its aMussel stays", "2h", 0.05
+        "empties",
+        RequirementSource.PAPER,
+        "IV-A: an empty battery measures nothing, and its aMussel stays",
+        "2h",
+        0.05,
     ),
     Case(
         "empty-and-fetched",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "III-C: an empty aMussel takes a permission",
         "2h permission 70s rises 1h",
         0.05,
     ),
 ]
 _PACKETS = [
-    Case("for-all", Source.PACKETS, "id 0 addresses all", f"3s sound:{_of(Kind.PERMISSION, EVERYONE)} 3min"),
+    Case(
+        "for-all",
+        RequirementSource.PACKETS,
+        "id 0 addresses all",
+        f"3s sound:{_of(Kind.PERMISSION, EVERYONE)} 3min",
+    ),
     Case(
         "for-another",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a command has the id of its receiver",
         f"3s sound:{_of(Kind.PERMISSION, 2)} 3min",
     ),
     *(
         Case(
             f"{kind.name.lower()}-for-all",
-            Source.PACKETS,
+            RequirementSource.PACKETS,
             "id 0 addresses all",
             f"{_UP} sound:{_of(kind, EVERYONE)} 3min",
         )
@@ -110,7 +149,7 @@ _PACKETS = [
     ),
     Case(
         "with-the-id-300",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "an id has two bytes",
         " ".join(
             [
@@ -121,15 +160,28 @@ _PACKETS = [
         ),
         agent_id=300,
     ),
-    Case("for-257", Source.PACKETS, "an id has two bytes", f"3s sound:{_of(Kind.PERMISSION, 257)} 3min"),
-    Case("for-256", Source.PACKETS, "an id is little-endian", f"3s sound:{_of(Kind.PERMISSION, 256)} 3min"),
     Case(
-        "by-wifi", Source.PACKETS, "a permission may come by any medium", f"3s wifi:{_PERMISSION.hex()} 3min"
+        "for-257",
+        RequirementSource.PACKETS,
+        "an id has two bytes",
+        f"3s sound:{_of(Kind.PERMISSION, 257)} 3min",
+    ),
+    Case(
+        "for-256",
+        RequirementSource.PACKETS,
+        "an id is little-endian",
+        f"3s sound:{_of(Kind.PERMISSION, 256)} 3min",
+    ),
+    Case(
+        "by-wifi",
+        RequirementSource.PACKETS,
+        "a permission may come by any medium",
+        f"3s wifi:{_PERMISSION.hex()} 3min",
     ),
     *(
         Case(
             f"bit-{n}-flipped",
-            Source.PACKETS,
+            RequirementSource.PACKETS,
             "the CRC detects every single bit error",
             f"3s sound:{_DAMAGED[n].hex()} 3min",
         )
@@ -137,28 +189,40 @@ _PACKETS = [
     ),
     Case(
         "too-short",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "bytes that are no packet are dropped",
         f"3s sound:{_PERMISSION[:-1].hex()} 3min",
     ),
     Case(
         "too-long",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "bytes that are no packet are dropped",
         f"3s sound:{_PERMISSION.hex()}00 3min",
     ),
-    Case("one-byte", Source.PACKETS, "bytes that are no packet are dropped", "3s sound:01 wifi:02 3min"),
-    Case("no-bytes", Source.PACKETS, "bytes that are no packet are dropped", "3s sound: wifi: 3min"),
-    Case("64-bytes", Source.PACKETS, "a v3 modem carries 64 bytes", f"3s sound:{'ff' * 64} permission 3min"),
+    Case(
+        "one-byte",
+        RequirementSource.PACKETS,
+        "bytes that are no packet are dropped",
+        "3s sound:01 wifi:02 3min",
+    ),
+    Case(
+        "no-bytes", RequirementSource.PACKETS, "bytes that are no packet are dropped", "3s sound: wifi: 3min"
+    ),
+    Case(
+        "64-bytes",
+        RequirementSource.PACKETS,
+        "a v3 modem carries 64 bytes",
+        f"3s sound:{'ff' * 64} permission 3min",
+    ),
     Case(
         "every-bit-flipped",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "the CRC detects every single bit error",
         f"3s {by_sound(_DAMAGED)} 3min",
     ),
     Case(
         "every-length",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "bytes that are no packet are dropped",
         " ".join(
             [
@@ -170,69 +234,69 @@ _PACKETS = [
     ),
     Case(
         "every-kind",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "an unknown kind is dropped",
         f"3s {by_sound([checked(bytes([1, kind, 1, 0])) for kind in range(13, 256)])} 3min",
     ),
     Case(
         "every-layout",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "version, kind and size belong together",
         f"3s {by_sound(UNKNOWN_LAYOUTS)} 3min",
     ),
     Case(
         "every-bit-of-a-release",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "the CRC detects every single bit error",
         f"{_UP} {by_sound(damages(_RELEASE))} 3min",
     ),
-    Case("a-status", Source.PACKETS, "a status is no command", f"3s sound:{_STATUS.hex()} 3min"),
+    Case("a-status", RequirementSource.PACKETS, "a status is no command", f"3s sound:{_STATUS.hex()} 3min"),
     Case(
         "another-version",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "an unknown version is dropped",
         f"3s sound:{checked(bytes([9, Kind.PERMISSION, 1, 0])).hex()} 3min",
     ),
     Case(
         "a-beacon",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a beacon moves no aMussel",
         f"3s sound:{Beacon(1, 10**6).encode().hex()} 3min",
     ),
     Case(
         "a-log-ack",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "an acknowledgement moves no aMussel",
         f"3s wifi:{LogAck(1, 7).encode().hex()} 3min",
     ),
     Case(
         "a-schedule",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a schedule moves no aMussel",
         f"3s sound:{SleepSchedule(1, 3_600_000, 10_000).encode().hex()} 2h",
     ),
     Case(
         "a-timeslot",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a timeslot moves no aMussel",
         f"3s sound:{SlotAssignment(1, 300_000, 3000, 0, 1, 0).encode().hex()} 1h",
     ),
     Case(
         "a-threshold",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a threshold moves no aMussel",
         f"3s sound:{SetThreshold(1, Threshold.SAFE_LEVEL, 0.5).encode().hex()} 1h",
     ),
-    Case("a-ping", Source.CHOICE, "a worst case answers no ping by sound", "3s ping 3min"),
+    Case("a-ping", RequirementSource.CHOICE, "a worst case answers no ping by sound", "3s ping 3min"),
     Case(
         "a-ping-for-all",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "nobody answers a ping to everyone",
         f"3s sound:{_of(Kind.PING, EVERYONE)} 3min",
     ),
     Case(
         "a-hover",
-        Source.CHOICE,
+        RequirementSource.CHOICE,
         "a worst case does not hover",
         f"3s hover sound:{HoverAt(1, 2.0).encode().hex()} 10min",
     ),
@@ -240,106 +304,167 @@ _PACKETS = [
 _STATES = [
     Case(
         "permission-again",
-        Source.STATES,
+        RequirementSource.STATES,
         "on its way up a further permission runs no motor",
         "3s permission 10s permission 10s permission 3min",
     ),
-    Case("permission-afloat", Source.STATES, "afloat a permission runs no motor", f"{_UP} permission 3min"),
     Case(
-        "permission-docked", Source.STATES, "docked a permission runs no motor", f"{_DOCKED} permission 3min"
+        "permission-afloat",
+        RequirementSource.STATES,
+        "afloat a permission runs no motor",
+        f"{_UP} permission 3min",
+    ),
+    Case(
+        "permission-docked",
+        RequirementSource.STATES,
+        "docked a permission runs no motor",
+        f"{_DOCKED} permission 3min",
     ),
     Case(
         "permission-while-sinking",
-        Source.STATES,
+        RequirementSource.STATES,
         "a permission turns a sinking one round",
         f"{_SINKING} permission 3min",
     ),
     Case(
         "does-not-come-up",
-        Source.STATES,
+        RequirementSource.STATES,
         "one that does not come up in 180 s runs its motors back",
         "travel:20min 3s permission 30min",
     ),
     Case(
         "tries-again",
-        Source.STATES,
+        RequirementSource.STATES,
         "the permission's repetition is another try",
         "travel:4min 3s permission 8min travel:60s permission 3min",
     ),
-    Case("comes-up-in-time", Source.STATES, "179 s are in time", "travel:179s 3s permission 10min"),
-    Case("nobody-comes", Source.STATES, "afloat for 12 h it sinks again", f"{_UP} 13h"),
-    Case("fetched-late", Source.STATES, "afloat for less it stays", f"{_UP} 11h rises 10min"),
-    Case("no-release-packet", Source.STATES, "without a release it sinks after 120 s", f"{_RELEASED} 10min"),
     Case(
-        "release-in-time", Source.STATES, "a release within 120 s counts", f"{_RELEASED} 118s release 10min"
+        "comes-up-in-time", RequirementSource.STATES, "179 s are in time", "travel:179s 3s permission 10min"
+    ),
+    Case("nobody-comes", RequirementSource.STATES, "afloat for 12 h it sinks again", f"{_UP} 13h"),
+    Case("fetched-late", RequirementSource.STATES, "afloat for less it stays", f"{_UP} 11h rises 10min"),
+    Case(
+        "no-release-packet",
+        RequirementSource.STATES,
+        "without a release it sinks after 120 s",
+        f"{_RELEASED} 10min",
+    ),
+    Case(
+        "release-in-time",
+        RequirementSource.STATES,
+        "a release within 120 s counts",
+        f"{_RELEASED} 118s release 10min",
     ),
     Case(
         "release-before-the-edge",
-        Source.STATES,
+        RequirementSource.STATES,
         "docked, it sinks as soon as the pin has fallen",
         f"{_DOCKED} release 1s falls 10min",
     ),
     Case(
         "a-release-is-used-once",
-        Source.STATES,
+        RequirementSource.STATES,
         "a release belongs to one docking",
         f"{_DOCKED} release 1s falls 3min permission 70s rises 1min falls 10min",
     ),
-    Case("a-release-afloat", Source.STATES, "afloat a release sinks it", f"{_UP} release 3min"),
-    Case("a-release-below", Source.STATES, "on the bottom a release runs no motor", "3s release 3min"),
-    Case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} sink 3min"),
-    Case("sinks-on-its-way", Source.STATES, "an order sinks it on its way up", "3s permission 20s sink 3min"),
-    Case("sink-below", Source.STATES, "on the bottom an order to sink runs no motor", "3s sink 3min"),
-    Case("sink-docked", Source.STATES, "docked, an order to sink runs no motor", f"{_DOCKED} sink 3min"),
-    Case("docked-again", Source.STATES, "a rising pin charges a released one", f"{_RELEASED} rises 1h", 0.4),
+    Case("a-release-afloat", RequirementSource.STATES, "afloat a release sinks it", f"{_UP} release 3min"),
+    Case(
+        "a-release-below",
+        RequirementSource.STATES,
+        "on the bottom a release runs no motor",
+        "3s release 3min",
+    ),
+    Case(
+        "sinks-on-order", RequirementSource.STATES, "an order sinks it from the surface", f"{_UP} sink 3min"
+    ),
+    Case(
+        "sinks-on-its-way",
+        RequirementSource.STATES,
+        "an order sinks it on its way up",
+        "3s permission 20s sink 3min",
+    ),
+    Case(
+        "sink-below", RequirementSource.STATES, "on the bottom an order to sink runs no motor", "3s sink 3min"
+    ),
+    Case(
+        "sink-docked",
+        RequirementSource.STATES,
+        "docked, an order to sink runs no motor",
+        f"{_DOCKED} sink 3min",
+    ),
+    Case(
+        "docked-again",
+        RequirementSource.STATES,
+        "a rising pin charges a released one",
+        f"{_RELEASED} rises 1h",
+        0.4,
+    ),
     Case(
         "docked-on-its-way-down",
-        Source.STATES,
+        RequirementSource.STATES,
         "a rising pin charges a sinking one",
         f"{_SINKING} rises 1h",
         0.4,
     ),
-    Case("charger-below", Source.STATES, "a rising pin charges one on the bottom", "3s rises 1h", 0.4),
-    Case("charger-while-empty", Source.STATES, "a rising pin charges an empty one", "2h rises 1h", 0.05),
+    Case(
+        "charger-below",
+        RequirementSource.STATES,
+        "a rising pin charges one on the bottom",
+        "3s rises 1h",
+        0.4,
+    ),
+    Case(
+        "charger-while-empty",
+        RequirementSource.STATES,
+        "a rising pin charges an empty one",
+        "2h rises 1h",
+        0.05,
+    ),
     Case(
         "bounces",
-        Source.STATES,
+        RequirementSource.STATES,
         "a level counts once it held for 50 ms",
         f"{_UP} chatter:20:20:20 rises 1h",
         0.4,
     ),
-    Case("a-touch", Source.STATES, "a touch of 49 ms charges nothing", f"{_UP} rises 49ms falls 1h", 0.4),
+    Case(
+        "a-touch",
+        RequirementSource.STATES,
+        "a touch of 49 ms charges nothing",
+        f"{_UP} rises 49ms falls 1h",
+        0.4,
+    ),
     Case(
         "a-gap",
-        Source.STATES,
+        RequirementSource.STATES,
         "a gap of 49 ms ends no charge",
         f"{_DOCKED} falls 49ms rises 1h falls 1s release 2min",
         0.4,
     ),
     Case(
         "chatter-mostly-high",
-        Source.STATES,
+        RequirementSource.STATES,
         "after 2 s of chatter the level of most of the time counts",
         f"{_UP} chatter:30:10:100 rises 1h",
         0.4,
     ),
     Case(
         "chatter-mostly-low",
-        Source.STATES,
+        RequirementSource.STATES,
         "after 2 s of chatter the level of most of the time counts",
         f"{_UP} chatter:10:30:100 3min",
         0.4,
     ),
     Case(
         "chatter-that-turns",
-        Source.STATES,
+        RequirementSource.STATES,
         "each 2 s of chatter are judged by themselves",
         f"{_UP} chatter:30:10:100 chatter:10:30:200 3min",
         0.4,
     ),
     Case(
         "chatter-51-percent-high",
-        Source.STATES,
+        RequirementSource.STATES,
         "the time up to the end of the 2 s counts, too",
         f"{_UP} chatter:41:41:30 rises 1h",
         0.4,
@@ -347,108 +472,135 @@ _STATES = [
     ),
     Case(
         "a-fall-missed-in-a-rise",
-        Source.STATES,
+        RequirementSource.STATES,
         "a level that did not hold for 50 ms counts for nothing",
         f"{_UP} rises 30ms falls_unseen 10min",
         0.4,
     ),
     Case(
         "a-rise-missed-in-a-fall",
-        Source.STATES,
+        RequirementSource.STATES,
         "a level that did not hold for 50 ms counts for nothing",
         f"{_DOCKED} falls 30ms rises_unseen 1h",
         0.4,
     ),
-    Case("missed-rise", Source.STATES, "a minute's look finds a lost edge", f"{_UP} rises_unseen 1h", 0.4),
     Case(
-        "missed-fall", Source.STATES, "a minute's look finds a lost edge", f"{_DOCKED} falls_unseen 3min", 0.4
+        "missed-rise",
+        RequirementSource.STATES,
+        "a minute's look finds a lost edge",
+        f"{_UP} rises_unseen 1h",
+        0.4,
+    ),
+    Case(
+        "missed-fall",
+        RequirementSource.STATES,
+        "a minute's look finds a lost edge",
+        f"{_DOCKED} falls_unseen 3min",
+        0.4,
     ),
     Case(
         "a-wake-finds-it",
-        Source.STATES,
+        RequirementSource.STATES,
         "a wake finds a lost edge",
         "3s rises_unseen 1s permission 200ms 1h",
         0.4,
     ),
-    Case("brown-out-below", Source.STATES, "a reset on the bottom measures on", "1h brown_out 1h"),
+    Case("brown-out-below", RequirementSource.STATES, "a reset on the bottom measures on", "1h brown_out 1h"),
     Case(
         "brown-out-afloat",
-        Source.STATES,
+        RequirementSource.STATES,
         "a reset afloat floats on, for 12 h from then",
         f"{_UP} 2h brown_out 13h",
     ),
-    Case("brown-out-docked", Source.STATES, "a reset in a dock charges on", f"{_DOCKED} watchdog 2h", 0.2),
+    Case(
+        "brown-out-docked",
+        RequirementSource.STATES,
+        "a reset in a dock charges on",
+        f"{_DOCKED} watchdog 2h",
+        0.2,
+    ),
     Case(
         "brown-out-on-its-way-up",
-        Source.STATES,
+        RequirementSource.STATES,
         "a reset on its way up arrives, and can be docked",
         "3s permission 20s brown_out 2min rises 1h",
         0.4,
     ),
     Case(
         "arrives-after-a-reset",
-        Source.STATES,
+        RequirementSource.STATES,
         "a reset on its way up floats for 12 h once it has arrived",
         "3s permission 20s brown_out 13h",
     ),
     Case(
         "arrives-empty-after-a-reset",
-        Source.STATES,
+        RequirementSource.STATES,
         "likewise with an empty battery",
         "2h permission 20s brown_out 13h",
         0.05,
     ),
     Case(
         "undocked-in-a-boot",
-        Source.STATES,
+        RequirementSource.STATES,
         "a pin that fell in a boot ends the charge",
         f"{_DOCKED} brown_out 1s falls 10min",
         0.4,
     ),
     Case(
         "docked-in-a-boot",
-        Source.STATES,
+        RequirementSource.STATES,
         "a pin that rose in a boot charges after it",
         f"{_UP} brown_out 1s rises 1h",
         0.4,
     ),
     Case(
         "release-forgotten",
-        Source.STATES,
+        RequirementSource.STATES,
         "a reset forgets a release",
         f"{_DOCKED} release brown_out 1min falls 10min",
     ),
     Case(
-        "empties-afloat", Source.STATES, "afloat an empty battery runs no motor", f"{_UP} 3h rises 1h", 0.05
+        "empties-afloat",
+        RequirementSource.STATES,
+        "afloat an empty battery runs no motor",
+        f"{_UP} 3h rises 1h",
+        0.05,
     ),
     Case(
         "chatter-40-percent-high",
-        Source.STATES,
+        RequirementSource.STATES,
         "after 2 s of chatter the level of most of the time counts",
         f"{_UP} chatter:20:30:200 3min",
         0.4,
     ),
     Case(
         "chatter-60-percent-high",
-        Source.STATES,
+        RequirementSource.STATES,
         "after 2 s of chatter the level of most of the time counts",
         f"{_UP} chatter:30:20:200 rises 1h",
         0.4,
     ),
     Case(
         "sinks-again-after-a-net",
-        Source.STATES,
+        RequirementSource.STATES,
         "one that comes up by itself floats, and sinks after 12 h",
         f"{_UP} sink 3min surfaced 13h",
     ),
     Case(
         "touches-the-surface",
-        Source.CHOICE,
+        RequirementSource.CHOICE,
         "one that is up before it has sunk floats on, and sinks after 12 h",
         f"{_UP} sink 20s surfaced 13h",
     ),
-    Case("permission-in-a-boot", Source.CHOICE, "a booting board takes no command", "1s permission 3min"),
-    Case("boot-time", Source.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 3min"),
+    Case(
+        "permission-in-a-boot",
+        RequirementSource.CHOICE,
+        "a booting board takes no command",
+        "1s permission 3min",
+    ),
+    Case(
+        "boot-time", RequirementSource.CHOICE, "a boot lasts 2 s", "1900ms permission 200ms permission 3min"
+    ),
 ]
 WAYS_INTO: dict[State, tuple[float, str]] = {
     State.BOOTING: (0.5, "1s"),
@@ -470,7 +622,7 @@ _TABLE = [
     *(
         Case(
             f"{kind.name.lower()}-in-{state.name.lower()}",
-            Source.STATES,
+            RequirementSource.STATES,
             f"the table: {state.name} takes {trigger.name}",
             f"{script} sound:{_of(kind, 1)} 5min",
             primary,
@@ -482,7 +634,7 @@ _TABLE = [
     *(
         Case(
             f"nothing-else-in-{state.name.lower()}",
-            Source.STATES,
+            RequirementSource.STATES,
             f"the table: {state.name} takes no other order",
             " ".join(
                 [
@@ -503,7 +655,7 @@ _TABLE = [
     *(
         Case(
             f"docked-in-{state.name.lower()}",
-            Source.STATES,
+            RequirementSource.STATES,
             f"the table: {state.name} takes CHARGE_EDGE_ROSE",
             f"{script} rises 10min falls 1s release 2min",
             primary,
@@ -514,7 +666,7 @@ _TABLE = [
     *(
         Case(
             f"a-reset-in-{state.name.lower()}",
-            Source.STATES,
+            RequirementSource.STATES,
             "a reset boots the board, which then determines where it is",
             f"{script} brown_out 10min permission 70s rises 10min",
             primary,

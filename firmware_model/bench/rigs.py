@@ -37,7 +37,7 @@ BENCH_STIMULI = ("surfaced", "landed", "travel:60s, the time that the body takes
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class RigEvent:
     """Something that the outside of a board shows: the motors, the charger, or bytes."""
 
     at_ms: int
@@ -48,10 +48,10 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class History:
+class RigHistory:
     """A board's deeds in a case."""
 
-    events: tuple[Event, ...]
+    events: tuple[RigEvent, ...]
     charge: int | None
     """The primary's at the end, in grains. None in a captured trace, which has no charge."""
     flowed: int
@@ -61,7 +61,7 @@ class History:
     secondary: int | None = None
     """The secondary's charge at the end, on a whole board."""
     secondary_flowed: int = 0
-    ends: tuple[Event, ...] = ()
+    ends: tuple[RigEvent, ...] = ()
     """When its batteries became full or empty."""
 
 
@@ -116,7 +116,7 @@ class Rig(ABC):
     def own_stimuli(self) -> Sequence[str]: ...
 
     @abstractmethod
-    def shown(self) -> History:
+    def shown(self) -> RigHistory:
         """Everything that the outside of the board has shown up to now."""
 
     def command(self, kind: Kind) -> None:
@@ -154,14 +154,14 @@ class BenchRig(Rig):
     def own_stimuli(self) -> Sequence[str]:
         return BENCH_STIMULI
 
-    def shown(self) -> History:
+    def shown(self) -> RigHistory:
         bench = self.bench
-        events = [Event(it.at_ms, f"motors {it.to.name.lower()}") for it in bench.did(RunBuoyancy)]
-        events += [Event(it.at_ms, f"sends {it.data.hex()}") for it in bench.did(SendBytes)]
+        events = [RigEvent(it.at_ms, f"motors {it.to.name.lower()}") for it in bench.did(RunBuoyancy)]
+        events += [RigEvent(it.at_ms, f"sends {it.data.hex()}") for it in bench.did(SendBytes)]
         course = [(at_ms, primary) for at_ms, primary, _ in bench.courses]
         events += charging(course)
         model, now_ms = bench.config.charge, bench.now_ms
-        return History(
+        return RigHistory(
             tuple(sorted(events, key=lambda it: it.at_ms)),
             bench.primary,
             flowed(course, bench.primary),
@@ -173,13 +173,13 @@ Course = Sequence[tuple[int, Battery]]
 """(from ms, battery): the course of a battery, piece by piece."""
 
 
-def charging(course: Course) -> Iterator[Event]:
+def charging(course: Course) -> Iterator[RigEvent]:
     """When its charger began and stopped."""
     is_charging = False
     for at_ms, battery in course:
         if (battery.flow is Flow.CHARGING) is not is_charging:
             is_charging = not is_charging
-            yield Event(at_ms, "charges" if is_charging else "stops charging")
+            yield RigEvent(at_ms, "charges" if is_charging else "stops charging")
 
 
 def flowed(course: Course, charge: int) -> int:
@@ -188,7 +188,7 @@ def flowed(course: Course, charge: int) -> int:
     return sum(abs(after - before) for before, after in pairwise(charges))
 
 
-def ends(name: str, course: Course, model: ChargeModel, until_ms: int) -> Iterator[Event]:
+def ends(name: str, course: Course, model: ChargeModel, until_ms: int) -> Iterator[RigEvent]:
     """When the battery became full or empty."""
     befores: Iterable[int] = [*(at_ms for at_ms, _ in course[1:]), until_ms]
     for (_, battery), before_ms in zip(course, befores, strict=True):
@@ -197,7 +197,7 @@ def ends(name: str, course: Course, model: ChargeModel, until_ms: int) -> Iterat
             (0, model.empty_at_ms(battery), "empty"),
         ):
             if reached_ms is not None and reached_ms <= before_ms and battery.charge != level:
-                yield Event(reached_ms, f"{name} is {told}")
+                yield RigEvent(reached_ms, f"{name} is {told}")
 
 
 def lasts_ms(script: str) -> int:

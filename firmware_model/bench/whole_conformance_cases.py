@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from firmware_model.bench.conformance import Case, PaperTime, Source, Whole
+from firmware_model.bench.conformance import Case, PaperTime, RequirementSource, Whole
 from firmware_model.bench.wrong_packets import (
     EVERY_COMMAND,
     OTHER_VERSIONS,
@@ -61,7 +61,7 @@ _SURFACES = Whole("hourly", 0.21, last_resort=LastResort.SURFACE)
 
 def _case(
     name: str,
-    source: Source,
+    source: RequirementSource,
     requirement: str,
     script: str,
     whole: Whole = _HOURLY,
@@ -76,7 +76,7 @@ def _case(
 def _table_one(name: str, mode: str, script: str, whole: Whole, ends: str, *minutes: float) -> Case:
     primary = 0.0 if ends == "the primary is full" else 1.0
     paper = PaperTime(ends, minutes[0], minutes[-1])
-    return _case(name, Source.PAPER, f"Table I: {mode}", script, whole, primary, paper)
+    return _case(name, RequirementSource.PAPER, f"Table I: {mode}", script, whole, primary, paper)
 
 
 _PAPER = [
@@ -108,34 +108,62 @@ _PAPER = [
         "the backup is full",
         485,
     ),
-    _case("surfaces", Source.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"),
-    _case("surfaces-from-sleep", Source.PAPER, "III-C: a sleeping one hears it", "30min permission 3min"),
-    _case("stays-down", Source.PAPER, "II: without a permission it stays on the bottom", "13h"),
-    _case("charges", Source.PAPER, "III-C: a docked one is charged", f"{_DOCKED} 5h", primary=0.2),
-    _case("sinks-when-released", Source.PAPER, "III-C: released, it sinks", f"{_RELEASED} release 5min"),
-    _case("not-before", Source.PAPER, "III-C: in its dock it runs no motor", f"{_DOCKED} release 1h"),
+    _case(
+        "surfaces", RequirementSource.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"
+    ),
+    _case(
+        "surfaces-from-sleep",
+        RequirementSource.PAPER,
+        "III-C: a sleeping one hears it",
+        "30min permission 3min",
+    ),
+    _case("stays-down", RequirementSource.PAPER, "II: without a permission it stays on the bottom", "13h"),
+    _case("charges", RequirementSource.PAPER, "III-C: a docked one is charged", f"{_DOCKED} 5h", primary=0.2),
+    _case(
+        "sinks-when-released",
+        RequirementSource.PAPER,
+        "III-C: released, it sinks",
+        f"{_RELEASED} release 5min",
+    ),
+    _case(
+        "not-before", RequirementSource.PAPER, "III-C: in its dock it runs no motor", f"{_DOCKED} release 1h"
+    ),
     _case(
         "two-services",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "III-C: a second service is as the first",
         f"{_RELEASED} release 2h permission 70s rises 1h falls 1s release 3min",
     ),
 ]
 _SLEEP = [
-    _case("wakes-hourly", Source.PAPER, "IV-A: it wakes at each whole hour for 10 s", "5h"),
-    _case("listens-first", Source.STATES, "at rest on the bottom it listens, then it sleeps", "2min"),
-    _case("field-wakes", Source.STATES, "it samples, processes, and sends in its timeslot", "4h", _FIELD),
-    _case("in-slot-7", Source.PACKETS, "an assigned timeslot counts from now on", f"3s {_SLOT_7} 4h", _FIELD),
+    _case("wakes-hourly", RequirementSource.PAPER, "IV-A: it wakes at each whole hour for 10 s", "5h"),
+    _case(
+        "listens-first", RequirementSource.STATES, "at rest on the bottom it listens, then it sleeps", "2min"
+    ),
+    _case(
+        "field-wakes",
+        RequirementSource.STATES,
+        "it samples, processes, and sends in its timeslot",
+        "4h",
+        _FIELD,
+    ),
+    _case(
+        "in-slot-7",
+        RequirementSource.PACKETS,
+        "an assigned timeslot counts from now on",
+        f"3s {_SLOT_7} 4h",
+        _FIELD,
+    ),
     _case(
         "a-first-slot",
-        Source.STATES,
+        RequirementSource.STATES,
         "a board that had no slot transmits from now on",
         f"3s {_SLOT_7} 4h",
     ),
     *(
         _case(
             f"an-offset-of-{offset_ms}-ms",
-            Source.PACKETS,
+            RequirementSource.PACKETS,
             "an offset moves the timeslot",
             f"3s {_sound(SlotAssignment(1, 300_000, 3000, 500, 2, offset_ms))} 3h",
             _FIELD,
@@ -144,33 +172,33 @@ _SLEEP = [
     ),
     _case(
         "a-slot-that-cannot-be",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a timeslot beyond its frame is refused",
         f"3s {_sound(SlotAssignment(1, 60_000, 4000, 1500, 15, 0))} 3h",
         _FIELD,
     ),
     _case(
         "each-minute",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a schedule counts from now on",
         f"3s {_EACH_MINUTE} 1h permission 70s rises 10min",
     ),
     _case(
         "a-longer-wake",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a schedule sets the length of a wake",
         f"3s {_sound(SleepSchedule(1, 600_000, 60_000))} 2h permission 70s rises 15min",
     ),
     _case(
         "a-schedule-that-cannot-be",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a wake longer than its period is refused",
         f"3s {_sound(SleepSchedule(1, 20_000, 150_000))} 3h",
         _FIELD,
     ),
     _case(
         "settings-outlive-a-reset",
-        Source.STATES,
+        RequirementSource.STATES,
         "schedule and timeslot are kept",
         f"3s {_SLOT_7} {_sound(SleepSchedule(1, 600_000, 20_000))} 30min brown_out 2h",
         _FIELD,
@@ -178,7 +206,7 @@ _SLEEP = [
     *(
         _case(
             f"drifts-by-{ppm}-ppm",
-            Source.STATES,
+            RequirementSource.STATES,
             "timeslots follow the board's own clock",
             f"3s {_SLOT_7} 12h",
             Whole("field", drift_ppm=ppm),
@@ -187,173 +215,260 @@ _SLEEP = [
     ),
     _case(
         "a-beacon-sets-it",
-        Source.STATES,
+        RequirementSource.STATES,
         "a beacon sets the drifting clock",
         f"3s {_SLOT_7} 359min beacon:21543000 6h",
         Whole("field", drift_ppm=100),
     ),
     _case(
         "a-beacon-for-all",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a beacon to id 0 sets every clock",
         f"30min {_sound(Beacon(EVERYONE, 2_400_000))} 2h",
         _FIELD,
     ),
     _case(
         "past-an-alarm",
-        Source.STATES,
+        RequirementSource.STATES,
         "set past an alarm, it rings at once",
         "30min beacon:3700000 2h",
         _FIELD,
     ),
     _case(
         "no-alarm-twice",
-        Source.STATES,
+        RequirementSource.STATES,
         "set back, no alarm rings twice",
         "90min beacon:1800000 permission 20s sink 3h",
         _FIELD,
     ),
     _case(
         "a-time-that-cannot-be",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a beacon of such a time is refused",
         f"30min {_sound(Beacon(1, 1 << 60))} 3h",
         _FIELD,
     ),
     _case(
         "a-clock-in-doubt",
-        Source.STATES,
+        RequirementSource.STATES,
         "a clock beyond its guard transmits nothing",
         f"3s {_SLOT_7} 8h",
         Whole("field", doubt_ppm=50),
     ),
     _case(
         "a-beacon-dispels-it",
-        Source.STATES,
+        RequirementSource.STATES,
         "a beacon in the wait lets it transmit after all",
         f"3s {_SLOT_7} 237min 100s beacon:14323000 1h",
         Whole("field", doubt_ppm=50),
     ),
-    _case("woken-by-a-reset", Source.STATES, "a reset in its sleep boots it", "90min watchdog 2h", _FIELD),
-    _case("pi-at-work", Source.STATES, "a reset in a wake ends it", "1h 30s brown_out 2h", _FIELD),
+    _case(
+        "woken-by-a-reset",
+        RequirementSource.STATES,
+        "a reset in its sleep boots it",
+        "90min watchdog 2h",
+        _FIELD,
+    ),
+    _case("pi-at-work", RequirementSource.STATES, "a reset in a wake ends it", "1h 30s brown_out 2h", _FIELD),
 ]
 _PINGS = [
-    _case("a-ping", Source.STATES, "500 ms after a ping it answers", "10s ping 1min"),
-    _case("a-ping-in-sleep", Source.STATES, "a sleeping board answers, and sleeps on", "10min ping 1h"),
-    _case("a-ping-in-a-wake", Source.STATES, "an answer prolongs no wake", "3603s ping 1h"),
-    _case("a-ping-on-its-way", Source.STATES, "it answers on its way up", "3s permission 20s ping 2min"),
-    _case("a-ping-down", Source.STATES, "it answers on its way down", f"{_RELEASED} release 20s ping 3min"),
-    _case("two-pings", Source.STATES, "one answer at a time", "10s ping 300ms ping 5s ping 10s"),
+    _case("a-ping", RequirementSource.STATES, "500 ms after a ping it answers", "10s ping 1min"),
+    _case(
+        "a-ping-in-sleep",
+        RequirementSource.STATES,
+        "a sleeping board answers, and sleeps on",
+        "10min ping 1h",
+    ),
+    _case("a-ping-in-a-wake", RequirementSource.STATES, "an answer prolongs no wake", "3603s ping 1h"),
+    _case(
+        "a-ping-on-its-way",
+        RequirementSource.STATES,
+        "it answers on its way up",
+        "3s permission 20s ping 2min",
+    ),
+    _case(
+        "a-ping-down",
+        RequirementSource.STATES,
+        "it answers on its way down",
+        f"{_RELEASED} release 20s ping 3min",
+    ),
+    _case("two-pings", RequirementSource.STATES, "one answer at a time", "10s ping 300ms ping 5s ping 10s"),
     _case(
         "a-ping-for-all",
-        Source.STATES,
+        RequirementSource.STATES,
         "nobody answers a ping to everyone",
         f"10s {_sound(CommandPacket(Kind.PING, EVERYONE))} 1min",
     ),
     _case(
         "a-ping-before-its-slot",
-        Source.STATES,
+        RequirementSource.STATES,
         "its own slot drops the answer",
         "3899s 700ms ping 1min",
         _FIELD,
     ),
-    _case("a-ping-while-empty", Source.STATES, "it answers on its backup", "2h ping 1min", primary=0.005),
-    _case("a-ping-hovering", Source.STATES, "it answers while it hovers", "10s hover 5min ping 5min"),
+    _case(
+        "a-ping-while-empty",
+        RequirementSource.STATES,
+        "it answers on its backup",
+        "2h ping 1min",
+        primary=0.005,
+    ),
+    _case(
+        "a-ping-hovering", RequirementSource.STATES, "it answers while it hovers", "10s hover 5min ping 5min"
+    ),
     _case(
         "for-another",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a command has the id of its receiver",
         f"10s {_sound(CommandPacket(Kind.PING, 2))} {_sound(CommandPacket(Kind.PERMISSION, 257))} 3min",
     ),
     _case(
         "other-versions",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a kind of an unknown version is dropped",
         f"10s {by_sound(OTHER_VERSIONS)} 2h ping 1min",
     ),
     _case(
         "every-length",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "bytes that are no packet are dropped",
         " ".join(["10s", *(f"sound:{'ff' * n}" for n in range(65)), "ping 1min"]),
     ),
 ]
 _TRAVEL = [
-    _case("hovers", Source.STATES, "it hovers at an ordered depth", f"10s {_sound(HoverAt(1, 1.25))} 1h"),
-    _case("hovers-here", Source.STATES, "it hovers where it is", "10s permission 30s sink 10s hover 3h"),
-    _case("hovers-by-runs", Source.STATES, "a run at every interval keeps the depth", "10s hover 65min"),
+    _case(
+        "hovers",
+        RequirementSource.STATES,
+        "it hovers at an ordered depth",
+        f"10s {_sound(HoverAt(1, 1.25))} 1h",
+    ),
+    _case(
+        "hovers-here",
+        RequirementSource.STATES,
+        "it hovers where it is",
+        "10s permission 30s sink 10s hover 3h",
+    ),
+    _case(
+        "hovers-by-runs",
+        RequirementSource.STATES,
+        "a run at every interval keeps the depth",
+        "10s hover 65min",
+    ),
     _case(
         "never-at-the-surface",
-        Source.STATES,
+        RequirementSource.STATES,
         "it does not hover at the surface",
         f"10s {_sound(HoverAt(1, 0.0))} 1h",
     ),
-    _case("up-from-hovering", Source.STATES, "a permission ends a hover", "10s hover 15min permission 3min"),
-    _case("down-from-hovering", Source.STATES, "an order to sink ends a hover", "10s hover 15min sink 5min"),
-    _case("a-reset-hovering", Source.STATES, "a reset forgets a hover", "10s hover 15min brown_out 3h"),
     _case(
-        "nobody-comes", Source.STATES, "afloat for too long it sinks again", f"{_UP} 2h", Whole(float_min=60)
+        "up-from-hovering",
+        RequirementSource.STATES,
+        "a permission ends a hover",
+        "10s hover 15min permission 3min",
     ),
-    _case("sinks-on-order", Source.STATES, "an order sinks it from the surface", f"{_UP} {_SINK} 3min"),
+    _case(
+        "down-from-hovering",
+        RequirementSource.STATES,
+        "an order to sink ends a hover",
+        "10s hover 15min sink 5min",
+    ),
+    _case(
+        "a-reset-hovering",
+        RequirementSource.STATES,
+        "a reset forgets a hover",
+        "10s hover 15min brown_out 3h",
+    ),
+    _case(
+        "nobody-comes",
+        RequirementSource.STATES,
+        "afloat for too long it sinks again",
+        f"{_UP} 2h",
+        Whole(float_min=60),
+    ),
+    _case(
+        "sinks-on-order",
+        RequirementSource.STATES,
+        "an order sinks it from the surface",
+        f"{_UP} {_SINK} 3min",
+    ),
     _case(
         "sinks-when-told-after-its-dock",
-        Source.STATES,
+        RequirementSource.STATES,
         "likewise after a release",
         f"{_RELEASED} {_SINK} 3min",
     ),
-    _case("a-release-afloat", Source.STATES, "afloat a release sinks it", f"{_UP} release 3min"),
+    _case("a-release-afloat", RequirementSource.STATES, "afloat a release sinks it", f"{_UP} release 3min"),
     _case(
-        "sinks-on-its-way", Source.STATES, "an order sinks it on its way up", "3s permission 20s sink 3min"
+        "sinks-on-its-way",
+        RequirementSource.STATES,
+        "an order sinks it on its way up",
+        "3s permission 20s sink 3min",
     ),
-    _case("no-release-packet", Source.STATES, "without a release it sinks after 120 s", f"{_RELEASED} 10min"),
+    _case(
+        "no-release-packet",
+        RequirementSource.STATES,
+        "without a release it sinks after 120 s",
+        f"{_RELEASED} 10min",
+    ),
     _case(
         "release-before-the-edge",
-        Source.STATES,
+        RequirementSource.STATES,
         "docked, it sinks as soon as the pin has fallen",
         f"{_DOCKED} release 1s falls 10min",
     ),
     _case(
-        "bounces", Source.STATES, "a level counts once it held for 50 ms", f"{_UP} chatter:20:20:20 rises 1h"
+        "bounces",
+        RequirementSource.STATES,
+        "a level counts once it held for 50 ms",
+        f"{_UP} chatter:20:20:20 rises 1h",
     ),
     _case(
         "chatter-mostly-high",
-        Source.STATES,
+        RequirementSource.STATES,
         "after 2 s of chatter the level of most of the time counts",
         f"{_UP} chatter:30:10:52 {_SINK} rises 1h",
     ),
     _case(
         "chatter-51-percent-high",
-        Source.STATES,
+        RequirementSource.STATES,
         "the time up to the end of the 2 s counts, too",
         f"{_UP} chatter:41:41:25 {_SINK} rises 1h",
         is_near_tie=True,
     ),
     _case(
         "chatter-mostly-low",
-        Source.STATES,
+        RequirementSource.STATES,
         "after 2 s of chatter the level of most of the time counts",
         f"{_UP} chatter:10:30:100 3min",
     ),
-    _case("missed-rise", Source.STATES, "a minute's look finds a lost edge", f"{_UP} rises_unseen 2h"),
-    _case("missed-fall", Source.STATES, "a look finds a lost edge", f"{_DOCKED} falls_unseen 2h"),
-    _case("slips", Source.STATES, "coils that slip and align charge on", f"{_DOCKED} slips 2h", primary=0.4),
+    _case(
+        "missed-rise", RequirementSource.STATES, "a minute's look finds a lost edge", f"{_UP} rises_unseen 2h"
+    ),
+    _case("missed-fall", RequirementSource.STATES, "a look finds a lost edge", f"{_DOCKED} falls_unseen 2h"),
+    _case(
+        "slips",
+        RequirementSource.STATES,
+        "coils that slip and align charge on",
+        f"{_DOCKED} slips 2h",
+        primary=0.4,
+    ),
     _case(
         "brown-out-docked",
-        Source.STATES,
+        RequirementSource.STATES,
         "a reset in a dock charges on",
         f"{_DOCKED} brown_out 2h",
         primary=0.2,
     ),
     _case(
         "brown-out-afloat",
-        Source.STATES,
+        RequirementSource.STATES,
         "a reset afloat floats on, for as long again",
         f"{_UP} 30min brown_out 2h",
         Whole(float_min=60),
     ),
     _case(
         "reports-when-asked",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "the experiment's report is a full status",
         f"{_UP} 1h watchdog 1h",
         Whole("hourly", report_min=10),
@@ -361,73 +476,84 @@ _TRAVEL = [
 ]
 _LOG = [
     _case(
-        "reports-docked", Source.PACKETS, "each wake in a dock reports by Wi-Fi", f"{_DOCKED} 3h", primary=0.3
+        "reports-docked",
+        RequirementSource.PACKETS,
+        "each wake in a dock reports by Wi-Fi",
+        f"{_DOCKED} 3h",
+        primary=0.3,
     ),
-    _case("uploads", Source.PACKETS, "a report brings the waiting records", f"{_HUNDRED_SAMPLES} 50s"),
+    _case(
+        "uploads", RequirementSource.PACKETS, "a report brings the waiting records", f"{_HUNDRED_SAMPLES} 50s"
+    ),
     _case(
         "acknowledged",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "an acknowledgement brings the next records",
         f"{_REPORTING} {_wifi(LogAck(1, 72))} 1s {_wifi(LogAck(1, 100))} 5min",
     ),
-    _case("no-acknowledgement", Source.PACKETS, "unacknowledged records come again", f"{_REPORTING} 5min"),
+    _case(
+        "no-acknowledgement",
+        RequirementSource.PACKETS,
+        "unacknowledged records come again",
+        f"{_REPORTING} 5min",
+    ),
     _case(
         "an-acknowledgement-lost",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "the next report begins after what was acknowledged",
         f"{_REPORTING} {_wifi(LogAck(1, 18))} 5min",
     ),
     _case(
         "an-acknowledgement-twice",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "one of nothing new asks for the missing records",
         f"{_REPORTING} {_wifi(LogAck(1, 36))} 1s {_wifi(LogAck(1, 36))} 1s {_wifi(LogAck(1, 0))} 5min",
     ),
     _case(
         "acknowledgements-out-of-order",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a late one takes nothing back",
         f"{_REPORTING} {_wifi(LogAck(1, 54))} 1s {_wifi(LogAck(1, 18))} 5min",
     ),
     _case(
         "never-taken",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "one of records that were never taken is refused",
         f"{_REPORTING} {_wifi(LogAck(1, 9999))} 5min",
     ),
     _case(
         "acknowledged-in-sleep",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "without Wi-Fi none is heard",
         f"{_HUNDRED_SAMPLES} 20s {_wifi(LogAck(1, 72))} 5min",
     ),
     _case(
         "asked-for-its-log",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "BACK_UP_LOG sends what waits",
         f"3h permission 70s 1s {_ASKED} 1min",
     ),
     _case(
         "an-upload-keeps-it-awake",
-        Source.STATES,
+        RequirementSource.STATES,
         "each acknowledgement prolongs the report",
         f"{_REPORTING} 8s {_wifi(LogAck(1, 18))} 9s {_wifi(LogAck(1, 36))} 5min",
     ),
     _case(
         "a-log-outlives-a-reset",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "no sequence is used twice",
         f"3s {_EACH_MINUTE} 30min brown_out 30min watchdog 30min permission 70s rises 5min",
     ),
     _case(
         "acknowledged-before-a-reset",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "acknowledged records stay so",
         f"{_REPORTING} {_wifi(LogAck(1, 72))} 1s brown_out 5min",
     ),
     _case(
         "a-full-ring",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "the oldest page is overwritten, and counted",
         f"3s {_EACH_MINUTE} 45h permission 70s rises 5min",
     ),
@@ -437,32 +563,32 @@ _UPLOADED = "1h permission 70s rises 10min"
 _FAULTS = [
     _case(
         "a-silent-sensor",
-        Source.CHOICE,
+        RequirementSource.CHOICE,
         "a sensor that does not answer repeats its last counts",
         f"3s {_EACH_MINUTE} 10min bus:1 10min bus:0 {_UPLOADED}",
     ),
     _case(
         "a-torn-write",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a torn record is left out of an upload, and no other",
         f"3s {_EACH_MINUTE} 10min writes:10 2min writes:0 {_UPLOADED}",
     ),
     _case(
         "a-write-torn-to-a-byte",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a torn record is left out of an upload, and no other",
         f"3s {_EACH_MINUTE} 10min writes:1 1min writes:0 {_UPLOADED}",
     ),
     _case(
         "worn-cells",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a record whose check is wrong is left out of an upload",
         f"3s {_EACH_MINUTE} 10min cells:16 5min cells:0 {_UPLOADED}",
     ),
     *(
         _case(
             f"a-brown-out-after-{size}-bytes",
-            Source.PACKETS,
+            RequirementSource.PACKETS,
             "a record that a reset tore is counted, and its sequence is not used again",
             f"3s {_EACH_MINUTE} 10min supply:{size} {_UPLOADED}",
         )
@@ -470,49 +596,56 @@ _FAULTS = [
     ),
     _case(
         "torn-at-a-page-s-edge",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a page whose first record is torn goes on with the next one",
         f"3s {_EACH_MINUTE} 172min supply:10 {_UPLOADED}",
     ),
     _case(
         "written-at-a-page-s-edge",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a record that a reset left whole keeps its sequence",
         f"3s {_EACH_MINUTE} 172min supply:24 {_UPLOADED}",
     ),
     _case(
         "torn-again-and-again",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "every torn record is counted",
         f"3s {_EACH_MINUTE} 10min supply:10 5min supply:20 5min supply:5 {_UPLOADED}",
     ),
     _case(
         "an-overrun",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "bytes that are no packet are dropped",
         "3s uart:4 permission ping 1min uart:0 ping 1min permission 3min",
     ),
     _case(
         "readings-with-noise",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a status has the batteries' readings",
         "3s readings:5 3h readings:0 2h",
         _FIELD,
     ),
 ]
 _EMERGENCY = [
-    _case("empties", Source.STATES, "an empty one measures nothing", "8h", primary=0.005),
+    _case("empties", RequirementSource.STATES, "an empty one measures nothing", "8h", primary=0.005),
     _case(
         "empty-and-fetched",
-        Source.PAPER,
+        RequirementSource.PAPER,
         "III-C: an empty one takes a permission",
         "2h permission 70s rises 3h",
         primary=0.005,
     ),
-    _case("waits", Source.STATES, "at its safe level it may wait", "12h", Whole("hourly", 0.21), 0.005),
+    _case(
+        "waits",
+        RequirementSource.STATES,
+        "at its safe level it may wait",
+        "12h",
+        Whole("hourly", 0.21),
+        0.005,
+    ),
     _case(
         "calls",
-        Source.STATES,
+        RequirementSource.STATES,
         "at its safe level it may call, every 10 min",
         "30h",
         _CALLS,
@@ -521,7 +654,7 @@ _EMERGENCY = [
     ),
     _case(
         "surfaces-at-last",
-        Source.STATES,
+        RequirementSource.STATES,
         "at its safe level it may surface",
         "40h",
         _SURFACES,
@@ -530,7 +663,7 @@ _EMERGENCY = [
     ),
     _case(
         "a-last-resort-ends-in-a-dock",
-        Source.STATES,
+        RequirementSource.STATES,
         "once charged it sinks again after its time afloat",
         "10h rises 350min falls 1s release 10min permission 70s 2h",
         replace(_SURFACES, float_min=60),
@@ -539,7 +672,7 @@ _EMERGENCY = [
     ),
     _case(
         "stays-down-when-told",
-        Source.STATES,
+        RequirementSource.STATES,
         "for 6 h after an order to sink no last resort brings it up",
         "2h permission 20s sink 1s 40h",
         Whole("hourly", 0.2101, last_resort=LastResort.SURFACE),
@@ -547,7 +680,7 @@ _EMERGENCY = [
     ),
     _case(
         "both-empty",
-        Source.STATES,
+        RequirementSource.STATES,
         "without charge it answers nothing",
         "20h ping 1min",
         Whole("never", 0.005),
@@ -555,14 +688,14 @@ _EMERGENCY = [
     ),
     _case(
         "back-on-its-primary",
-        Source.STATES,
+        RequirementSource.STATES,
         "a dock switches it back at 10 %",
         "2h permission 70s rises 5h",
         primary=0.005,
     ),
     _case(
         "low-level",
-        Source.STATES,
+        RequirementSource.STATES,
         "at its low level it wakes once",
         "3h",
         Whole("field", low_level=0.5),
@@ -570,7 +703,7 @@ _EMERGENCY = [
     ),
     _case(
         "another-low-level",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a threshold is set by a packet",
         f"3s {_sound(SetThreshold(1, Threshold.LOW_LEVEL, 0.8))} 3h",
         Whole("field", low_level=0.1),
@@ -578,7 +711,7 @@ _EMERGENCY = [
     ),
     _case(
         "another-safe-level",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a threshold is set by a packet",
         f"3s {_sound(SetThreshold(1, Threshold.SAFE_LEVEL, 0.5))} 30h",
         Whole("hourly", 0.51, last_resort=LastResort.CALL),
@@ -587,14 +720,14 @@ _EMERGENCY = [
     ),
     _case(
         "another-switch-back",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a threshold is set by a packet, and kept",
         f"3s {_sound(SetThreshold(1, Threshold.SWITCH_BACK, 0.3))} 1min brown_out 2h permission 70s rises 5h",
         primary=0.005,
     ),
     _case(
         "metered",
-        Source.STATES,
+        RequirementSource.STATES,
         "a run of its motors does not look empty",
         f"{_UP} release 4h",
         Whole("field", metered=True),
@@ -602,7 +735,7 @@ _EMERGENCY = [
     ),
     _case(
         "metered-and-empty",
-        Source.STATES,
+        RequirementSource.STATES,
         "a voltage that stays low is empty",
         "8h",
         Whole("field", metered=True),
@@ -613,7 +746,7 @@ _UNEVEN = Whole(uneven=True)
 _TIMES = [
     _case(
         f"other-times-{name}",
-        Source.STATES,
+        RequirementSource.STATES,
         f"the scenario's times: {requirement}",
         script,
         whole,
@@ -656,7 +789,7 @@ _TIMES = [
 _TOLD = [
     _case(
         "both-charges-told",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a status has both charges",
         f"10s ping 2h ping {_UPLOADED}",
         Whole("field", 0.7),
@@ -664,7 +797,7 @@ _TOLD = [
     ),
     _case(
         "reports-through-a-service",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a report has the state, the feed, the rails and the reset's cause",
         f"{_RELEASED} 30s release 3min brown_out 10min",
         Whole("field", 0.8, report_min=1),
@@ -672,14 +805,14 @@ _TOLD = [
     ),
     _case(
         "reports-hovering",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a report has the state, the feed and the rails",
         "10s hover 15min sink 5min",
         Whole("hourly", report_min=1),
     ),
     _case(
         "reports-on-its-backup",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a report has the battery that feeds the board",
         "3h permission 70s rises 3h",
         Whole("hourly", report_min=7),
@@ -688,7 +821,7 @@ _TOLD = [
     *(
         _case(
             f"reports-a-clock-{told}",
-            Source.PACKETS,
+            RequirementSource.PACKETS,
             "a report has the clock's offset to the last beacon",
             f"10min {_sound(Beacon(1, 600_000 + late_ms))} {_UPLOADED} brown_out 1h",
         )
@@ -696,20 +829,20 @@ _TOLD = [
     ),
     _case(
         "a-year-behind",
-        Source.CHOICE,
+        RequirementSource.CHOICE,
         "an offset that does not fit is told as the largest",
         f"10min {_sound(Beacon(1, 40_000_000_000))} {_UPLOADED}",
     ),
     _case(
         "beyond-a-sensor-s-range",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a sample beyond a sensor's range is marked",
         _UPLOADED,
         Whole("field", turbid=True),
     ),
     _case(
         "a-short-modem",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a v2 nanomodem carries 7 bytes",
         "80min",
         Whole("field", short_modem=True),
@@ -718,21 +851,21 @@ _TOLD = [
 _PACKETS = [
     _case(
         "every-bit-flipped",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "the CRC detects every single bit error",
         f"10s {by_sound([it for command in EVERY_COMMAND for it in damages(command.encode())])} 2h ping {_UPLOADED}",
         _FIELD,
     ),
     _case(
         "every-layout",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "version, kind and size belong together",
         f"10s {by_sound(UNKNOWN_LAYOUTS)} 2h ping {_UPLOADED}",
         _FIELD,
     ),
     _case(
         "for-all",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "id 0 addresses all",
         f"10s {_sound(CommandPacket(Kind.HOVER, EVERYONE))} 15min {_sound(CommandPacket(Kind.SINK, EVERYONE))} 5min"
         f" {_sound(CommandPacket(Kind.PERMISSION, EVERYONE))} 70s {_wifi(CommandPacket(Kind.RELEASE, EVERYONE))} 3min",
@@ -740,7 +873,7 @@ _PACKETS = [
     replace(
         _case(
             "with-the-id-300",
-            Source.PACKETS,
+            RequirementSource.PACKETS,
             "an id has two bytes",
             " ".join(
                 [
@@ -756,21 +889,21 @@ _PACKETS = [
     ),
     _case(
         "numbers-of-four-bytes",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "frame, slot and offset have four bytes, guard and index two",
         f"3s {_sound(SlotAssignment(1, 30_000_000, 90_000, 700, 300, -70_000))} 20h",
         _FIELD,
     ),
     _case(
         "a-wake-of-two-minutes",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "the length of a wake has four bytes",
         f"3s {_sound(SleepSchedule(1, 900_000, 120_000))} 4h",
         _FIELD,
     ),
     _case(
         "in-the-last-slot",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a timeslot may end with its frame",
         f"3s {_sound(SlotAssignment(1, 60_000, 4000, 1500, 14, 0))} 3h",
         _FIELD,
@@ -780,19 +913,19 @@ _PACKETS = [
         for name, source, requirement, slot in (
             (
                 "of-no-time",
-                Source.PACKETS,
+                RequirementSource.PACKETS,
                 "a timeslot without time is refused",
                 SlotAssignment(1, 300_000, 0, 0, 0, 0),
             ),
             (
                 "beyond-by-one",
-                Source.PACKETS,
+                RequirementSource.PACKETS,
                 "a timeslot beyond its frame is refused",
                 SlotAssignment(1, 59_999, 4000, 1500, 14, 0),
             ),
             (
                 "with-a-long-guard",
-                Source.CHOICE,
+                RequirementSource.CHOICE,
                 "a guard is shorter than its timeslot",
                 SlotAssignment(1, 60_000, 4000, 4000, 3, 0),
             ),
@@ -801,11 +934,16 @@ _PACKETS = [
     *(
         _case(f"a-schedule-{name}", source, requirement, f"3s {_sound(schedule)} 3h", _FIELD)
         for name, source, requirement, schedule in (
-            ("of-no-time", Source.PACKETS, "a period without time is refused", SleepSchedule(1, 0, 0)),
-            ("without-a-wake", Source.CHOICE, "a wake has a length", SleepSchedule(1, 600_000, 0)),
+            (
+                "of-no-time",
+                RequirementSource.PACKETS,
+                "a period without time is refused",
+                SleepSchedule(1, 0, 0),
+            ),
+            ("without-a-wake", RequirementSource.CHOICE, "a wake has a length", SleepSchedule(1, 600_000, 0)),
             (
                 "of-wakes-alone",
-                Source.CHOICE,
+                RequirementSource.CHOICE,
                 "a wake is shorter than its period",
                 SleepSchedule(1, 600_000, 600_000),
             ),
@@ -814,7 +952,7 @@ _PACKETS = [
     *(
         _case(
             f"a-level-of-number-{which}",
-            Source.PACKETS,
+            RequirementSource.PACKETS,
             "a threshold is one of three",
             f"3s sound:{checked(bytes([2, 9, 1, 0, which, 255, 200])).hex()} {_UPLOADED}",
             Whole("field", 0.5, low_level=0.5),
@@ -825,7 +963,7 @@ _PACKETS = [
     *(
         _case(
             f"a-beacon-{name}",
-            Source.CHOICE,
+            RequirementSource.CHOICE,
             "the latest time that a beacon may tell is 2^53 ms",
             f"10s {_sound(Beacon(1, (1 << 53) + by_ms))} 90min",
             _FIELD,
@@ -834,19 +972,19 @@ _PACKETS = [
     ),
     _case(
         "hovers-at-12.75-m",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a depth has steps of 0.25 m",
         f"10s {_sound(HoverAt(1, 12.75))} 25min",
     ),
     _case(
         "hovers-at-another-depth",
-        Source.STATES,
+        RequirementSource.STATES,
         "a hovering one takes another depth",
         f"10s {_sound(HoverAt(1, 1.25))} 15min {_sound(HoverAt(1, 2.0))} 25min",
     ),
     _case(
         "a-hover-refused-is-forgotten",
-        Source.STATES,
+        RequirementSource.STATES,
         "the depth of an order that was refused is not used",
         f"10s hover 5min {_sound(HoverAt(1, 0.0))} 25min",
     ),
@@ -854,40 +992,45 @@ _PACKETS = [
 _ROUND = [
     _case(
         "does-not-come-up",
-        Source.STATES,
+        RequirementSource.STATES,
         "one that does not come up in 180 s runs its motors back",
         "10s jam:1 permission 10min jam:0 permission 3min",
     ),
-    _case("comes-up-late", Source.STATES, "179 s are in time", "10s jam:1 permission 118s jam:0 10min"),
+    _case(
+        "comes-up-late",
+        RequirementSource.STATES,
+        "179 s are in time",
+        "10s jam:1 permission 118s jam:0 10min",
+    ),
     _case(
         "a-release-is-used-once",
-        Source.STATES,
+        RequirementSource.STATES,
         "a release belongs to one docking",
         f"{_DOCKED} release 1s falls 3min permission 70s rises 1min falls 10min",
     ),
     _case(
         "release-forgotten",
-        Source.STATES,
+        RequirementSource.STATES,
         "a reset forgets a release",
         f"{_DOCKED} release brown_out 1min falls 10min",
     ),
     _case(
         "a-touch",
-        Source.STATES,
+        RequirementSource.STATES,
         "a touch of 49 ms charges nothing",
         f"{_UP} rises 49ms falls 1h",
         primary=0.4,
     ),
     _case(
         "a-gap",
-        Source.STATES,
+        RequirementSource.STATES,
         "a gap of 49 ms ends no docking",
         f"{_DOCKED} falls 49ms rises 1h falls 1s release 2min",
         primary=0.4,
     ),
     _case(
         "chatter-that-turns",
-        Source.STATES,
+        RequirementSource.STATES,
         "each 2 s of chatter are judged by themselves",
         f"{_UP} chatter:30:10:100 chatter:10:30:200 3min",
         primary=0.4,
@@ -895,7 +1038,7 @@ _ROUND = [
     *(
         _case(
             f"chatter-{percent}-percent-high",
-            Source.STATES,
+            RequirementSource.STATES,
             "after 2 s of chatter the level of most of the time counts",
             f"{_UP} chatter:{high_ms}:{50 - high_ms}:80 {_SINK} 3min",
             primary=0.4,
@@ -904,71 +1047,74 @@ _ROUND = [
     ),
     _case(
         "a-fall-missed-in-a-rise",
-        Source.STATES,
+        RequirementSource.STATES,
         "a level that did not hold for 50 ms counts for nothing",
         f"{_UP} rises 30ms falls_unseen 10min",
         primary=0.4,
     ),
     _case(
         "a-wake-finds-it",
-        Source.STATES,
+        RequirementSource.STATES,
         "a wake finds a lost edge",
         "3s rises_unseen 1s permission 200ms 1h",
         primary=0.4,
     ),
     _case(
         "a-sampling-finds-it",
-        Source.STATES,
+        RequirementSource.STATES,
         "a wake finds a lost edge",
         "59min 50s rises_unseen 9s 20s",
         primary=0.4,
     ),
     _case(
         "undocked-in-a-boot",
-        Source.STATES,
+        RequirementSource.STATES,
         "a pin that fell in a boot releases",
         f"{_DOCKED} brown_out 1s falls 10min",
     ),
     _case(
-        "docked-in-a-boot", Source.STATES, "a pin that rose in a boot docks", f"{_UP} brown_out 1s rises 2h"
+        "docked-in-a-boot",
+        RequirementSource.STATES,
+        "a pin that rose in a boot docks",
+        f"{_UP} brown_out 1s rises 2h",
     ),
     _case(
         "a-timeslot-in-its-wake",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a timeslot counts from now on",
         f"3800s {_SLOT_7} 2h",
         _FIELD,
     ),
     _case(
         "a-schedule-in-its-wake",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a schedule counts from now on",
         f"3605s {_EACH_MINUTE} 1h",
         _FIELD,
     ),
     _case(
         "a-schedule-in-a-dock",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a schedule counts from now on",
         f"{_DOCKED} {_wifi(SleepSchedule(1, 600_000, 10_000))} 50min {_wifi(SleepSchedule(1, 600_000, 10_000))} 1h",
     ),
     _case(
         "a-beacon-that-puts-off-its-slot",
-        Source.STATES,
+        RequirementSource.STATES,
         "timeslots follow the clock as it is",
         "3800s beacon:3650000 1h",
         _FIELD,
     ),
     _case(
         "a-beacon-past-its-slot",
-        Source.STATES,
+        RequirementSource.STATES,
         "timeslots follow the clock as it is",
         "3800s beacon:3950000 1h",
         _FIELD,
     ),
     _case(
         "in-doubt-after-an-hour",
-        Source.STATES,
+        RequirementSource.STATES,
         "the error of the clock at the timeslot counts, since the last beacon",
         f"3s {_SLOT_7} 55min beacon:3303000 5h beacon:21303000 2h",
         Whole("field", doubt_ppm=40),
@@ -977,85 +1123,85 @@ _ROUND = [
 _UPLOADS = [
     _case(
         "never-taken-by-one",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "one of records that were never taken is refused",
         f"{_REPORTING} {_wifi(LogAck(1, 102))} 1s {_wifi(LogAck(1, 101))} 5min",
     ),
     _case(
         "asked-in-its-dock",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "BACK_UP_LOG sends what waits, and prolongs the report",
         f"{_REPORTING} 8s {_ASKED} 5min",
     ),
     _case(
         "asked-in-its-sleep",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "without Wi-Fi none is heard",
         f"{_HUNDRED_SAMPLES} 20s {_ASKED} 5min",
     ),
     _case(
         "acknowledged-afloat",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "afloat its Wi-Fi is on",
         f"3s {_EACH_MINUTE} 100min permission 70s {_ASKED} 1s {_wifi(LogAck(1, 72))} 1min",
     ),
     _case(
         "acknowledged-when-released",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "released, its Wi-Fi is on",
         f"{_REPORTING} falls 1s {_wifi(LogAck(1, 72))} 1s {_ASKED} 1min",
     ),
     _case(
         "acknowledged-in-parts",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "then as many records as are acknowledged",
         f"{_REPORTING} {_wifi(LogAck(1, 5))} 1s {_wifi(LogAck(1, 41))} 1s {_wifi(LogAck(1, 90))} 5min",
     ),
     _case(
         "asked-after-an-acknowledgement",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "it sends what waits",
         f"{_REPORTING} {_wifi(LogAck(1, 54))} 1s {_ASKED} 5min",
     ),
     _case(
         "samples-after-an-upload",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "records keep their sequence through a service",
         f"{_REPORTING} {_wifi(LogAck(1, 101))} 5min falls 1s {_SINK} 30min permission 70s rises 5min",
     ),
     _case(
         "a-full-ring-acknowledged",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "what the ring overwrote is counted until more is acknowledged",
         f"3s {_EACH_MINUTE} 50h permission 70s rises 2min {_wifi(LogAck(1, 300))} 1s {_wifi(LogAck(1, 2900))} 5min",
     ),
     _case(
         "a-full-ring-outlives-a-reset",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "after a reset the board finds the newest record by its sequence",
         f"3s {_EACH_MINUTE} 50h brown_out 10min permission 70s rises 5min",
     ),
     _case(
         "a-reset-at-a-page-s-edge",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "after a reset the board finds the newest record by its sequence",
         f"3s {_EACH_MINUTE} 170min brown_out 5min {_UPLOADED}",
     ),
     _case(
         "two-resets",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "no sequence is used twice",
         f"3s {_EACH_MINUTE} 10min supply:10 10min brown_out 10min watchdog {_UPLOADED}",
     ),
     _case(
         "a-flash-that-does-not-answer",
-        Source.CHOICE,
+        RequirementSource.CHOICE,
         "its samples are gone, and counted",
         f"3s {_EACH_MINUTE} 10min flash:1 5min flash:0 {_UPLOADED}",
     ),
     _case(
         "a-flash-that-does-not-answer-in-a-boot",
-        Source.CHOICE,
+        RequirementSource.CHOICE,
         "the number of samples outlives it",
         f"3s {_EACH_MINUTE} 10min flash:1 brown_out 5min flash:0 {_UPLOADED}",
     ),
@@ -1111,7 +1257,7 @@ _TABLE = [
     *(
         _case(
             f"{word}-in-{_named(state)}",
-            Source.STATES,
+            RequirementSource.STATES,
             f"the table: {state.name} takes {trigger.name}",
             f"{script} {_ordered(word)} 25min",
             whole,
@@ -1125,7 +1271,7 @@ _TABLE = [
     *(
         _case(
             f"nothing-else-in-{_named(state)}",
-            Source.STATES,
+            RequirementSource.STATES,
             f"the table: {state.name} takes no other order",
             " ".join(
                 [
@@ -1147,7 +1293,7 @@ _TABLE = [
     *(
         _case(
             f"a-reset-in-{_named(state)}",
-            Source.STATES,
+            RequirementSource.STATES,
             "a reset boots the board, which then determines where it is",
             f"{script} brown_out 2h",
             whole,

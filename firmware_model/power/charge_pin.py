@@ -16,7 +16,7 @@ class Edge(IntEnum):
     ROSE = 1
 
 
-class Fault(Enum):
+class PinFault(Enum):
     """A fault of the pin; the board counts it."""
 
     MISSED = "an edge of the charger's pin was missed: its level told"
@@ -71,12 +71,12 @@ class ChargePin:
         self._wait()
         return True
 
-    def due(self, now_ms: int) -> tuple[Edge | None, Fault | None]:
+    def due(self, now_ms: int) -> tuple[Edge | None, PinFault | None]:
         """Returns the edge that has become certain by `now_ms`, once, and the fault of the pin."""
         if self.next_due_ms is None or now_ms < self.next_due_ms:
             return None, None
         if self.sample_level(now_ms):
-            return None, Fault.MISSED
+            return None, PinFault.MISSED
         assert self._flipped_ms is not None
         if now_ms >= self._flipped_ms + self._debounce_ms:
             self._flipped_ms = self.next_due_ms = None
@@ -85,7 +85,7 @@ class ChargePin:
         more_high_ms = 2 * self._high_ms - (now_ms - self._unsettled_ms)
         self._unsettled_ms, self._high_ms = now_ms, 0
         self._wait()
-        return self._certain(self.high if more_high_ms == 0 else more_high_ms > 0), Fault.CHATTER
+        return self._certain(self.high if more_high_ms == 0 else more_high_ms > 0), PinFault.CHATTER
 
     def _count(self, now_ms: int) -> None:
         if self._seen_high:

@@ -9,7 +9,7 @@ from fleets import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.coordinator import Coordinator, Died, Heard
+from agents.coordinator import AgentDied, AgentOutput, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
@@ -26,12 +26,12 @@ FLEET = PAPER
 
 def fly(
     facts: list[tuple[int, int, Stimulus]], cuts: list[int]
-) -> tuple[list[Heard | Died], dict[int, list[Truth]]]:
+) -> tuple[list[AgentOutput | AgentDied], dict[int, list[Truth]]]:
     """The outputs up to 40 s of mission time, and each aMussel's truths."""
     initial_states = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
     host = InProcessHost(FLEET, initial_states)
     coordinator = Coordinator(host, dict.fromkeys(IDS, 0), FLEET.time_scale)
-    came: list[Heard | Died] = []
+    came: list[AgentOutput | AgentDied] = []
     for now_ms in sorted({40_000, *cuts, *(fact[0] for fact in facts)}):
         for _, agent_id, stimulus in (fact for fact in facts if fact[0] == now_ms):
             coordinator.receive(agent_id, stimulus, now_ms)
@@ -107,7 +107,7 @@ def test_only_what_is_due_is_granted() -> None:
 
 def test_an_agents_time_is_rounded_up_to_mission_time() -> None:
     coordinator = Coordinator(NotingHost(), {1: 0}, TimeScale(30))
-    assert coordinator.advance(5) == [Heard(3, 1, WifiSent(61, b"x"))]
+    assert coordinator.advance(5) == [AgentOutput(3, 1, WifiSent(61, b"x"))]
 
 
 def test_a_death_takes_the_window_again_after_a_boot_at_its_start() -> None:
@@ -117,7 +117,7 @@ def test_a_death_takes_the_window_again_after_a_boot_at_its_start() -> None:
     host.deaths = [1]
     came = coordinator.advance(2_000)
     assert host.restarts == [(1, 30_000, ResetCause.WATCHDOG)]
-    assert [type(it) for it in came] == [Heard, Died]
+    assert [type(it) for it in came] == [AgentOutput, AgentDied]
     assert host.granted[1] == host.granted[2] == {1: Grant(60_000)}
 
 
@@ -128,7 +128,7 @@ def test_an_agent_that_is_given_up_is_out_of_the_fleet() -> None:
     host.deaths, host.gave_up = [1], "it died too often"
     coordinator.receive(1, ContactOpened(), 2_000)
     died = coordinator.advance(2_000)[0]
-    assert isinstance(died, Died) and died.gave_up == "it died too often"
+    assert isinstance(died, AgentDied) and died.gave_up == "it died too often"
     assert coordinator.agent_ids == [2]
     assert coordinator.receive(1, ContactOpened(), 3_000) is None
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.fleet import FleetConfig, Spread, deviations_of, drift_of
-from agents.water.patches import CALM, Patch, Waters
-from agents.water.stream import CurrentConfig, Tide
+from agents.water.patches import CALM, QuantityWater, WaterPatch
+from agents.water.stream import CurrentConfig, TideConstituent
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits
@@ -36,12 +36,14 @@ FLEETS = {
         WORST,
         current=CurrentConfig(
             "north_m,east_m,north_m_s,east_m_s,time_s\n0,0,0.1,0,0\n0,0,0.2,0,60\n",
-            (Tide(44_714, 300_000, -10_000, 250_000, 0), Tide(86_400, 1, 2, 3, 4)),
+            (TideConstituent(44_714, 300_000, -10_000, 250_000, 0), TideConstituent(86_400, 1, 2, 3, 4)),
             ((0, 1_000_000), (3_000_000, 200_000)),
         ),
         waters={
             **CALM,
-            "oxygen_mg_l": Waters(((0, 8.5), (3_000_000, 6.0)), (Patch(0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
+            "oxygen_mg_l": QuantityWater(
+                ((0, 8.5), (3_000_000, 6.0)), (WaterPatch(0.2, 1, 2, 3, 4, 5, 6, 7, 8),)
+            ),
         },
     ),
     "differing": replace(WORST, spread=Spread(drain=1000, capacity=500)),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware_model.states import TABLE, Refused, State, Trigger, next_state
+from firmware_model.states import TABLE, State, Trigger, TriggerRefused, next_state
 
 # One row for each state: TRIGGER>NEXT; every other pair must be refused.
 ALLOWED = {
@@ -51,7 +51,7 @@ ALLOWED = {
 def test_every_state_with_every_trigger(state: State, trigger: Trigger) -> None:
     expected = dict(pair.split(">") for pair in ALLOWED[state.name].split()).get(trigger.name)
     if expected is None:
-        with pytest.raises(Refused, match=f"{state.name} does not take {trigger.name}"):
+        with pytest.raises(TriggerRefused, match=f"{state.name} does not take {trigger.name}"):
             next_state(state, trigger)
     else:
         assert next_state(state, trigger) is State[expected]

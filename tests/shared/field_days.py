@@ -35,7 +35,7 @@ _ACTION = {
     "apad/msg/aPadActionGoal": "std_msgs/Header header\nactionlib_msgs/GoalID goal_id\naPadGoal goal\n",
     "apad/msg/aPadActionResult": "std_msgs/Header header\nactionlib_msgs/GoalStatus status\naPadResult result\n",
 }
-_CODES = {of_a.Outcome.SUCCEEDED: 3, of_a.Outcome.ABORTED: 4, of_a.Outcome.PREEMPTED: 2}
+_CODES = {of_a.GoalOutcome.SUCCEEDED: 3, of_a.GoalOutcome.ABORTED: 4, of_a.GoalOutcome.PREEMPTED: 2}
 
 
 @cache
@@ -142,7 +142,7 @@ class Recorder:
             RecordedMessage(connection, round(1e9 * (EPOCH_S + at_ms / 1000 + late_s)), bytes(data))
         )
 
-    def goal(self, at_ms: int, goal: of_a.Goal) -> None:
+    def goal(self, at_ms: int, goal: of_a.ActionGoal) -> None:
         t = types().types
         here = t["geometry_msgs/msg/Pose"](
             t["geometry_msgs/msg/Point"](goal.north_m, goal.east_m, 0.0),
@@ -200,13 +200,13 @@ def of_generation_a(
         nonlocal number, now_ms
         number += 1
         key = f"goal {number}"
-        goal = of_a.Goal(key, kind, north_m, east_m, name)
+        goal = of_a.ActionGoal(key, kind, north_m, east_m, name)
         recorder.goal(now_ms, goal)
         told = recorder.take(apad.receive(goal, now_ms))
         for _ in range(6000):
             ends = [it for it in told if isinstance(it, of_a.GoalEnded) and it.key == key]
             if ends:
-                return ends[0].outcome is of_a.Outcome.SUCCEEDED
+                return ends[0].outcome is of_a.GoalOutcome.SUCCEEDED
             now_ms += 50
             told = recorder.take(apad.advance(now_ms))
         raise AssertionError("a goal never ended")
@@ -249,7 +249,7 @@ def of_generation_b(
             if ended is not None and any(
                 isinstance(it, of_b.StatusPublished)
                 and it.docking == ended
-                and it.status != of_b.Status.RUNNING
+                and it.status != of_b.PrimitiveStatus.RUNNING
                 for it in told
             ):
                 return

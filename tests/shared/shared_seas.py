@@ -15,7 +15,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed
 from agents.time_scale import MissionMs
-from agents.water.medium import Outcome, PacketEnded
+from agents.water.medium import PacketEnded, PacketOutcome
 from agents.water.sea import Sea, Station
 from agents.water.sea_client import RemoteSea, RemoteStation
 from agents.water.sea_events import SeaResult
@@ -61,7 +61,7 @@ class Flown:
     def of(self, kind: type) -> list[SeaResult]:
         return [it for it in self.came if isinstance(it, kind)]
 
-    def outcomes(self) -> dict[tuple[int, int], list[tuple[int, Outcome]]]:
+    def outcomes(self) -> dict[tuple[int, int], list[tuple[int, PacketOutcome]]]:
         """The (receiver, outcome) of each packet that this flight records, by its sender and its begin."""
         return {
             (it.sender, it.began_ms): [(row.receiver, row.outcome) for row in it.receptions]

@@ -202,7 +202,8 @@ class LinkToA:
         self._tell(seen, self._now_ms)
         self._active.append(key)
         self._receive(
-            self._vehicle.receive(shown_a.Goal(key, GO_TO, north_m, east_m, ""), self._now_ms), self._now_ms
+            self._vehicle.receive(shown_a.ActionGoal(key, GO_TO, north_m, east_m, ""), self._now_ms),
+            self._now_ms,
         )
 
     def _switch_off(self, now_ms: int) -> None:
@@ -226,7 +227,7 @@ class LinkToA:
             self._goal = order
         else:
             self.observer.take_other(now_ms, order.name)
-        goal = shown_a.Goal(order.key, order.kind, order.north_m, order.east_m, order.name)
+        goal = shown_a.ActionGoal(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)
         self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self._vehicle.receive(goal, now_ms), now_ms)
@@ -258,9 +259,9 @@ class LinkToA:
 
 
 _CODES = {
-    shown_a.Outcome.SUCCEEDED: GoalCode.SUCCEEDED,
-    shown_a.Outcome.PREEMPTED: GoalCode.PREEMPTED,
-    shown_a.Outcome.ABORTED: GoalCode.ABORTED,
+    shown_a.GoalOutcome.SUCCEEDED: GoalCode.SUCCEEDED,
+    shown_a.GoalOutcome.PREEMPTED: GoalCode.PREEMPTED,
+    shown_a.GoalOutcome.ABORTED: GoalCode.ABORTED,
 }
 
 
@@ -296,7 +297,7 @@ class LinkToB:
     def others_go(self, north_m: float, east_m: float) -> None:
         """Another client sends the vehicle there."""
         if self.shows_goals:
-            self._tell(shown_b.GoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
+            self._tell(shown_b.Go2pointGoalSeen(self._now_ms, north_m, east_m, "/commander"), self._now_ms)
         self._receive(self._vehicle.receive(GoToOrder(north_m, east_m, 0.5, 0.5), self._now_ms), self._now_ms)
 
     def set_pilot(self, *, steers: bool) -> None:
@@ -348,9 +349,11 @@ class LinkToB:
                         self.observer.hear(moved)
                         self._tell(moved, now_ms)
                 case shown_b.StatusPublished(at_ms, docking, status):
-                    ended = status is not shown_b.Status.RUNNING
+                    ended = status is not shown_b.PrimitiveStatus.RUNNING
                     shown_status = (
-                        shown_b.Status.RUNNING if self.never_ends and ended and not docking else status
+                        shown_b.PrimitiveStatus.RUNNING
+                        if self.never_ends and ended and not docking
+                        else status
                     )
                     self._tell(StatusReceived(at_ms, docking, shown_status), now_ms)
                 case shown_b.BatteryPublished(at_ms, percent):

@@ -35,8 +35,8 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fault_injection import FaultInjection
-from apad_bridge.supervisor.fleet import Fleet, WithoutWater
-from apad_bridge.supervisor.packet_relay import Outcome, PacketRelay, whole_flight
+from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
+from apad_bridge.supervisor.packet_relay import PacketRelay, RelayOutcome, whole_flight
 from apad_bridge.supervisor.roster import PresenceChange, Presences, Roster
 from apad_bridge.vehicle.link import InProcessVehicle
 
@@ -92,7 +92,7 @@ def main() -> None:
     services = FleetServices(presences, claims)
     division = whole_flight(lambda: presences.simulated)
     topics = PacketTopics(initial_states, division.peers)
-    relay = PacketRelay(division, [topics.take], {Outcome.PUBLISH: topics.publish})
+    relay = PacketRelay(division, [topics.take], {RelayOutcome.PUBLISH: topics.publish})
     host = InProcessHost(fleet_parts.fleet_config(flight_config(flown)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.time_scale)
     faults = FaultInjection(FaultyHost(host, flown.seed), flown.time_scale)
@@ -101,7 +101,7 @@ def main() -> None:
         FlightContext(
             vehicle=InProcessVehicle(parts.simulated_apad(flown)),
             pace=WallClock(SPEED),
-            fleet=Fleet(coordinator, host, WithoutWater(coordinator, host)),
+            fleet=FlightFleet(coordinator, host, WithoutWater(coordinator, host)),
             watchers=lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
             relay=relay,
             roster=Roster(presences, services, coordinator, faults),

@@ -30,7 +30,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet, WithoutWater
+from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
@@ -72,7 +72,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
-    fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
+    fleet = FlightFleet(coordinator, host, WithoutWater(coordinator, host))
     with ExitStack() as stack:
         vehicle: VehicleLink
         if over_ros:

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from agents.time_scale import TimeScale
-from apad_bridge.beliefs.belief import Belief, Clock, Source
+from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.sources import Allocation
@@ -55,7 +55,7 @@ def supervisor() -> SimpleNamespace:
         (0.0001, 0.0, 0.0),
         (4.0, 0.5, 9.0),
         tuple(float(mode is Mode.ASLEEP) for mode in Mode),
-        Clock(250.0, 0.0, 90_000.0, 0.0, 0.0),
+        ClockBelief(250.0, 0.0, 90_000.0, 0.0, 0.0),
         Source.PACKET | Source.SILENCE,
         2,
     )

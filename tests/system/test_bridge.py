@@ -23,7 +23,7 @@ from apad_bridge.acoustics.serial.table_modems import TableModems
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.states import State
@@ -102,7 +102,13 @@ def test_a_real_amussels_packets_reach_the_mission_and_the_missions_reach_it(
         directory.write_inputs(scenario, starts_of(scenario))
         uri = graph["ROS_MASTER_URI"]
         RunOptions(
-            Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri=uri, owns_master=True
+            BenchPart.WHOLE,
+            APadKind.SIM,
+            TimeSource.WALL,
+            1.0,
+            OnDeath.WAIT,
+            master_uri=uri,
+            owns_master=True,
         ).save(directory.path)
         its_graph = {key: it for key, it in graph.items() if key != "ROS_MASTER_URI"}
     with ExitStack() as stack:

@@ -18,7 +18,7 @@ from apad_bridge.commands.fly.run_checks import tell_docks_in_use
 from apad_bridge.doctor import network
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
@@ -246,7 +246,7 @@ def test_docks_in_use_are_told_with_commands_that_empty_them(
 ) -> None:
     environment = loopback_environment(tmp_path, master.uri)
     monkeypatch.setenv("ROS_MASTER_URI", master.uri)
-    options = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
+    options = RunOptions(BenchPart.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
     scenario = load(POOL_FILE)
     node = [
         "-m",

@@ -27,7 +27,7 @@ from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.ros.system.route import free_port
 from apad_bridge.ros.types.messages import generated_folder
-from apad_bridge.ros_names.table import SECTIONS, Kind
+from apad_bridge.ros_names.table import SECTIONS, NameKind
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
 
@@ -152,12 +152,12 @@ OF_ROSPY = re.compile(r".*/(?:get_loggers|set_logger_level|tf2_frames)|/rosout(?
 OF_AN_ACTION = r"/(?:goal|cancel|status|feedback|result)"
 
 
-def patterns(kind: Kind) -> dict[str, str]:
+def patterns(kind: NameKind) -> dict[str, str]:
     """Types by the pattern of a name; those of an action's five topics are the action's, with more behind."""
     found = {}
     for row in (row for section in SECTIONS for row in section.rows if row.kind is kind):
         name = re.escape(row.name).replace(r"\{apad\}", "apad1").replace(r"\{id\}", r"\d+")
-        found[name + OF_AN_ACTION if kind is Kind.ACTION else name] = row.type
+        found[name + OF_AN_ACTION if kind is NameKind.ACTION else name] = row.type
     return found
 
 
@@ -167,7 +167,9 @@ def row_of(name: str, known: dict[str, str]) -> tuple[str, str] | None:
 
 def check_against_table(graph: dict[str, list[str]], types: dict[str, str]) -> set[str]:
     """That the table has every name, in a namespace unless it is global, with its type; the patterns that were met."""
-    topics, actions, services = (patterns(kind) for kind in (Kind.TOPIC, Kind.ACTION, Kind.SERVICE))
+    topics, actions, services = (
+        patterns(kind) for kind in (NameKind.TOPIC, NameKind.ACTION, NameKind.SERVICE)
+    )
     met = set()
     for name in (name for name in graph if not OF_ROSPY.fullmatch(name)):
         space = next((it for it in SPACES if name.startswith(f"/{it}/")), None)

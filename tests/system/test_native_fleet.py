@@ -25,11 +25,11 @@ from hypothesis import strategies as st
 from killing import gone, kill_9, pid_of_supervisor
 from native_boards import NATIVE, compiled
 
-from agents.coordinator import Coordinator, Died, Heard
+from agents.coordinator import AgentDied, AgentOutput, Coordinator
 from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
-from agents.mussel.defects import Part
+from agents.mussel.defects import BoardPart
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, PartFailed, SoundArrived, Stimulus
 from agents.nursery.fleet_file import RestartPolicy
@@ -79,7 +79,13 @@ EVENTS = st.one_of(
     st.sampled_from(
         [
             PartFailed(part, value)
-            for part in (Part.CONVERTER, Part.UARTS, Part.SUPPLY, Part.HOLD, Part.DEPTH)
+            for part in (
+                BoardPart.CONVERTER,
+                BoardPart.UARTS,
+                BoardPart.SUPPLY,
+                BoardPart.HOLD,
+                BoardPart.DEPTH,
+            )
             for value in (0, 4, 10**9)
         ]
     ),
@@ -92,9 +98,9 @@ Story = list[tuple[int, int, Stimulus | str]]
 
 def fly(
     host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
-) -> tuple[list[Heard | Died], list[Truth]]:
+) -> tuple[list[AgentOutput | AgentDied], list[Truth]]:
     clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
-    came: list[Heard | Died] = []
+    came: list[AgentOutput | AgentDied] = []
     told: list[Truth] = []
     now_ms = 0
     for step, length_ms in enumerate([0, *steps_ms]):
@@ -154,7 +160,7 @@ def test_kill_9_of_a_firmware_is_a_reset_of_its_board_alone(host: ProcessHost) -
     before = {truth.agent_id: truth for truth in host.take_truths()}[8]
     assert before.state is State.CHARGING
     kill_9(boards[8])
-    died = [it for it in clock.advance(20_000) if isinstance(it, Died)]
+    died = [it for it in clock.advance(20_000) if isinstance(it, AgentDied)]
     assert [(it.agent_id, it.agent_ms, it.cause, it.reason, it.gave_up) for it in died] == [
         (8, 300_000, ResetCause.BROWN_OUT, "its firmware failed; see nursery.log", None)
     ]
@@ -191,11 +197,11 @@ def test_a_firmware_that_hangs_stays_dead_and_the_others_fly_on(host: ProcessHos
     os.kill(boards[21], signal.SIGSTOP)
     clock.receive(21, command(Kind.PERMISSION, 21), 11_000)
     came = clock.advance(12_000)
-    (died,) = [it for it in came if isinstance(it, Died)]
+    (died,) = [it for it in came if isinstance(it, AgentDied)]
     assert (died.agent_id, died.reason) == (21, "its firmware hung; see nursery.log")
     assert died.gave_up == "aMussel 21: its firmware hangs, so it stays dead; see nursery.log"
     assert gone(boards[21])
-    heard = {it.agent_id for it in clock.advance(20_000) if isinstance(it, Heard)}
+    heard = {it.agent_id for it in clock.advance(20_000) if isinstance(it, AgentOutput)}
     assert heard == {3, 8}
 
 

@@ -16,11 +16,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from killing import gone, kill_9, standing_still
 
-from agents.coordinator import Coordinator, Died, Heard
+from agents.coordinator import AgentDied, AgentOutput, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.host import Grant, Host, Reply
 from agents.hosting.in_process import InProcessHost
-from agents.hosting.link_protocol import LIMIT_BYTES, Window, readable
+from agents.hosting.link_protocol import LIMIT_BYTES, WindowGrant, readable
 from agents.hosting.process_host import Fenced, ProcessHost
 from agents.mussel.outputs import Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
@@ -75,10 +75,10 @@ Story = list[tuple[int, int, Stimulus | str]]
 
 def fly(
     host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
-) -> tuple[list[Heard | Died], list[Truth]]:
+) -> tuple[list[AgentOutput | AgentDied], list[Truth]]:
     """Windows of the given lengths; an event of step k comes before that window, a kill as kill -9."""
     clock = coordinator(host)
-    came: list[Heard | Died] = []
+    came: list[AgentOutput | AgentDied] = []
     told: list[Truth] = []
     now_ms = 0
     for step, length_ms in enumerate([0, *steps_ms]):
@@ -147,7 +147,7 @@ def test_agents_that_run_ahead_give_the_same_trace(
     noticed: Story = [
         (next(step for step, end_ms in enumerate(ends_ms) if end_ms > it.agent_ms), it.agent_id, "kill")
         for it in came
-        if isinstance(it, Died)
+        if isinstance(it, AgentDied)
     ]
     facts = [entry for entry in story if entry[2] != "kill"]
     assert (came, told) == fly(InProcessHost(FLEET, BIRTHS), [*noticed, *facts], steps_ms)
@@ -160,7 +160,9 @@ def test_few_messages_pass_while_nothing_happens(tmp_path: Path, monkeypatch: py
         ask = ahead.links.ask
         monkeypatch.setattr(ahead.links, "ask", lambda key, frames: asked.append(frames) or ask(key, frames))
         clock = coordinator(ahead)
-        heard = [it for now_s in range(101) for it in clock.advance(1000 * now_s) if isinstance(it, Heard)]
+        heard = [
+            it for now_s in range(101) for it in clock.advance(1000 * now_s) if isinstance(it, AgentOutput)
+        ]
         assert len(heard) == 3 * 100
         assert len(asked) == 1
     finally:
@@ -188,7 +190,7 @@ def test_kill_9_in_mid_charge_boots_and_charges_on(host: ProcessHost) -> None:
     old_pid = host.pids[8]
     kill_9(old_pid)
     came = clock.advance(20_000)
-    died = [it for it in came if isinstance(it, Died)]
+    died = [it for it in came if isinstance(it, AgentDied)]
     assert [(it.agent_id, it.agent_ms, it.cause, it.reason, it.gave_up) for it in died] == [
         (8, 300_000, ResetCause.BROWN_OUT, "killed by SIGKILL", None)
     ]
@@ -210,7 +212,7 @@ def test_an_idle_death_is_seen_in_the_next_window(host: ProcessHost) -> None:
     pids = dict(host.pids)
     for agent_id in IDS:
         kill_9(pids[agent_id])
-    died = [it.agent_id for it in clock.advance(2_000) if isinstance(it, Died)]
+    died = [it.agent_id for it in clock.advance(2_000) if isinstance(it, AgentDied)]
     assert died == sorted(IDS)
 
 
@@ -224,11 +226,11 @@ def test_a_stopped_agent_is_killed_by_the_watchdog(tmp_path: Path) -> None:
             came = clock.advance(2_000)
     finally:
         host.close()
-    died = [it for it in came if isinstance(it, Died)]
+    died = [it for it in came if isinstance(it, AgentDied)]
     assert [(it.agent_id, it.cause, it.reason) for it in died] == [
         (21, ResetCause.WATCHDOG, "no answer within 3 s: killed by the watchdog")
     ]
-    assert sorted(it.agent_id for it in came if isinstance(it, Heard)) == [3, 8, 21]
+    assert sorted(it.agent_id for it in came if isinstance(it, AgentOutput)) == [3, 8, 21]
 
 
 @pytest.mark.parametrize(
@@ -330,7 +332,7 @@ def killed_each_second(run_dir: Path, restart_policy: RestartPolicy, kills: int)
         gave_up: list[str | None] = []
         for second in range(1, kills + 1):
             kill_9(host.pids[3])
-            gave_up += [it.gave_up for it in clock.advance(second * 1_000) if isinstance(it, Died)]
+            gave_up += [it.gave_up for it in clock.advance(second * 1_000) if isinstance(it, AgentDied)]
         alive = [3, 8, 21] if gave_up[-1] is None else [8, 21]
         assert clock.agent_ids == alive
         assert len(clock.advance(1_000 * (kills + 1))) == len(alive)
@@ -457,7 +459,7 @@ def test_an_old_supervisor_is_fenced_off(host: ProcessHost, tmp_path: Path) -> N
     assert len(theirs.advance(2_000)) == 3
     # Its links still lead to the agents, which refuse it.
     stale = host.links.link(3)
-    stale.send(Window((1, 99), Grant(60_000)).encode())
+    stale.send(WindowGrant((1, 99), Grant(60_000)).encode())
     assert len(theirs.advance(3_000)) == 3
     newer.close()
 
@@ -470,7 +472,7 @@ def test_agents_die_with_their_nursery_and_its_file_starts_them_again(host: Proc
     kill_9(first)
     assert all(gone(pid) for pid in pids.values())
     came = clock.advance(11_000)
-    assert [(it.agent_id, it.reason) for it in came if isinstance(it, Died)] == [
+    assert [(it.agent_id, it.reason) for it in came if isinstance(it, AgentDied)] == [
         (agent_id, "its nursery died") for agent_id in IDS
     ]
     assert host.nursery_pid != first and set(host.pids) == set(IDS)
@@ -495,10 +497,10 @@ def test_a_nursery_that_dies_while_it_is_asked_for_an_agent_is_followed_by_anoth
 
     first.start = dies  # type: ignore[method-assign,assignment]
     kill_9(host.pids[8])
-    died = [it for it in clock.advance(11_000) if isinstance(it, Died)]
+    died = [it for it in clock.advance(11_000) if isinstance(it, AgentDied)]
     assert died[0].agent_id == 8 and [it.gave_up for it in died if it.gave_up] == []
     # The others died with that nursery, and are started by the next one.
-    died += [it for it in clock.advance(12_000) if isinstance(it, Died)]
+    died += [it for it in clock.advance(12_000) if isinstance(it, AgentDied)]
     assert {it.agent_id for it in died} == set(IDS) and clock.agent_ids == sorted(IDS)
     assert host.nursery_pid != first.pid
 
@@ -511,8 +513,8 @@ def test_a_whole_crash_is_resumed_from_the_file(orphans: subprocess.Popen[bytes]
         assert host.granted_ms == dict.fromkeys(IDS, 300_000)
         clock = Coordinator(host, host.granted_ms, TimeScale(THETA), now_ms=10_000)
         came = clock.advance(11_000)
-        assert sorted(it.agent_id for it in came if isinstance(it, Died)) == list(IDS)
-        assert sorted(it.agent_id for it in came if isinstance(it, Heard)) == list(IDS)
+        assert sorted(it.agent_id for it in came if isinstance(it, AgentDied)) == list(IDS)
+        assert sorted(it.agent_id for it in came if isinstance(it, AgentOutput)) == list(IDS)
     finally:
         host.close()
 
@@ -540,13 +542,13 @@ def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
 def test_a_fleet_whose_nursery_dies_again_and_again_is_lost(host: ProcessHost) -> None:
     clock = coordinator(host)
     clock.advance(1_000)
-    died: list[Died] = []
+    died: list[AgentDied] = []
     for second in range(2, 6):
         assert host.lost is None
         pids = dict(host.pids)
         kill_9(host.nursery_pid)
         assert all(gone(pid) for pid in pids.values())
-        died = [it for it in clock.advance(second * 1_000) if isinstance(it, Died)]
+        died = [it for it in clock.advance(second * 1_000) if isinstance(it, AgentDied)]
     assert host.lost == "its nursery died 4 times within 60 s, and no other is started"
     assert [(it.agent_id, it.gave_up) for it in died] == [(agent_id, host.lost) for agent_id in IDS]
     assert clock.agent_ids == []

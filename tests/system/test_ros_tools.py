@@ -127,7 +127,7 @@ def test_rosmsg_rossrv_and_rosbag_know_the_definitions(installed: Path, tmp_path
 def published_types() -> set[tuple[str, str]]:
     """(tool, type) for the types of all topics and services in the table of names."""
     sections = [it for it in vars(table).values() if isinstance(it, table.Section)]
-    tools = {table.Kind.TOPIC: "rosmsg", table.Kind.SERVICE: "rossrv"}
+    tools = {table.NameKind.TOPIC: "rosmsg", table.NameKind.SERVICE: "rossrv"}
     return {(tools[row.kind], row.type) for it in sections for row in it.rows if row.kind in tools}
 
 

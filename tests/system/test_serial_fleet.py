@@ -15,7 +15,7 @@ from killing import kill_9
 from native_boards import compiled
 from serial_rigs import SerialRig, compiled_for_serial
 
-from agents.coordinator import Coordinator, Died, Heard
+from agents.coordinator import AgentDied, AgentOutput, Coordinator
 from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
@@ -67,10 +67,10 @@ def host(programs: tuple[Path, Path], rig: SerialRig, tmp_path: Path) -> Iterato
 
 def fly(
     host: InProcessHost | ProcessHost, until_s: int
-) -> tuple[list[Heard | Died], list[Truth], Coordinator]:
+) -> tuple[list[AgentOutput | AgentDied], list[Truth], Coordinator]:
     """A permission for each aMussel, a dock for each, and again the water; the agents of two are killed."""
     clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(1))
-    came: list[Heard | Died] = []
+    came: list[AgentOutput | AgentDied] = []
     told: list[Truth] = []
     for now_s in range(0, until_s, 10):
         for n, agent_id in enumerate(IDS):
@@ -96,7 +96,7 @@ def fly(
 def test_a_mixed_fleet_gives_the_trace_of_ours(host: ProcessHost) -> None:
     expected = fly(InProcessHost(replace(PAPER, theta=1), BIRTHS), 1200)[:2]
     assert fly(host, 1200)[:2] == expected
-    assert {it.agent_id for it in expected[0] if isinstance(it, Died)} == {C, SERIAL}
+    assert {it.agent_id for it in expected[0] if isinstance(it, AgentDied)} == {C, SERIAL}
 
 
 def test_a_board_that_resets_by_itself_boots_and_nobody_else_notices(
@@ -104,7 +104,7 @@ def test_a_board_that_resets_by_itself_boots_and_nobody_else_notices(
 ) -> None:
     _, _, clock = fly(host, 60)
     rig.reset()
-    died = [it for it in clock.advance(300_000) if isinstance(it, Died)]
+    died = [it for it in clock.advance(300_000) if isinstance(it, AgentDied)]
     assert [(it.agent_id, it.reason, it.gave_up) for it in died] == [
         (SERIAL, "its firmware failed; see nursery.log", None)
     ]
@@ -116,10 +116,10 @@ def test_a_board_whose_cable_stays_out_stays_dead_and_the_others_fly_on(
     _, _, clock = fly(host, 60)
     rig.pull_out()
     came = clock.advance(300_000)
-    (died,) = [it for it in came if isinstance(it, Died)]
+    (died,) = [it for it in came if isinstance(it, AgentDied)]
     assert (died.agent_id, died.reason) == (SERIAL, "its firmware hung; see nursery.log")
     assert died.gave_up is not None
-    assert {it.agent_id for it in clock.advance(600_000) if isinstance(it, Heard)} == {OURS, C}
+    assert {it.agent_id for it in clock.advance(600_000) if isinstance(it, AgentOutput)} == {OURS, C}
 
 
 @pytest.mark.parametrize("verb", ["run", "conform"])

@@ -23,7 +23,7 @@ from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import journal_start
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.control import SOCKET_NAME, short_path
 from apad_bridge.supervisor.line_server import LineServer
@@ -55,7 +55,7 @@ class Story:
         directory = RunDirectory.create("pool", datetime(2026, 5, 4, tzinfo=UTC), path)
         starts = starts_of(scenario)
         directory.write_inputs(scenario, starts)
-        RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
+        RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT).save(directory.path)
         recorder = Recorder(directory, scenario, {it.agent_id: (it.north_m, it.east_m) for it in starts})
         journal_start(recorder, scenario, starts)
         recorder.tick(0, [], PoseReported(0, 5.0, 5.0, 1.0), None, "", (None,) * 4)

@@ -16,7 +16,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.runs.studies.dask_cluster import fly_on_dask, fly_there
 from apad_bridge.runs.studies.runner import StudyFailed, fly_study
-from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 
 pytestmark = [pytest.mark.system, pytest.mark.filterwarnings("ignore")]  # Dask's own warnings
 
@@ -60,7 +60,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]
         yield address, workers
 
 
-def study() -> Plan:
+def study() -> StudyPlan:
     return plan_of(
         {
             "name": "short",

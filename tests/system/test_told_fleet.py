@@ -9,7 +9,7 @@ import pytest
 from fleets import STILL, with_whole_boards
 from killing import kill_9
 
-from agents.coordinator import Coordinator, Died, Heard
+from agents.coordinator import AgentDied, AgentOutput, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
@@ -81,7 +81,7 @@ def story(agent_id: int) -> list[tuple[int, Stimulus | None]]:
     ]
 
 
-def fly(host: InProcessHost | ProcessHost) -> tuple[list[Heard | Died], list[Truth]]:
+def fly(host: InProcessHost | ProcessHost) -> tuple[list[AgentOutput | AgentDied], list[Truth]]:
     clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
     came, told = list(clock.advance(0)), host.take_truths()
     for now_s in range(1, 301):

@@ -9,10 +9,10 @@ from __future__ import annotations
 from agents.serial_port import BytesRead, Lost, Opened, SerialPort
 from apad_bridge.acoustics.serial.nanomodem import (
     Action,
-    Direction,
-    Dropped,
-    Heard,
     ModemQueue,
+    PacketDirection,
+    PacketDropped,
+    PacketReceived,
     Priority,
     Reported,
     RoutedPacket,
@@ -20,7 +20,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
     Write,
 )
 
-Result = Sent | Heard | Dropped | Reported
+Result = Sent | PacketReceived | PacketDropped | Reported
 
 
 class AttachedModem:
@@ -52,12 +52,12 @@ class AttachedModem:
 
     def report(self, agent_id: int, data: bytes, now_ms: int) -> list[Result]:
         """Queues an aMussel's packet to the aPad."""
-        packet = RoutedPacket(Direction.FROM_AMUSSEL, agent_id, data)
+        packet = RoutedPacket(PacketDirection.FROM_AMUSSEL, agent_id, data)
         return self._write_out(self.queue.send(packet, Priority.REPORT, now_ms))
 
     def command(self, agent_id: int, data: bytes, now_ms: int) -> list[Result]:
         """Queues the aPad's packet to an aMussel, which has priority over all reports."""
-        packet = RoutedPacket(Direction.TO_AMUSSEL, agent_id, data)
+        packet = RoutedPacket(PacketDirection.TO_AMUSSEL, agent_id, data)
         return self._write_out(self.queue.send(packet, Priority.COMMAND, now_ms))
 
     def close(self) -> None:

@@ -18,7 +18,13 @@ from agents.serial_port import SerialPort
 from agents.time_scale import MissionMs
 from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
-from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, Sent
+from apad_bridge.acoustics.serial.nanomodem import (
+    PacketDirection,
+    PacketDropped,
+    PacketReceived,
+    Reported,
+    Sent,
+)
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
 from apad_bridge.events.sound import ModemTold
 from apad_bridge.mission.events import Send, SoundHeard
@@ -53,7 +59,7 @@ class SerialLines:
             case Printed(_, agent_id, data):
                 self.printed(agent_id, data)
                 return True
-            case coordinator.Heard(_, agent_id, SoundSent(_, data)):
+            case coordinator.AgentOutput(_, agent_id, SoundSent(_, data)):
                 return self.report(agent_id, data, now_ms)
         return False
 
@@ -93,11 +99,11 @@ class SerialLines:
 
 def _action_of(result: Result) -> SoundHeard | Send | ModemTold:
     match result:
-        case Heard(at_ms, packet) | Sent(at_ms, packet):
-            if packet.direction is Direction.FROM_AMUSSEL:
+        case PacketReceived(at_ms, packet) | Sent(at_ms, packet):
+            if packet.direction is PacketDirection.FROM_AMUSSEL:
                 return SoundHeard(MissionMs(at_ms), packet.data)
             return Send(Medium.SOUND, packet.agent_id, packet.data)
-        case Dropped(_, reason, of):
+        case PacketDropped(_, reason, of):
             return ModemTold(reason, None if of is None else of.agent_id)
         case Reported(_, what):
             return ModemTold(what=what)

@@ -20,7 +20,7 @@ from collections import Counter
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
+from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
 
 _FORMAT = struct.Struct("<BH")
 HEADER_BYTES = _FORMAT.size
@@ -32,7 +32,7 @@ ANSWER_MS = 1_000
 """The timeout of an answer; a modem answers within some 80 ms."""
 ATTEMPTS = 3
 _TURNAROUND_MS = 20
-_FEWEST, _MOST = PAYLOAD_BYTES[Generation.V3]
+_FEWEST, _MOST = PAYLOAD_BYTES[ModemGeneration.V3]
 MOST_BYTES = _MOST - HEADER_BYTES
 _LINE_BYTES = 120
 """Longer than any answer that is only text, except the help, which is never requested here."""
@@ -41,19 +41,19 @@ _TIME = re.compile(rb"T\d{14}")
 _MESSAGE = re.compile(rb"#(?:B(\d{3})|U)(\d\d)")
 
 
-class Direction(IntEnum):
+class PacketDirection(IntEnum):
     FROM_AMUSSEL = 0xB1
     TO_AMUSSEL = 0xB2
 
 
-_DIRECTIONS = {int(direction): direction for direction in Direction}
+_DIRECTIONS = {int(direction): direction for direction in PacketDirection}
 
 
 @dataclass(frozen=True, slots=True)
 class RoutedPacket:
     """A packet with its aMussel and direction; `agent_id` is up to 65535."""
 
-    direction: Direction
+    direction: PacketDirection
     agent_id: int
     data: bytes
 
@@ -77,7 +77,7 @@ class Priority(IntEnum):
     REPORT = 1
 
 
-class Stage(Enum):
+class ModemStage(Enum):
     CLOSED = "closed"
     IDENTIFYING = "identifying"
     READY = "ready"
@@ -101,7 +101,7 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class PacketReceived:
     """A packet was received."""
 
     at_ms: int
@@ -109,7 +109,7 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Dropped:
+class PacketDropped:
     """A packet, or an answer of the modem, was dropped."""
 
     at_ms: int
@@ -125,7 +125,7 @@ class Reported:
     what: str
 
 
-Action = Write | Sent | Heard | Dropped | Reported
+Action = Write | Sent | PacketReceived | PacketDropped | Reported
 
 
 @dataclass(slots=True)
@@ -144,7 +144,7 @@ class ModemQueue:
     """
 
     def __init__(self, now_ms: int = 0) -> None:
-        self.stage = Stage.CLOSED
+        self.stage = ModemStage.CLOSED
         self.address: int | None = None
         """The modem's own address, as it reported it."""
         self.dropped: Counter[str] = Counter()
@@ -212,9 +212,9 @@ class ModemQueue:
     def port_lost(self, why: str, now_ms: int) -> list[Action]:
         """The port was lost. The packet being sent is retried when the port is back; waiting packets stay queued."""
         actions = self.advance(now_ms)
-        if self.stage is Stage.CLOSED:
+        if self.stage is ModemStage.CLOSED:
             return actions
-        self._enter(Stage.CLOSED)
+        self._enter(ModemStage.CLOSED)
         actions.append(Reported(now_ms, f"the modem is gone, and its port is tried again: {why}"))
         return actions + self._retry()
 
@@ -229,28 +229,32 @@ class ModemQueue:
         packet = decode(message.data)
         if packet is None:
             return [self._drop("sound: without an aMussel's id", None)]
-        return [Heard(self._now_ms, packet)]
+        return [PacketReceived(self._now_ms, packet)]
 
     def _answer(self, line: Line) -> list[Action]:
         text = line.text
         if text.startswith(b"#A") and text[2:5].isdigit():
             self.address = int(text[2:5])
-            if self.stage is not Stage.IDENTIFYING:
+            if self.stage is not ModemStage.IDENTIFYING:
                 return []
-            self._enter(Stage.READY)
+            self._enter(ModemStage.READY)
             return [
                 Reported(self._now_ms, f"the modem is there, with address {self.address}"),
                 *self._send_next(),
             ]
-        if text.startswith(b"$B") and self.stage is Stage.AWAITING_ACCEPTANCE and self._sending is not None:
+        if (
+            text.startswith(b"$B")
+            and self.stage is ModemStage.AWAITING_ACCEPTANCE
+            and self._sending is not None
+        ):
             size = len(self._sending.packet.encode())
             if text == b"$B%02d" % size:
-                self._enter(Stage.SENDING, duration_ms(Generation.V3, size) + _TURNAROUND_MS)
+                self._enter(ModemStage.SENDING, duration_ms(ModemGeneration.V3, size) + _TURNAROUND_MS)
                 return []
-        if text == b"E" and self.stage is Stage.AWAITING_ACCEPTANCE:
-            self._enter(Stage.READY)
+        if text == b"E" and self.stage is ModemStage.AWAITING_ACCEPTANCE:
+            self._enter(ModemStage.READY)
             return [*self._retry(), *self._send_next()]
-        if text == b"$W" and self.stage is Stage.IDENTIFYING:
+        if text == b"$W" and self.stage is ModemStage.IDENTIFYING:
             return []
         if text.startswith(b"#R") or text == b"#TO":
             return [self._drop("sound: a range to where the modem hangs", None)]
@@ -258,10 +262,10 @@ class ModemQueue:
 
     def _stage_ended(self) -> list[Action]:
         """Acts on the end of the present stage's time."""
-        if self.stage is Stage.SENDING and self._sending is not None:
+        if self.stage is ModemStage.SENDING and self._sending is not None:
             sent = Sent(self._now_ms - _TURNAROUND_MS, self._sending.packet)
             self._sending = None
-            self._enter(Stage.READY)
+            self._enter(ModemStage.READY)
             return [sent, *self._send_next()]
         # Without an answer, the modem may have been exchanged, or may sleep.
         return [*self._retry(), *self._identify()]
@@ -269,16 +273,16 @@ class ModemQueue:
     def _identify(self) -> list[Action]:
         """Asks the modem for its address. `$W`, repeated, wakes a sleeping modem. An incomplete answer is dropped."""
         self._reader.forget()
-        self._enter(Stage.IDENTIFYING, ANSWER_MS)
+        self._enter(ModemStage.IDENTIFYING, ANSWER_MS)
         return [Write(b"$W"), Write(b"$?")]
 
     def _send_next(self) -> list[Action]:
-        if self.stage is not Stage.READY or not self._waiting:
+        if self.stage is not ModemStage.READY or not self._waiting:
             return []
         self._sending = self._waiting.pop(0)
         self._sending.attempts += 1
         payload = self._sending.packet.encode()
-        self._enter(Stage.AWAITING_ACCEPTANCE, ANSWER_MS)
+        self._enter(ModemStage.AWAITING_ACCEPTANCE, ANSWER_MS)
         return [Write(b"$B%02d" % len(payload) + payload)]
 
     def _retry(self) -> list[Action]:
@@ -292,13 +296,13 @@ class ModemQueue:
         self._waiting.sort(key=lambda it: (it.priority, it.number))
         return []
 
-    def _enter(self, stage: Stage, for_ms: int | None = None) -> None:
+    def _enter(self, stage: ModemStage, for_ms: int | None = None) -> None:
         self.stage = stage
         self._until_ms = None if for_ms is None else self._now_ms + for_ms
 
-    def _drop(self, reason: str, packet: RoutedPacket | None) -> Dropped:
+    def _drop(self, reason: str, packet: RoutedPacket | None) -> PacketDropped:
         self.dropped[reason] += 1
-        return Dropped(self._now_ms, reason, packet)
+        return PacketDropped(self._now_ms, reason, packet)
 
 
 def _is_superseded_by(waiting: _Waiting, packet: RoutedPacket) -> bool:
@@ -306,7 +310,7 @@ def _is_superseded_by(waiting: _Waiting, packet: RoutedPacket) -> bool:
     return (
         waiting.priority is Priority.REPORT
         and other.agent_id == packet.agent_id
-        and other.direction is packet.direction is Direction.FROM_AMUSSEL
+        and other.direction is packet.direction is PacketDirection.FROM_AMUSSEL
     )
 
 

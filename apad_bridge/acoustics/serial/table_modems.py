@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agents.modem.facts import Action, EmitFrame, FrameArrived, SerialBytes, SerialOut
 from agents.modem.firmware import ModemConfig
-from agents.modem.frames import Frame
+from agents.modem.frames import ModemFrame
 from agents.modem.modem import Modem
 from apad_bridge.acoustics.serial.pty import OpenedModems
 
@@ -25,12 +25,12 @@ class TableModems:
     def __init__(self, folder: Path, count: int, speed: int = 1) -> None:
         self.speed = speed
         self.modems = {address: Modem(ModemConfig(), address) for address in range(1, count + 1)}
-        self.sent: list[Frame] = []
+        self.sent: list[ModemFrame] = []
         self.mute = False
         """When True, no modem answers, as if their supply were off."""
         self._devices = OpenedModems(folder, self.modems, "modem")
         self._began_s = time.monotonic()
-        self._in_flight: list[tuple[int, int, Frame]] = []
+        self._in_flight: list[tuple[int, int, ModemFrame]] = []
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()

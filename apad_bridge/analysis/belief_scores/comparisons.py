@@ -56,7 +56,7 @@ class ChargeComparison:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class BeliefComparison:
     """One aMussel's belief and truth at one time. The age is agent time since the newest packet."""
 
     agent_id: int
@@ -88,7 +88,7 @@ def best_record(run_dir: Path) -> tuple[Record, str | None]:
     return (Record.BAG if why_not is None else Record.JOURNAL), why_not
 
 
-def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Comparison]:
+def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[BeliefComparison]:
     """Yields a comparison for every aMussel with belief and truth in `record`.
 
     RunDirectoryError, one line, when the directory holds no such run.
@@ -122,7 +122,7 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Co
         yield from _in_journal_at(history, water, scenario, now_ms)
 
 
-def _in_bag_at(instant: Instant) -> Iterator[Comparison]:
+def _in_bag_at(instant: Instant) -> Iterator[BeliefComparison]:
     truths = {truth.agent_id: truth for truth in instant.truths}
     scale = TimeScale(round(instant.agent_ms / instant.at_ms) if instant.at_ms else 1)
     for belief in instant.beliefs:
@@ -131,9 +131,9 @@ def _in_bag_at(instant: Instant) -> Iterator[Comparison]:
             yield compared(belief, truth, instant.at_ms, scale)
 
 
-def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, scale: TimeScale) -> Comparison:
+def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, scale: TimeScale) -> BeliefComparison:
     """Compares the samples of one aMussel at mission time `at_ms`."""
-    return Comparison(
+    return BeliefComparison(
         belief.agent_id,
         at_ms,
         scale.agent_time(belief.age_s) / 3600,
@@ -212,7 +212,7 @@ def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
 
 def _in_journal_at(
     history: History, water: Water, scenario: Scenario, now_ms: MissionMs
-) -> Iterator[Comparison]:
+) -> Iterator[BeliefComparison]:
     for agent_id, line in sorted(history.now.beliefs.items()):
         truth = history.now.truths.get(agent_id)
         if truth is None:
@@ -220,7 +220,7 @@ def _in_journal_at(
         sample = water.sample(truth, max(scenario.time_scale.agent_ms(now_ms), truth.at_ms))
         mode = _true_mode(sample)
         interval = line.get("low", math.nan), line.get("high", math.nan)
-        yield Comparison(
+        yield BeliefComparison(
             agent_id,
             now_ms,
             scenario.time_scale.agent_span(now_ms - line["heard"]) / 3_600_000,

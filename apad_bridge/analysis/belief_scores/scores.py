@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apad_bridge.analysis.belief_scores.comparisons import ChargeComparison, Comparison
+from apad_bridge.analysis.belief_scores.comparisons import BeliefComparison, ChargeComparison
 
 AGES_H = ((1 / 60, "a minute"), (1.0, "1 h"), (6.0, "6 h"), (12.0, "12 h"), (24.0, "24 h"), (48.0, "48 h"))
 """The bins' upper ends, in agent time, and names; older samples have a bin of their own."""
@@ -73,7 +73,7 @@ def _is_overconfident(score: Score) -> bool:
     return score.samples >= _ENOUGH_SAMPLES and score.coverage is not None and score.coverage < LOW_COVERAGE
 
 
-def scores_of(rows: Iterable[Comparison]) -> Scores | None:
+def scores_of(rows: Iterable[BeliefComparison]) -> Scores | None:
     """The scores of all comparisons; None when there are none."""
     comparisons = list(rows)
     if not comparisons:
@@ -100,19 +100,19 @@ def age_bin(age_h: float) -> str:
 
 
 def _by(
-    rows: list[Comparison], key: Callable[[Comparison], str], order: Callable[[str], Any]
+    rows: list[BeliefComparison], key: Callable[[BeliefComparison], str], order: Callable[[str], Any]
 ) -> dict[str, Score]:
-    bins: dict[str, list[Comparison]] = {}
+    bins: dict[str, list[BeliefComparison]] = {}
     for row in rows:
         bins.setdefault(key(row), []).append(row)
     return {name: _score(bins[name]) for name in sorted(bins, key=order)}
 
 
-def _score(rows: list[Comparison]) -> Score:
+def _score(rows: list[BeliefComparison]) -> Score:
     return _score_of_charges(rows, [row.primary for row in rows])
 
 
-def _score_of_charges(rows: list[Comparison], charges: list[ChargeComparison]) -> Score:
+def _score_of_charges(rows: list[BeliefComparison], charges: list[ChargeComparison]) -> Score:
     covered = [charge.covered for charge in charges if charge.covered is not None]
     widths = [charge.width for charge in charges if charge.width is not None]
     unclamped = [

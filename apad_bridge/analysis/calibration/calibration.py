@@ -14,7 +14,7 @@ import numpy as np
 from apad_bridge.analysis.calibration.energy import EnergyFigures, energy_of
 from apad_bridge.analysis.calibration.intervals import Figure, mean, share
 from apad_bridge.analysis.calibration.losses import Loss, by_range, of_sound, of_wifi
-from apad_bridge.analysis.calibration.motion import LEAST_LEG_M, Leg, drifts_m_s, legs_of
+from apad_bridge.analysis.calibration.motion import LEAST_LEG_M, FlownLeg, drifts_m_s, legs_of
 from apad_bridge.analysis.calibration.reflight import Reflown, refly
 from apad_bridge.analysis.calibration.stopping import LEAST_STOPS, stopping_distance
 from apad_bridge.analysis.field_log.facts import Fact, Work
@@ -71,24 +71,24 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class ReadBag:
     """A bag as read: its log, and its facts for what the log leaves out."""
 
     log: VehicleLog
     facts: list[Fact]
 
 
-def read_recording(path: Path, apad: str, namespace: str = "") -> Recording:
+def read_recording(path: Path, apad: str, namespace: str = "") -> ReadBag:
     """BagUnreadable, one line, for a bag that cannot be read or has nothing of this aPad."""
     facts, missing = facts_of(path, apad, namespace)
-    return Recording(vehicle_log(str(path), facts, missing), facts)
+    return ReadBag(vehicle_log(str(path), facts, missing), facts)
 
 
 def calibrate(
-    recordings: Sequence[Recording],
+    recordings: Sequence[ReadBag],
     scenario: Scenario,
     adrift_s: Spans = (),
-    flown_with_it: Sequence[Recording] = (),
+    flown_with_it: Sequence[ReadBag] = (),
 ) -> Calibration:
     """Measures all that the recordings tell. `scenario` gives what no log has: the battery's capacity, mass and drag.
 
@@ -152,7 +152,7 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _motion(found: Calibration, logs: list[VehicleLog], legs: list[Leg], max_speed_m_s: float) -> None:
+def _motion(found: Calibration, logs: list[VehicleLog], legs: list[FlownLeg], max_speed_m_s: float) -> None:
     if not any(len(log.track) for log in logs):
         for name in ("speed", "stopping distance"):
             found.unmeasured[name] = "no position of the aPad in the bags"
@@ -264,7 +264,7 @@ def _energy(found: Calibration, flown: list[tuple[VehicleLog, list[Reflown]]], s
             _put(found, max(0.0, figure.value), "apad", *map(str, path))
 
 
-def _losses(found: Calibration, recordings: Sequence[Recording], scenario: Scenario) -> None:
+def _losses(found: Calibration, recordings: Sequence[ReadBag], scenario: Scenario) -> None:
     found.sound = by_range(it for recording in recordings for it in of_sound(recording.log.sounds))
     codec, period_s = load_codec(scenario.hearing.codec), scenario.hearing.report_period_s
     found.wifi = by_range(

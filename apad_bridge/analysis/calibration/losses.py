@@ -10,7 +10,7 @@ from math import dist
 import numpy as np
 
 from apad_bridge.analysis.calibration.intervals import Figure, share
-from apad_bridge.analysis.field_log.facts import Fact, PacketHeard, SoundEnded
+from apad_bridge.analysis.field_log.facts import Fact, PacketLogged, SoundEnded
 from apad_bridge.analysis.field_log.vehicle_log import Track
 from firmware_model.packets import Status, basic_of
 from firmware_model.packets.codec import Codec
@@ -57,7 +57,7 @@ def of_wifi(
     """
     last_s: dict[int, float] = {}
     for fact in facts:
-        if not isinstance(fact, PacketHeard) or fact.medium != "wifi":
+        if not isinstance(fact, PacketLogged) or fact.medium != "wifi":
             continue
         packet = codec.decode(fact.data)
         if not isinstance(packet, Status) or not len(track):

@@ -40,7 +40,7 @@ _BLOCK_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class FlownLeg:
     """A go-to as it was flown: its trapezoid. `stop` is None where places come too seldom to show the braking."""
 
     done: Done
@@ -66,7 +66,7 @@ def trapezoid(
     return np.asarray(metres + speed * down - speed * down**2 / (2 * down_s))
 
 
-def legs_of(log: VehicleLog) -> Iterator[Leg]:
+def legs_of(log: VehicleLog) -> Iterator[FlownLeg]:
     """The go-tos that are long enough to cruise; others, and those that a pilot or another order ended, are left out."""
     go_tos = log.of(Work.GO_TO)
     for n, done in enumerate(go_tos):
@@ -86,7 +86,7 @@ def _way_m(track: Track) -> float:
     return float(np.hypot(track.north_m[-1] - track.north_m[0], track.east_m[-1] - track.east_m[0]))
 
 
-def _fitted(track: Track, done: Done) -> Leg | None:
+def _fitted(track: Track, done: Done) -> FlownLeg | None:
     under_way = track.times_s <= done.ended_s
     count = int(under_way.sum())
     if count < 10:
@@ -143,7 +143,7 @@ def _fitted(track: Track, done: Done) -> Leg | None:
         from_s = max(cruises_s + _SETTLED_S, corner_s - _CRUISE_S)
         used = (whole_s > from_s) & (whole_s < corner_s + LOOKED_S)
         stop = StopTrack(whole_s[used], whole_m[used], speed, stopping_m, corner_s)
-    return Leg(done, speed, length_m, misfit_m, stop)
+    return FlownLeg(done, speed, length_m, misfit_m, stop)
 
 
 def drifts_m_s(log: VehicleLog, adrift_s: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.analysis.export.mcap import replacing, write_mcap, write_ros2_mcap
-from apad_bridge.analysis.export.tables import Table, tables_of
+from apad_bridge.analysis.export.tables import SeriesTable, tables_of
 from apad_bridge.records.run_directory import RunDirectory
 
 _LONGEST_NAME = 63
@@ -54,7 +54,7 @@ def export(directory: RunDirectory, to: Format, path: Path) -> dict[str, int]:
 
 
 def _write_each(
-    tables: Iterable[Table], folder: Path, ending: str, write: Callable[[Table, Path], None]
+    tables: Iterable[SeriesTable], folder: Path, ending: str, write: Callable[[SeriesTable, Path], None]
 ) -> dict[str, int]:
     rows = {}
     for table in tables:
@@ -64,14 +64,14 @@ def _write_each(
     return rows
 
 
-def _write_csv(table: Table, path: Path) -> None:
+def _write_csv(table: SeriesTable, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(table.columns)
         writer.writerows(zip(*table.columns.values(), strict=True))
 
 
-def _write_parquet(table: Table, path: Path) -> None:
+def _write_parquet(table: SeriesTable, path: Path) -> None:
     import pyarrow
     from pyarrow import parquet
 
@@ -86,7 +86,7 @@ def _alike(column: list[Any]) -> list[Any]:
     return column if len(kinds) == 1 else [None if it is None else str(it) for it in column]
 
 
-def _write_mat(tables: Iterable[Table], path: Path) -> dict[str, int]:
+def _write_mat(tables: Iterable[SeriesTable], path: Path) -> dict[str, int]:
     """A struct of columns for each table: texts are cells of char, all else is numbers, and NaN stands for no value."""
     import numpy
     from scipy.io import savemat

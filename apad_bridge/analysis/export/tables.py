@@ -32,7 +32,7 @@ _IN_SAMPLES = (TruthChanged.kind, BeliefChanged.kind, APadMoved.kind, TickPassed
 _HEARD = ("listener", "outcome", "snr_db", "end_agent_ms", "travel_ms", "way_m")
 
 
-class Table(NamedTuple):
+class SeriesTable(NamedTuple):
     """Columns of equal length, of numbers, truths, texts and None."""
 
     name: str
@@ -62,11 +62,11 @@ class _Rows:
             if len(column) < self._count:
                 column.append(None)
 
-    def table(self) -> Table:
-        return Table(self._name, self._columns)
+    def table(self) -> SeriesTable:
+        return SeriesTable(self._name, self._columns)
 
 
-def tables_of(directory: RunDirectory) -> Iterator[Table]:
+def tables_of(directory: RunDirectory) -> Iterator[SeriesTable]:
     """Yields each series of the run that has rows. BagUnreadable for a bag that is none; JournalDamaged, OSError."""
     with closed_bags(directory) as bags:
         yield from (it for it in _sampled(bags) if it.rows)
@@ -96,7 +96,7 @@ def closed_bags(directory: RunDirectory) -> Iterator[list[Path]]:
         yield bags
 
 
-def _sampled(bags: list[Path]) -> list[Table]:
+def _sampled(bags: list[Path]) -> list[SeriesTable]:
     tables = {kind: _Rows(name) for kind, name in _SAMPLED.items()}
     for bag in bags:
         with open_bag(bag) as reader:
@@ -128,7 +128,7 @@ def _of_message(message: Any, store: Typestore) -> dict[str, Any]:
     return row
 
 
-def _events(lines: list[Line]) -> Iterator[Table]:
+def _events(lines: list[Line]) -> Iterator[SeriesTable]:
     """A table for each kind of event, `event_KIND`, and of packets a second one with a row for each listener."""
     tables: dict[str, _Rows] = {}
     heard = _Rows("packets_heard")
@@ -147,7 +147,7 @@ def _events(lines: list[Line]) -> Iterator[Table]:
         yield found
 
 
-def _figures(summary: dict[str, Any]) -> Iterator[Table]:
+def _figures(summary: dict[str, Any]) -> Iterator[SeriesTable]:
     """The summary in one row, and a row for each aMussel."""
     agents = summary.pop("amussels", {})
     whole = _Rows("summary")

@@ -89,7 +89,7 @@ class PilotSteers:
 
 
 @dataclass(frozen=True, slots=True)
-class PacketHeard:
+class PacketLogged:
     """The bytes of an aMussel's packet, by the fleet's codec."""
 
     at_s: float
@@ -151,7 +151,7 @@ Fact = (
     | WorkEnded
     | Held
     | PilotSteers
-    | PacketHeard
+    | PacketLogged
     | AmusselPlaced
     | AmusselCharged
     | SoundEnded

@@ -15,7 +15,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from agents.water.medium import Outcome
+from agents.water.medium import PacketOutcome
 from apad_bridge.analysis.field_log.facts import (
     AmusselCharged,
     AmusselPlaced,
@@ -24,7 +24,7 @@ from apad_bridge.analysis.field_log.facts import (
     EventTold,
     Fact,
     Held,
-    PacketHeard,
+    PacketLogged,
     PilotSteers,
     Posed,
     SoundEnded,
@@ -39,7 +39,7 @@ from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.records.recorded_types import RecordedTypes
 from apad_bridge.ros_names.names import AMUSSEL, in_full, of_amussel, of_apad, ours
 from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE, GoalCode
-from apad_bridge.vehicle.generation_b.messages import SERVO_MS, Status
+from apad_bridge.vehicle.generation_b.messages import SERVO_MS, PrimitiveStatus
 
 _WORK_OF_GOAL = {GO_TO: Work.GO_TO, PERCH: Work.DOCK, RELEASE: Work.UNDOCK}
 _WORK_OF_PRIMITIVE = {"go to point": Work.GO_TO, "dock": Work.DOCK, "undock": Work.UNDOCK}
@@ -49,8 +49,10 @@ _OPEN = 0.5
 """`dock_out`: 1 for an open arm, 0 for a closed one."""
 _HELD_SILENT_S = 3.0
 """`position_static` comes at 20 Hz; this long without it, a dock has let go, as the published release never says so."""
-_RECEIVED = Outcome.RECEIVED.name.lower()
-_DEAF = frozenset(it.name.lower() for it in (Outcome.CUT, Outcome.IN_AIR, Outcome.TRANSMITTING))
+_RECEIVED = PacketOutcome.RECEIVED.name.lower()
+_DEAF = frozenset(
+    it.name.lower() for it in (PacketOutcome.CUT, PacketOutcome.IN_AIR, PacketOutcome.TRANSMITTING)
+)
 """Outcomes of a packet that say nothing of the range: the listener could not have heard it at any."""
 _PRE_EMPTED = frozenset({GoalCode.PREEMPTED, GoalCode.RECALLED, GoalCode.LOST})
 
@@ -71,7 +73,7 @@ class FactReader:
         self._types = RecordedTypes(source)
         self._namespace = namespace
         self._goal_m: tuple[float, float] | None = None
-        self._statuses = {Work.GO_TO: Status.IDLE, Work.DOCK: Status.IDLE}
+        self._statuses = {Work.GO_TO: PrimitiveStatus.IDLE, Work.DOCK: PrimitiveStatus.IDLE}
         self._servo: WorkBegan | None = None
         """Generation B's own docking or undocking under way."""
         self._works = 0
@@ -191,10 +193,10 @@ class FactReader:
         return iter(())
 
     def _goto_status(self, at_s: float, told: Any) -> Iterator[Fact]:
-        yield from self._status(at_s, Work.GO_TO, Work.GO_TO, Status(told.data))
+        yield from self._status(at_s, Work.GO_TO, Work.GO_TO, PrimitiveStatus(told.data))
 
     def _docking_status(self, at_s: float, told: Any) -> Iterator[Fact]:
-        for fact in self._status(at_s, Work.DOCK, Work.UNDOCK, Status(told.data)):
+        for fact in self._status(at_s, Work.DOCK, Work.UNDOCK, PrimitiveStatus(told.data)):
             self._servo = fact if isinstance(fact, WorkBegan) else None
             yield fact
 
@@ -208,17 +210,19 @@ class FactReader:
             yield replace(began, work=Work.DOCK)
 
     def _status(
-        self, at_s: float, topic: Work, work: Work, status: Status
+        self, at_s: float, topic: Work, work: Work, status: PrimitiveStatus
     ) -> Iterator[WorkBegan | WorkEnded]:
         before, self._statuses[topic] = self._statuses[topic], status
-        if status is Status.RUNNING and before is not Status.RUNNING:
+        if status is PrimitiveStatus.RUNNING and before is not PrimitiveStatus.RUNNING:
             self._works += 1
             goal_m, self._goal_m = self._goal_m, None
             key = self._keys[topic] = f"{topic.name} {self._works}"
             yield WorkBegan(at_s, Teller.VEHICLE, key, work, goal_m if work is Work.GO_TO else None)
-        elif status is not Status.RUNNING and before is Status.RUNNING:
+        elif status is not PrimitiveStatus.RUNNING and before is PrimitiveStatus.RUNNING:
             key = self._keys.get(topic, "")
-            yield WorkEnded(at_s, Teller.VEHICLE, key, status is Status.DONE, status is Status.IDLE)
+            yield WorkEnded(
+                at_s, Teller.VEHICLE, key, status is PrimitiveStatus.DONE, status is PrimitiveStatus.IDLE
+            )
 
     def _manual(self, at_s: float, told: Any) -> Iterator[Fact]:
         yield PilotSteers(at_s, bool(told.data))
@@ -259,7 +263,7 @@ class FactReader:
                 yield Held(heard_s, Teller.VEHICLE, agent_id, False)
 
     def _packet(self, at_s: float, told: Any) -> Iterator[Fact]:
-        yield PacketHeard(at_s, told.agent, told.medium, bytes(told.data))
+        yield PacketLogged(at_s, told.agent, told.medium, bytes(told.data))
 
     def _sound(self, at_s: float, told: Any) -> Iterator[Fact]:
         (range_m,) = _finite(told.range)

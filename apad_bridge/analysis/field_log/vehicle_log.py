@@ -61,7 +61,7 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class Battery:
+class BatteryReadings:
     """Readings: times rising, charges in [0, 1]."""
 
     times_s: Floats
@@ -74,7 +74,7 @@ class VehicleLog:
 
     name: str
     track: Track
-    battery: Battery
+    battery: BatteryReadings
     works: list[Done]
     tries: list[Done]
     """Each try of a docking mechanism: a supervisor counts several tries as one docking."""
@@ -142,9 +142,9 @@ def _track(poses: list[Posed]) -> Track:
     return Track(at_s[order], places[order, 0], places[order, 1])
 
 
-def _battery(told: list[BatteryTold]) -> Battery:
+def _battery(told: list[BatteryTold]) -> BatteryReadings:
     ordered = sorted(told, key=lambda it: it.at_s)
-    return Battery(np.array([it.at_s for it in ordered]), np.array([it.fraction for it in ordered]))
+    return BatteryReadings(np.array([it.at_s for it in ordered]), np.array([it.fraction for it in ordered]))
 
 
 def _works(facts: Iterable[Fact]) -> tuple[list[Done], list[Done]]:

@@ -10,7 +10,7 @@ from apad_bridge.analysis.layouts.fleet import LayoutFleet
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class LayoutKind:
     """A program's layouts: the `ending` of their files' names, and how to open one, with FILE for its name."""
 
     ending: str
@@ -19,8 +19,8 @@ class Kind:
 
 
 KINDS = {
-    "rviz": Kind(".rviz", "rviz -d FILE", rviz.layout),
-    "rqt": Kind(".perspective", "rqt --perspective-file FILE", rqt.layout),
-    "plotjuggler": Kind(".plotjuggler.xml", "plotjuggler --layout FILE", plotjuggler.layout),
-    "foxglove": Kind(".foxglove.json", "import FILE from Foxglove's menu of layouts", foxglove.layout),
+    "rviz": LayoutKind(".rviz", "rviz -d FILE", rviz.layout),
+    "rqt": LayoutKind(".perspective", "rqt --perspective-file FILE", rqt.layout),
+    "plotjuggler": LayoutKind(".plotjuggler.xml", "plotjuggler --layout FILE", plotjuggler.layout),
+    "foxglove": LayoutKind(".foxglove.json", "import FILE from Foxglove's menu of layouts", foxglove.layout),
 }

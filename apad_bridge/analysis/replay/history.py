@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from agents.mussel.outputs import Truth
 from agents.time_scale import TimeScale
-from agents.water.medium import Outcome
+from agents.water.medium import PacketOutcome
 from apad_bridge.events.event import Category
 from apad_bridge.events.fleet import (
     AMusselSuspected,
@@ -34,7 +34,7 @@ from firmware_model.power.charge import ChargeModel
 
 _STEP_OF = {"collect": "collect", "redeploy": "deploy"}
 """The kind of a plan's steps in the mission's state, by what the plan is for."""
-_TOO_FAR = frozenset(it.name.lower() for it in (Outcome.NOISE, Outcome.OUT_OF_RANGE))
+_TOO_FAR = frozenset(it.name.lower() for it in (PacketOutcome.NOISE, PacketOutcome.OUT_OF_RANGE))
 
 
 @dataclass(slots=True)
@@ -114,7 +114,7 @@ class SuspectView(NamedTuple):
     reason: str
 
 
-class Told(NamedTuple):
+class ToldEvent(NamedTuple):
     """An event for a person: its mission time, its category, a text, and the aMussel that it is about."""
 
     at_ms: int
@@ -139,7 +139,7 @@ class History:
         """The newest mission time of a line."""
         self.trace: list[tuple[int, float, float]] = []
         """The aPad's track as (mission ms, north, east), one for each line of it that was taken."""
-        self.events: list[Told] = []
+        self.events: list[ToldEvent] = []
         """The events that a person may look for, among the lines that were taken."""
         self.plans: list[Line] = []
         """The lines of all plans that were taken, with the reasons that they state."""
@@ -196,7 +196,7 @@ class History:
             text = told.text() if told is not None else self._ping_text(line)
             if text is not None:
                 category = Category.NEWS if told is None else told.category
-                self.events.append(Told(line["t"], category, text, line.get("agent", line.get("id"))))
+                self.events.append(ToldEvent(line["t"], category, text, line.get("agent", line.get("id"))))
 
     def _ping_text(self, line: Line) -> str | None:
         """The answer to a person's ping; the aPad's own pings are routine."""

@@ -39,7 +39,7 @@ _EMPTY = 0.0005
 """A charge below it is written as 0.0 %."""
 
 
-class Status(IntEnum):
+class ColourStatus(IntEnum):
     """The meaning of an aMussel's colour."""
 
     ABOVE = 0
@@ -305,14 +305,16 @@ class _Sampler:
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:
-            return Status.UNKNOWN
+            return ColourStatus.UNKNOWN
         if docked:
-            return Status.CHARGING
+            return ColourStatus.CHARGING
         if lost:
-            return Status.LOST
+            return ColourStatus.LOST
         if charge < _EMPTY:
-            return Status.EMPTY
-        return Status.CANDIDATE if charge <= self._scenario.mission.pool_threshold else Status.ABOVE
+            return ColourStatus.EMPTY
+        return (
+            ColourStatus.CANDIDATE if charge <= self._scenario.mission.pool_threshold else ColourStatus.ABOVE
+        )
 
     def thin(self) -> None:
         """Drops every second sample, and never the newest."""

@@ -19,7 +19,7 @@ from apad_bridge.analysis.field_log.facts import (
     BeliefsTold,
     Fact,
     Held,
-    PacketHeard,
+    PacketLogged,
     Place,
     Posed,
     Teller,
@@ -64,7 +64,7 @@ ELSEWHERE = "elsewhere"
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class TheirMove:
     """`kind` is collect, deploy, wait, or elsewhere for a go-to without an aMussel; `agent_id` is None for the last two."""
 
     kind: str
@@ -72,7 +72,7 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class ComparedBelief:
     """Our belief of one aMussel. The errors, believed minus told, are by the first packet after it, None before one."""
 
     age_s: float
@@ -84,13 +84,13 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class ComparedDecision:
     """A decision of theirs, beside ours at the same time. Times are seconds since the first fact."""
 
     at_s: float
-    theirs: Move
-    ours: Move
-    estimate: Estimate | None
+    theirs: TheirMove
+    ours: TheirMove
+    estimate: ComparedBelief | None
     """Our estimate of the aMussel that they chose."""
 
     @property
@@ -121,8 +121,8 @@ class _Pending:
 
     at_ms: MissionMs
     goal_m: Place | None = None
-    theirs: Move | None = None
-    ours: Move | None = None
+    theirs: TheirMove | None = None
+    ours: TheirMove | None = None
     beliefs: dict[int, Belief] | None = None
 
 
@@ -133,7 +133,7 @@ class Shadow:
         """ScenarioError, or ValueError, for a scenario whose board or strategy cannot be loaded."""
         mission = scenario.mission
         config = flight_config(scenario)
-        self.decisions: list[Decision] = []
+        self.decisions: list[ComparedDecision] = []
         self._mission = mission
         self._scale = scenario.time_scale
         self._codec = load_codec(scenario.hearing.codec)
@@ -162,7 +162,7 @@ class Shadow:
         self._pending: _Pending | None = None
         self._plan: tuple[Step, ...] = ()
         """The rest of our plan, as long as they follow it."""
-        self._last: Move | None = None
+        self._last: TheirMove | None = None
         """Their last decision."""
         self._collects = False
         """Their last decision was to collect: the batch is under way."""
@@ -174,7 +174,7 @@ class Shadow:
         self._topics: dict[int, tuple[Place | None, float | None, int]] = {}
         self._errors: list[tuple[float, float, bool | None]] = []
 
-    def take(self, fact: Fact) -> list[Decision]:
+    def take(self, fact: Fact) -> list[ComparedDecision]:
         if self._begin_s is None:
             self._begin_s = fact.at_s
         done = len(self.decisions)
@@ -187,7 +187,7 @@ class Shadow:
         self._learn(fact)
         return self.decisions[done:]
 
-    def end(self) -> list[Decision]:
+    def end(self) -> list[ComparedDecision]:
         """Completes the go-to under way."""
         done = len(self.decisions)
         self._choose()
@@ -212,7 +212,7 @@ class Shadow:
                     self._supervised_ms = self._now_ms
                 if teller is Teller.VEHICLE or self._pose_teller is Teller.SUPERVISOR:
                     self._pose_teller, self._place_m = teller, place_m
-            case PacketHeard(_, agent_id, _, data):
+            case PacketLogged(_, agent_id, _, data):
                 self._sends.add(agent_id)
                 packet = self._codec.decode(data)
                 if isinstance(packet, ShortStatus):
@@ -312,7 +312,7 @@ class Shadow:
         docked = self._docked
         if is_held == (agent_id in docked) or agent_id not in self._ids:
             return
-        move = Move(StepKind.COLLECT if is_held else StepKind.DEPLOY, agent_id)
+        move = TheirMove(StepKind.COLLECT if is_held else StepKind.DEPLOY, agent_id)
         if was_held:
             self._plan = ()
             if self._pending is not None:
@@ -355,9 +355,9 @@ class Shadow:
         if began.work is Work.DOCK and agent_id is not None:
             self._ordered.add(agent_id)
             if agent_id not in self._docked:
-                self._resolve(Move(StepKind.COLLECT, agent_id))
+                self._resolve(TheirMove(StepKind.COLLECT, agent_id))
         elif began.work is Work.UNDOCK and agent_id is not None and agent_id in self._docked:
-            self._resolve(Move(StepKind.DEPLOY, agent_id))
+            self._resolve(TheirMove(StepKind.DEPLOY, agent_id))
         elif began.work is Work.GO_TO and not self._is_same(began.goal_m):
             self._resolve_by_place()
             self._pending = _Pending(self._now_ms, began.goal_m)
@@ -395,13 +395,13 @@ class Shadow:
             self._pending = None
             self._note(pending, pending.theirs, pending.ours)
 
-    def _our_move(self) -> Move:
+    def _our_move(self) -> TheirMove:
         """The first step of our plan as long as they follow it; else of a plan that we make now."""
         if not self._plan and self._place_m is not None:
             self._plan = self._planned(self._place_m)
         if not self._plan:
-            return Move(WAIT)
-        return Move(self._plan[0].kind, self._plan[0].agent_id)
+            return TheirMove(WAIT)
+        return TheirMove(self._plan[0].kind, self._plan[0].agent_id)
 
     def _planned(self, place_m: Place) -> tuple[Step, ...]:
         held, now_ms = self._docked, self._now_ms
@@ -477,15 +477,17 @@ class Shadow:
         homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self._state.homes}
         docked = self._docked
         moves = {
-            Move(StepKind.COLLECT, it.agent_id): (it.north_m, it.east_m)
+            TheirMove(StepKind.COLLECT, it.agent_id): (it.north_m, it.east_m)
             for it in beliefs.values()
             if it.agent_id not in docked
-        } | {Move(StepKind.DEPLOY, agent_id): homes[agent_id] for agent_id in docked if agent_id in homes}
+        } | {
+            TheirMove(StepKind.DEPLOY, agent_id): homes[agent_id] for agent_id in docked if agent_id in homes
+        }
         nearest = min(moves, key=lambda it: dist(goal_m, moves[it]), default=None)
         is_near = nearest is not None and dist(goal_m, moves[nearest]) <= self._mission.docking.catch_radius_m
-        self._resolve(nearest if nearest is not None and is_near else Move(ELSEWHERE))
+        self._resolve(nearest if nearest is not None and is_near else TheirMove(ELSEWHERE))
 
-    def _resolve(self, theirs: Move) -> None:
+    def _resolve(self, theirs: TheirMove) -> None:
         """Their decision was taken when the go-to under way began; without one, it is taken now.
 
         What repeats the last decision is another try, or another go-to after an aMussel that has drifted.
@@ -500,13 +502,13 @@ class Shadow:
         if self._pending.ours is not None:
             self._choose()
 
-    def _note(self, pending: _Pending, theirs: Move, ours: Move) -> None:
+    def _note(self, pending: _Pending, theirs: TheirMove, ours: TheirMove) -> None:
         belief = None if theirs.agent_id is None else (pending.beliefs or {}).get(theirs.agent_id)
         estimate = None
         if belief is not None:
             place_m = belief.north_m, belief.east_m
-            estimate = Estimate(belief.age_s(pending.at_ms), belief.primary, place_m)
-        self.decisions.append(Decision(pending.at_ms / 1000, theirs, ours, estimate))
+            estimate = ComparedBelief(belief.age_s(pending.at_ms), belief.primary, place_m)
+        self.decisions.append(ComparedDecision(pending.at_ms / 1000, theirs, ours, estimate))
         self._plan = self._plan[1:] if theirs == ours else ()
         if theirs.kind != ELSEWHERE:
             self._collects = theirs.kind == StepKind.COLLECT

@@ -13,7 +13,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
 
 if TYPE_CHECKING:
-    from apad_bridge.runs.studies.capacity_diagram import Phase
+    from apad_bridge.runs.studies.capacity_diagram import SizedFlights
     from apad_bridge.scenario.schema import Scenario
 
 _SEEDS = (1, 2, 3)
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _flown(scenario: Scenario) -> list[Phase]:
+def _flown(scenario: Scenario) -> list[SizedFlights]:
     from apad_bridge.runs.studies.capacity_diagram import diagram_of
     from apad_bridge.runs.studies.event_driven import model_gap
     from apad_bridge.runs.studies.models import StrategyFailed
@@ -95,7 +95,7 @@ def _flown(scenario: Scenario) -> list[Phase]:
         raise UserError(f"--fly: the strategy failed: {failed}") from failed
 
 
-def _print_phases(phases: Sequence[Phase]) -> None:
+def _print_phases(phases: Sequence[SizedFlights]) -> None:
     from apad_bridge.runs.studies.capacity_diagram import held_from
 
     for it in phases:

@@ -24,11 +24,11 @@ from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from apad_bridge.assembly.capacity import Bounds
-    from apad_bridge.runs.studies.capacity_diagram import Phase
+    from apad_bridge.runs.studies.capacity_diagram import SizedFlights
     from apad_bridge.runs.studies.report import Comparison
     from apad_bridge.runs.studies.runner import Fly
-    from apad_bridge.runs.studies.sleep_schedules import Schedule
-    from apad_bridge.runs.studies.specification import Plan
+    from apad_bridge.runs.studies.sleep_schedules import ScheduleOutcome
+    from apad_bridge.runs.studies.specification import StudyPlan
 
 TABLE_TWO = "table2"
 SLEEP = "sleep"
@@ -162,7 +162,7 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _plan_of(arguments: argparse.Namespace) -> Plan:
+def _plan_of(arguments: argparse.Namespace) -> StudyPlan:
     from apad_bridge.runs.studies.capacity_diagram import capacity_study
     from apad_bridge.runs.studies.sleep_schedules import sleep_study
     from apad_bridge.runs.studies.specification import load_study, with_seeds
@@ -278,7 +278,7 @@ def _print_table_two(
     console.print()
 
 
-def _print_schedules(console: Console, schedules: Sequence[Schedule], reason: str) -> None:
+def _print_schedules(console: Console, schedules: Sequence[ScheduleOutcome], reason: str) -> None:
     title = "schedules of sleep, the recommended one first: means over the configurations"
     headings = (
         "wake every min",
@@ -302,7 +302,7 @@ def _print_schedules(console: Console, schedules: Sequence[Schedule], reason: st
 
 def _print_phases(
     console: Console,
-    phases: Sequence[Phase],
+    phases: Sequence[SizedFlights],
     borders: Sequence[tuple[str, int, float | None]],
     bounds: Bounds,
 ) -> None:

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from apad_bridge.commands.firmware.mu_conform import add_conform
 from apad_bridge.commands.firmware.mu_program import BOARDS, WORST_CASE, is_program, run_program
-from apad_bridge.commands.firmware.mu_script import Budget, ScriptError, budget_of, play, read_script
+from apad_bridge.commands.firmware.mu_script import Budget, MuScriptError, budget_of, play, read_script
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
@@ -174,7 +174,7 @@ def run_script(arguments: argparse.Namespace) -> int:
         return run_program(arguments.script, arguments.profile)
     try:
         script = read_script(arguments.script)
-    except ScriptError as error:
+    except MuScriptError as error:
         raise UserError(str(error)) from None
     bench = play(script)
     if arguments.vcd is not None:

@@ -42,7 +42,7 @@ Fact = Literal[
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class ScriptError(ValueError):
+class MuScriptError(ValueError):
     """The script cannot be used: the text names every fault, in one line."""
 
 
@@ -110,17 +110,17 @@ def read_script(path: Path) -> MuScript:
     try:
         data = parse_yaml(read_text(path))
     except OSError as error:
-        raise ScriptError(f"{path}: {error.strerror}") from None
+        raise MuScriptError(f"{path}: {error.strerror}") from None
     except ValueError as error:  # no UTF-8, or no YAML
-        raise ScriptError(f"{path}: cannot be read: {error}") from None
+        raise MuScriptError(f"{path}: cannot be read: {error}") from None
     if not isinstance(data, dict):
-        raise ScriptError(f"{path}: a script is a mapping of keys to values, not {abbreviated(data)}")
+        raise MuScriptError(f"{path}: a script is a mapping of keys to values, not {abbreviated(data)}")
     try:
         # JSON on the way, as for a scenario: the strict mode takes no text for a number.
         return TypeAdapter(MuScript).validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         faults = dict.fromkeys(explain(MuScript, it, it["loc"]) for it in error.errors())
-        raise ScriptError(f"{path}: " + "; ".join(faults)) from None
+        raise MuScriptError(f"{path}: " + "; ".join(faults)) from None
 
 
 def config_of(script: MuScript) -> BoardConfig:

@@ -25,7 +25,7 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.summary import Flown, combined_summary
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
-from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts, starts_of
 from apad_bridge.vehicle.errors import PeerFailed
@@ -100,7 +100,7 @@ def fly(
         whole = RunDirectory.create(stem, datetime.now(UTC), out)
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
-    only_bags = options.part is Part.FLEET and out is None
+    only_bags = options.part is BenchPart.FLEET and out is None
     _write_inputs(whole, options, scenario, starts, all_members, script)
     if preflight is not None:
         preflight.save(whole.preflight)
@@ -110,7 +110,7 @@ def fly(
         print(f"run: {whole.path}   (pause it: musselbed stop {whole.path})", flush=True)
         if only_bags:
             print("at the end its bag alone stays; --out DIR keeps all of it", flush=True)
-        if options.apad is APadKind.ROS and options.part is not Part.FLEET:
+        if options.apad is APadKind.ROS and options.part is not BenchPart.FLEET:
             from apad_bridge.commands.prepare.preflight_checks import recording_commands
 
             for command in recording_commands(scenario, options.namespace):

@@ -6,7 +6,7 @@ from typing import Any
 
 from apad_bridge.commands.fly import run as run_command
 from apad_bridge.commands.help_text import STRATEGY, ending
-from apad_bridge.scenario.run_options import Part
+from apad_bridge.scenario.run_options import BenchPart
 
 
 def add_parser(commands: Any) -> None:
@@ -23,4 +23,4 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--strategy", metavar=STRATEGY, help="collection strategy, instead of the scenario's")
     run_command.add_manual_argument(parser)
     run_command.add_scenario_arguments(parser)
-    parser.set_defaults(run=run_command.run, part=Part.MISSION, check=False)
+    parser.set_defaults(run=run_command.run, part=BenchPart.MISSION, check=False)

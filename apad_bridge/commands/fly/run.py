@@ -14,7 +14,7 @@ from apad_bridge.commands.look.foxglove import add_foxglove_argument, foxglove_a
 from apad_bridge.commands.look.imc import add_imc_argument, imc_asked
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.choices import Generation, Hosting
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
 SLOWEST, FASTEST = 0.01, 10_000.0
 _BESIDE = (
@@ -57,7 +57,7 @@ def add_parser(commands: Any) -> None:
     )
     for add_argument, _ in _BESIDE:
         add_argument(parser)
-    parser.set_defaults(run=run, part=Part.WHOLE)
+    parser.set_defaults(run=run, part=BenchPart.WHOLE)
 
 
 def add_manual_argument(parser: argparse.ArgumentParser) -> None:

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agents.mussel.board_link import serial_line
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import in_ranges
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.vehicle.errors import PeerFailed
@@ -66,7 +66,7 @@ def _preflight(options: RunOptions, scenario: Scenario, starts: Sequence[Start])
     for key, person in accepted.items():
         print(f"musselbed: warning: {key} cannot be told, and {person} accepts that", file=sys.stderr)
     for finding in findings:
-        if finding.status is not Status.OK:
+        if finding.status is not CheckStatus.OK:
             print(f"musselbed: {finding.line()}", file=sys.stderr)
     return report
 
@@ -99,7 +99,7 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
         return  # the run itself says so
     for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
         for finding in check_docks(found, in_full(options.namespace, name), scenario):
-            if finding.status is not Status.OK:
+            if finding.status is not CheckStatus.OK:
                 print(
                     f"musselbed: warning: {finding.check}: {finding.found}: {finding.mend}", file=sys.stderr
                 )
@@ -108,7 +108,7 @@ def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
 def _refuse_for_several(options: RunOptions, scenario: Scenario) -> None:
     if options.script:
         raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
-    if options.part is not Part.WHOLE:
+    if options.part is not BenchPart.WHOLE:
         raise UserError(
             f"{options.part.value}: the scenario names several aPads: `musselbed run` flies them; "
             "or leave `apads` out, and give each its fleet.share"
@@ -133,7 +133,7 @@ def _check_modems(options: RunOptions, scenario: Scenario) -> None:
 
 def _check_boards(options: RunOptions, scenario: Scenario) -> None:
     """UserError, with the mend, for a real board on a serial line that cannot be flown so."""
-    if options.part is Part.MISSION or options.dry_run:
+    if options.part is BenchPart.MISSION or options.dry_run:
         return
     for program in scenario.fleet.firmware:
         line = serial_line(program.executable)
@@ -158,7 +158,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
                 if ids
                 else f"--open-modem {agent_id}: the fleet is empty"
             )
-    if options.part is Part.MISSION:
+    if options.part is BenchPart.MISSION:
         raise UserError(
             "--open-modem needs a fleet: a mission alone has no aMussels; use it with `musselbed fleet`"
         )

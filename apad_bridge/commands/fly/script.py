@@ -11,7 +11,7 @@ from typing import Any
 from apad_bridge.commands.fly import run as run_command
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import UserError
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath
 
 _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
 
@@ -40,8 +40,8 @@ def add_parser(commands: Any) -> None:
         "--no-fleet",
         dest="part",
         action="store_const",
-        const=Part.MISSION,
-        default=Part.WHOLE,
+        const=BenchPart.MISSION,
+        default=BenchPart.WHOLE,
         help="with --apad ros: simulate none, for real aMussels or another fleet, as `musselbed mission`",
     )
     parser.set_defaults(run=run)
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(str(error)) from None
     if arguments.scenario is None:
         arguments.scenario = _scenario_of(file)
-    if arguments.part is Part.MISSION and arguments.apad != APadKind.ROS:
+    if arguments.part is BenchPart.MISSION and arguments.apad != APadKind.ROS:
         raise UserError("--no-fleet is for the aMussels on another master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
     scenario, starts = read_scenario(arguments)

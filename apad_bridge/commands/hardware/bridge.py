@@ -13,7 +13,7 @@ from typing import Any
 from agents.hosting import interrupts
 from agents.time_scale import MissionMs
 from apad_bridge.commands.help_text import ending
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.runs.exits import Exit, UserError
 
 
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         known = f"{scenario.fleet.all_ids[0]} to {scenario.fleet.all_ids[-1]}"
         raise UserError(f"--ids {strangers[0]}: the scenario's aMussels are {known}")
     (finding,) = check_modem(arguments.port, None)
-    if finding.status is not Status.OK:
+    if finding.status is not CheckStatus.OK:
         raise UserError(f"{finding.found}: {finding.mend}")
 
     def tell(kind: str, text: str) -> None:

@@ -16,7 +16,7 @@ from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
 
 if TYPE_CHECKING:
-    from apad_bridge.analysis.calibration.calibration import Calibration, Recording
+    from apad_bridge.analysis.calibration.calibration import Calibration, ReadBag
     from apad_bridge.analysis.calibration.losses import Loss
 
 _ENDING = ending(
@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         name, namespace = scenario.apad.name, namespace_of_shell()
         with WorkProgress(arguments.json) as progress:
 
-            def read(bag: Path) -> Recording:
+            def read(bag: Path) -> ReadBag:
                 progress.step(f"reading {bag}")
                 return read_recording(bag, name, namespace)
 
@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _begin_s(recording: Recording) -> float:
+def _begin_s(recording: ReadBag) -> float:
     return min((it.at_s for it in recording.facts), default=0.0)
 
 

@@ -34,23 +34,23 @@ from apad_bridge.commands.prepare.preflight_checks import (
     recording_commands,
     report_path,
 )
-from apad_bridge.doctor.finding import Finding, Status, fail, ok, run_check
+from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, run_check
 from apad_bridge.doctor.preflight import check_lookout, check_stop, red_keys
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting import PROVE_STOP
 
 _PROOF_S = 300
 _STYLES = {
-    Status.OK: "green",
-    Status.WARN: "yellow",
-    Status.FAIL: "bold red",
-    Status.CANNOT_TELL: "bold magenta",
+    CheckStatus.OK: "green",
+    CheckStatus.WARN: "yellow",
+    CheckStatus.FAIL: "bold red",
+    CheckStatus.CANNOT_TELL: "bold magenta",
 }
 
 
@@ -71,8 +71,8 @@ def add_parser(commands: Any) -> None:
         "--no-fleet",
         dest="part",
         action="store_const",
-        const=Part.MISSION,
-        default=Part.WHOLE,
+        const=BenchPart.MISSION,
+        default=BenchPart.WHOLE,
         help="for `musselbed mission`: the aMussels are real, or another's",
     )
     parser.add_argument(
@@ -259,7 +259,7 @@ def _show(report: Report, red: dict[str, list[Finding]], path: Path) -> None:
         )
     console = Console()
     console.print(table)
-    doubts = sum(it.status is Status.WARN for it in report.findings)
+    doubts = sum(it.status is CheckStatus.WARN for it in report.findings)
     if red:
         never = sorted(never_overridden().intersection(red))
         told = f", of which {', '.join(never)} cannot be overridden" if never else ""

@@ -25,7 +25,7 @@ from apad_bridge.runs.progress import WorkProgress
 if TYPE_CHECKING:
     from apad_bridge.analysis.field_log.facts import EventTold, Fact
     from apad_bridge.analysis.field_log.reader import FactReader
-    from apad_bridge.analysis.shadow.shadow import Decision, Move, Shadow
+    from apad_bridge.analysis.shadow.shadow import ComparedDecision, Shadow, TheirMove
     from apad_bridge.scenario.schema import Scenario
 
 _WAIT_S = 0.2
@@ -156,12 +156,12 @@ def _ends(event: EventTold) -> bool:
     return event.kind == MissionChanged.kind and event.data.get("phase") == Phase.ENDED
 
 
-def _line(decision: Decision) -> str:
+def _line(decision: ComparedDecision) -> str:
     verdict = "the same" if decision.agrees else f"ours: {_text(decision.ours)}"
     return f"{decision.at_s:.0f} s  theirs: {_text(decision.theirs)}; {verdict}"
 
 
-def _text(move: Move) -> str:
+def _text(move: TheirMove) -> str:
     return str(move.kind) if move.agent_id is None else f"{move.kind} {move.agent_id}"
 
 

@@ -59,7 +59,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from apad_bridge.console.process import Address, serve
+    from apad_bridge.console.process import ListenAddress, serve
     from apad_bridge.console.server import order_line
     from apad_bridge.records.run_directory import RunDirectoryError
 
@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("--apad chooses a run on the master: leave out RUN")
     try:
         with _directory_of(arguments) as directory:
-            serve(directory, Address(arguments.host, arguments.port), tell, tell_end, warn)
+            serve(directory, ListenAddress(arguments.host, arguments.port), tell, tell_end, warn)
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
     except OSError as error:

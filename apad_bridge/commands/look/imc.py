@@ -111,7 +111,7 @@ def _add_gateway_arguments(parser: Any, prefix: str) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     _require_imcpy()
-    from apad_bridge.imc.gateway import Gateway, Settings, serve
+    from apad_bridge.imc.gateway import GatewaySettings, ImcGateway, serve
     from apad_bridge.imc.systems import apad_number
     from apad_bridge.imc.wire import Console
     from apad_bridge.records.run_directory import RunDirectoryError
@@ -129,7 +129,7 @@ def run(arguments: argparse.Namespace) -> int:
     def tell(data: dict[str, Any], text: str) -> None:
         print(json.dumps(data) if arguments.json else text, flush=True)
 
-    def listening(gateway: Gateway) -> None:
+    def listening(gateway: ImcGateway) -> None:
         here, listens_on = gateway.address
         log = gateway.log_folder
         tell(
@@ -140,7 +140,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         ended_by, dropped = serve(
             arguments.directory,
-            Settings((host, port), consoles, arguments.multicast),
+            GatewaySettings((host, port), consoles, arguments.multicast),
             listening,
             lambda text: print(f"musselbed imc: {text}", file=sys.stderr, flush=True),
         )

@@ -25,7 +25,7 @@ _LEAST = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class RunRow:
     """A run. Figures are None until it has ended; uptime in percent, as the paper counts it."""
 
     run: str
@@ -74,13 +74,13 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def rows_of(folder: Path) -> list[Row]:
+def rows_of(folder: Path) -> list[RunRow]:
     """The runs in this folder, newest first."""
     directories = [RunDirectory(path) for path in folder.iterdir() if (path / "scenario.yaml").is_file()]
     return sorted(map(_row, directories), key=lambda row: (row.begun, row.run), reverse=True)
 
 
-def _row(directory: RunDirectory) -> Row:
+def _row(directory: RunDirectory) -> RunRow:
     begun = (
         datetime.fromtimestamp(directory.versions.stat().st_mtime, UTC)
         if directory.versions.is_file()
@@ -89,7 +89,7 @@ def _row(directory: RunDirectory) -> Row:
     named = directory.path.name, "" if begun is None else f"{begun:%Y-%m-%dT%H:%M:%SZ}"
     try:
         summary = json.loads(directory.summary.read_text(encoding="utf-8"))
-        return Row(
+        return RunRow(
             *named,
             summary["ended_by"],
             summary["agents"],
@@ -103,12 +103,12 @@ def _row(directory: RunDirectory) -> Row:
     except FileNotFoundError:
         members = [directory.path, *(it.parent for it in directory.path.glob("*/scenario.yaml"))]
         flies = any(supervisor_of(member) is not None for member in members)
-        return Row(*named, FLIES if flies else DID_NOT_END)
+        return RunRow(*named, FLIES if flies else DID_NOT_END)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        return Row(*named, f"summary.json cannot be read: {error}")
+        return RunRow(*named, f"summary.json cannot be read: {error}")
 
 
-def lines_of(rows: list[Row], width: int) -> list[str]:
+def lines_of(rows: list[RunRow], width: int) -> list[str]:
     """The rows for a screen of this width, with no name and no figure cut: one line a run, or two where one is too narrow.
 
     The cause of a run's end gets the room that is left.
@@ -132,11 +132,11 @@ def lines_of(rows: list[Row], width: int) -> list[str]:
     ]
 
 
-def _end(row: Row) -> str:
+def _end(row: RunRow) -> str:
     return row.state if not row.stopped_s else f"stopped for {row.stopped_s / 60:.0f} min; {row.state}"
 
 
-def _figures(row: Row) -> tuple[str, ...]:
+def _figures(row: RunRow) -> tuple[str, ...]:
     minutes = None if row.mission_s is None else row.mission_s / 60
     return (
         *(_text(it, ".0f") for it in (row.agents, minutes)),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.doctor import graph, interpreter, machine, network, scenario_check
-from apad_bridge.doctor.finding import Finding, Status, fail, run_check, run_checks, warn
+from apad_bridge.doctor.finding import CheckStatus, Finding, fail, run_check, run_checks, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit
 
@@ -48,15 +48,15 @@ def run(arguments: argparse.Namespace) -> int:
     failed: set[str] = set()
     findings = []
     for finding in diagnose(arguments.scenario, os.environ.get("ROS_MASTER_URI", "")):
-        if finding.status is Status.FAIL:
+        if finding.status is CheckStatus.FAIL:
             failed.add(finding.check)
         findings.append(asdict(finding))
-        if not arguments.json and (arguments.all or finding.status is not Status.OK):
+        if not arguments.json and (arguments.all or finding.status is not CheckStatus.OK):
             print(finding.line(), flush=True)
     if arguments.json:
         print(json.dumps(findings, indent=1))
     else:
-        fine = sum(it["status"] is Status.OK for it in findings)
+        fine = sum(it["status"] is CheckStatus.OK for it in findings)
         print(f"{fine} of {len(findings)} checks are OK" + ("" if arguments.all else "; --all prints them"))
     if failed == {"scenario"}:
         return Exit.USER_MISTAKE
@@ -88,7 +88,7 @@ def check_ros(
     try:
         from apad_bridge.ros import doctor_apad_checks, doctor_checks
     except ImportError as error:
-        yield Finding("ROS", Status.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
+        yield Finding("ROS", CheckStatus.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
         return
     yield from run_checks(doctor_checks.CHECKS, None)
     if not master_uri:
@@ -103,7 +103,7 @@ def check_ros(
     except network.Unreachable as error:
         yield _unreachable_master(master_uri, error)
         return
-    yield Finding("master", Status.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
+    yield Finding("master", CheckStatus.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
     host, bind = doctor_checks.announced_host(), doctor_checks.bind_address()
     namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
     ids = None if scenario is None else scenario.fleet.ids

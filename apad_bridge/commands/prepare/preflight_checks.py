@@ -15,7 +15,7 @@ from typing import Any
 from apad_bridge.assembly.division import members
 from apad_bridge.commands.prepare.doctor import check_ros
 from apad_bridge.doctor import graph, machine
-from apad_bridge.doctor.finding import Check, Finding, Status, run_checks
+from apad_bridge.doctor.finding import Check, CheckStatus, Finding, run_checks
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.doctor.preflight import key_among, not_proven, red_keys
 from apad_bridge.records.run_directory import RUNS
@@ -23,7 +23,7 @@ from apad_bridge.ros.system.route import environment_for
 from apad_bridge.ros_names.names import in_full, plain
 from apad_bridge.ros_names.namespaces import is_one_of_several
 from apad_bridge.runs.exits import UserError
-from apad_bridge.scenario.run_options import Part, RunOptions
+from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.text_file import write_atomically
@@ -54,7 +54,7 @@ class Report:
         """None for a file that is not there, or of another version."""
         try:
             data = json.loads(path.read_text())
-            findings = [Finding(**{**it, "status": Status(it["status"])}) for it in data["findings"]]
+            findings = [Finding(**{**it, "status": CheckStatus(it["status"])}) for it in data["findings"]]
             return cls(data["scenario"], data["master"], data["at"], tuple(findings), dict(data["accepted"]))
         except (OSError, ValueError, KeyError, TypeError):
             return None
@@ -87,11 +87,11 @@ def findings_of(scenario: Scenario, starts: Sequence[Start], options: RunOptions
     flown = [(it.scenario, it.starts) for it in members(scenario, starts)]
     apads = names_in_full(scenario, namespace)
     with called_back_at(master_uri, namespace):
-        agents = 0 if options.part is Part.MISSION else scenario.fleet.count
+        agents = 0 if options.part is BenchPart.MISSION else scenario.fleet.count
         mapping = dict(_remapping(it, namespace) for it in options.remappings)
         yield from run_checks(machine.CHECKS, agents)
         for finding in check_ros(master_uri, scenario, mapping, apads):
-            if options.part is Part.MISSION and finding.check == "aMussel ids":
+            if options.part is BenchPart.MISSION and finding.check == "aMussel ids":
                 continue  # they are there already, as they should be
             yield finding
         try:
@@ -149,7 +149,7 @@ def proofs(scenario: Scenario, master_uri: str, apads: Sequence[str]) -> list[Fi
 
 def accepted_by(given: Iterable[str], findings: Iterable[Finding], apads: Sequence[str]) -> dict[str, str]:
     """Person by key, for each `given` CHECK or CHECK:PERSON that a finding needs; without a person the login's name."""
-    doubted = {key_among(it.check, apads) for it in findings if it.status is Status.CANNOT_TELL}
+    doubted = {key_among(it.check, apads) for it in findings if it.status is CheckStatus.CANNOT_TELL}
     people = {key: person for key, _, person in (it.partition(":") for it in given)}
     return {key: person or getpass.getuser() for key, person in people.items() if key in doubted}
 
@@ -160,9 +160,12 @@ def refuse_red(report: Report, apads: Sequence[str], despite: Sequence[str]) -> 
     if never := sorted(fixed.intersection(despite)):
         raise UserError(f"--despite {never[0]}: this is never overridden: mend it")
     red = red_keys(report.findings, apads, report.accepted)
-    failed = red_keys((it for it in report.findings if it.status is Status.FAIL), apads)
+    failed = red_keys((it for it in report.findings if it.status is CheckStatus.FAIL), apads)
     refused = [
-        it for key, its in red.items() for it in its if key not in despite or it.status is Status.CANNOT_TELL
+        it
+        for key, its in red.items()
+        for it in its
+        if key not in despite or it.status is CheckStatus.CANNOT_TELL
     ]
     if refused:
         words = [f"--despite {key}" for key in failed if key not in despite and key not in fixed]

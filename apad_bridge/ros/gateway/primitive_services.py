@@ -23,7 +23,7 @@ from apad_bridge.ros.gateway.primitive_actions import PrimitiveActions, docking_
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.run_options import Part, RunOptions
+from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.schema import Scenario
 
 use_generated_messages()
@@ -49,7 +49,7 @@ Act = Callable[[ManualMission], None]
 @contextmanager
 def primitives_offered(scenario: Scenario, options: RunOptions) -> Iterator[CallQueue | None]:
     """Offers the services, and yields their call queue; None where no aPad is flown, or none may move."""
-    if options.part is Part.FLEET or options.dry_run:
+    if options.part is BenchPart.FLEET or options.dry_run:
         yield None
         return
     command_source = CallQueue()

@@ -41,17 +41,17 @@ from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
     ArmReceived,
-    Call,
     DockingOrder,
     FinishedReceived,
-    GoalSeen,
+    Go2pointGoalSeen,
     GoToOrder,
     ManualReceived,
+    NumberedOrder,
     PositionOrder,
     Primitive,
+    PrimitiveStatus,
     Received,
     ServiceAnswered,
-    Status,
     StatusReceived,
     StopOrder,
     arms,
@@ -100,7 +100,7 @@ class Subscribers(LegacySubscribers):
 
     def _take_status(self, message: Any, docking: bool) -> None:
         try:
-            status = StatusReceived(UNSTAMPED, docking, Status(message.data))
+            status = StatusReceived(UNSTAMPED, docking, PrimitiveStatus(message.data))
         except ValueError:
             self._inbox.drop("a primitive's status of no known code")
             return
@@ -117,7 +117,7 @@ class Subscribers(LegacySubscribers):
         """A goal on its way to the server. The commander sends those of its services, whoever called them."""
         place, header = message.goal.T2.point, message._connection_header
         client = str(header.get("callerid", "")) if isinstance(header, dict) else ""
-        self._inbox.put(GoalSeen(UNSTAMPED, place.x, place.y, client), always=True)
+        self._inbox.put(Go2pointGoalSeen(UNSTAMPED, place.x, place.y, client), always=True)
 
     def _take_arms(self, message: Any) -> None:
         dock_index = next(
@@ -290,7 +290,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
                 self._service_name(primitive), kind, request, self._answer_to(call), is_stop=is_stop
             )
 
-    def _answer_to(self, call: Call) -> Any:
+    def _answer_to(self, call: NumberedOrder) -> Any:
         def answered(response: Any, refused: str | None) -> None:
             # The published commander leaves `success` of stop_mission false: any answer says that it took the order.
             if refused is None and not (isinstance(call.order, StopOrder) or response.status):

@@ -21,7 +21,7 @@ from apad_bridge.scenario.lab_interface.messages import (
     MessageKind,
 )
 from apad_bridge.scenario.lab_interface.names import Names
-from apad_bridge.supervisor.packet_relay import Outcome, Outlet, RelayedPacket, Source
+from apad_bridge.supervisor.packet_relay import Outlet, PacketOrigin, RelayedPacket, RelayOutcome
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
 from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
 from firmware_model.packets import CommandPacket, Kind
@@ -63,11 +63,11 @@ class Laboratory:
         return self.subscribers.dropped + self.ignored
 
     @property
-    def outlets(self) -> dict[Outcome, Outlet]:
+    def outlets(self) -> dict[RelayOutcome, Outlet]:
         return {
-            Outcome.TELL_PACKET: self._tell_packet,
-            Outcome.TELL_WIFI: self._tell_wifi,
-            Outcome.TELL_COMMAND: self._tell_command,
+            RelayOutcome.TELL_PACKET: self._tell_packet,
+            RelayOutcome.TELL_WIFI: self._tell_wifi,
+            RelayOutcome.TELL_COMMAND: self._tell_command,
         }
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
@@ -105,7 +105,7 @@ class Laboratory:
         else:
             kind, medium = _KINDS[message.what]
             contents = [(it, medium, self._codec.encode(CommandPacket(kind, it))) for it in ids]
-        return [RelayedPacket(Source.LABORATORY, *content, now_ms) for content in contents]
+        return [RelayedPacket(PacketOrigin.LABORATORY, *content, now_ms) for content in contents]
 
 
 class LaboratoryLink:

@@ -33,7 +33,7 @@ REOPEN_MS = 2_000
 """Lost connections to services are opened again so often, in mission time."""
 
 
-class Docks(Protocol):
+class LinkDocks(Protocol):
     @abstractmethod
     def serve(self, agent_ids: Iterable[int]) -> None:
         """From now on one of several aPads docks these aMussels and no others."""
@@ -47,7 +47,7 @@ class LegacyCore(Protocol):
     readings: Readings
 
     @property
-    def docks(self) -> Docks: ...
+    def docks(self) -> LinkDocks: ...
 
     @property
     def dropped(self) -> Counter[str]: ...

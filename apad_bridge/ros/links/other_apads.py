@@ -13,7 +13,7 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.guards.orders import Body, Point
+from apad_bridge.vehicle.guards.orders import BodyInWater, Point
 
 use_generated_messages()
 
@@ -42,9 +42,9 @@ class OtherAPads:
         """Publishers whose messages cannot be read, each once."""
         return self._inbox.take_events()
 
-    def bodies(self) -> tuple[Body, ...]:
+    def bodies(self) -> tuple[BodyInWater, ...]:
         with self._lock:
-            return tuple(Body(name, it, agent_id=None) for name, it in self._places_m.items())
+            return tuple(BodyInWater(name, it, agent_id=None) for name, it in self._places_m.items())
 
     def close(self) -> None:
         for subscriber in self._subscribers:

@@ -24,7 +24,7 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
-from apad_bridge.supervisor.packet_relay import RelayedPacket, Source
+from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
 from firmware_model.packets import EVERYONE, CommandPacket, Kind, StatusPacket
 from firmware_model.packets.codec import Codec
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, fraction
@@ -37,9 +37,9 @@ from musselbed_msgs.msg import Packet  # noqa: E402
 
 _HEARD, _SAID, _FELT = ours("heard"), ours("said"), ours("felt")
 _TOPICS = {
-    Source.REMOTE_AMUSSEL: (_HEARD, _SAID, Source.LOCAL_SUPERVISOR),
-    Source.REMOTE_SUPERVISOR: (_SAID, _HEARD, Source.LOCAL_AMUSSEL),
-    Source.REMOTE_DOCK: (_FELT, _FELT, Source.LOCAL_DOCK),
+    PacketOrigin.REMOTE_AMUSSEL: (_HEARD, _SAID, PacketOrigin.LOCAL_SUPERVISOR),
+    PacketOrigin.REMOTE_SUPERVISOR: (_SAID, _HEARD, PacketOrigin.LOCAL_AMUSSEL),
+    PacketOrigin.REMOTE_DOCK: (_FELT, _FELT, PacketOrigin.LOCAL_DOCK),
 }
 """By peer: the topic of its packets, the topic to it, and the source of the latter's packets."""
 _CONTACT = "contact"
@@ -57,12 +57,12 @@ _SERVICES = (("surface", Kind.PERMISSION, Medium.SOUND), ("sink", Kind.RELEASE, 
 class PacketTopics:
     """The topics to and from `peers`. A message that is no packet of these aMussels is dropped and counted."""
 
-    def __init__(self, agent_ids: Iterable[int], peers: Iterable[Source]) -> None:
+    def __init__(self, agent_ids: Iterable[int], peers: Iterable[PacketOrigin]) -> None:
         self.senders: set[int] = set()
         """The aMussels of other processes that have sent packets."""
         self._dropped: Counter[str] = Counter()
         self._known = frozenset(agent_ids)
-        self._inbox: Inbox[tuple[Source, int, str, bytes]] = Inbox()
+        self._inbox: Inbox[tuple[PacketOrigin, int, str, bytes]] = Inbox()
         self._publishers = {}
         self._subscribers = []
         for peer in peers:
@@ -78,7 +78,7 @@ class PacketTopics:
         """The packets since the last call, stamped `now_ms`, because the clocks of other processes are not ours."""
         packets = []
         for source, agent_id, medium, data in self._inbox.take():
-            is_command_to_all = source is Source.REMOTE_SUPERVISOR and agent_id == EVERYONE
+            is_command_to_all = source is PacketOrigin.REMOTE_SUPERVISOR and agent_id == EVERYONE
             if agent_id not in self._known and not is_command_to_all:
                 self._dropped["packet of an aMussel that is not of this fleet"] += 1
             elif len(data) > _LARGEST:
@@ -86,7 +86,7 @@ class PacketTopics:
             elif medium not in _MEDIA:
                 self._dropped["packet: no such medium"] += 1
             else:
-                if source is Source.REMOTE_AMUSSEL:
+                if source is PacketOrigin.REMOTE_AMUSSEL:
                     self.senders.add(agent_id)
                 packets.append(RelayedPacket(source, agent_id, _MEDIA[medium], data, now_ms))
         return packets
@@ -104,8 +104,8 @@ class PacketTopics:
         for subscriber in self._subscribers:
             subscriber.unregister()
 
-    def _put(self, message: Any, source: Source) -> None:
-        always = source is Source.REMOTE_DOCK
+    def _put(self, message: Any, source: PacketOrigin) -> None:
+        always = source is PacketOrigin.REMOTE_DOCK
         self._inbox.put((source, message.agent, message.medium, bytes(message.data)), always=always)
 
 
@@ -126,7 +126,9 @@ class AMusselServices:
         return self._called.dropped
 
     def take(self, now_ms: MissionMs) -> list[RelayedPacket]:
-        return [RelayedPacket(Source.REMOTE_SUPERVISOR, *called, now_ms) for called in self._called.take()]
+        return [
+            RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, *called, now_ms) for called in self._called.take()
+        ]
 
     def close(self) -> None:
         for service in self._services:
@@ -182,7 +184,7 @@ class LegacyOrders:
                 self._dropped["goto_surface: false has no effect"] += 1
             else:
                 data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
-                packets.append(RelayedPacket(Source.LABORATORY, agent_id, Medium.SOUND, data, now_ms))
+                packets.append(RelayedPacket(PacketOrigin.LABORATORY, agent_id, Medium.SOUND, data, now_ms))
         return packets
 
     def close(self) -> None:
@@ -313,7 +315,7 @@ class AMusselTopics:
             agent_id, 0, state, charge, 1.0, north_m, east_m, 0.0, self._scale.agent_ms(now_ms)
         )
         data = self._codec.encode(packet)
-        return RelayedPacket(Source.REMOTE_AMUSSEL, agent_id, Medium.WIFI, data, now_ms)
+        return RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, agent_id, Medium.WIFI, data, now_ms)
 
     def _take_place(self, message: Any, agent_id: int) -> None:
         self._inbox.put((agent_id, PublishedPlace(message.position.north, message.position.east)))

@@ -25,7 +25,7 @@ from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.vehicle.generation_b.messages import CAMERA_SERVO, dock_direction_rad
-from apad_bridge.vehicle.simulated.camera import Seen, seen
+from apad_bridge.vehicle.simulated.camera import CameraSighting, seen
 
 use_generated_messages()
 
@@ -83,7 +83,7 @@ class VirtualCamera:
             self._position_ms = max(self._position_ms, to_ms(message.header.stamp))
             self._processed.notify_all()
 
-    def _nearest(self, place_m: tuple[float, float], heading_rad: float) -> Seen | None:
+    def _nearest(self, place_m: tuple[float, float], heading_rad: float) -> CameraSighting | None:
         if self._direction_rad is None:
             return None
         nearest_first = sorted(self._places.values(), key=lambda other_m: math.dist(place_m, other_m))

@@ -18,11 +18,11 @@ from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_a.messages import (
+    ActionGoal,
     BatteryAndProgressPublished,
-    Goal,
     GoalEnded,
+    GoalOutcome,
     HeldPositionPublished,
-    Outcome,
     Published,
 )
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
@@ -135,7 +135,9 @@ class Server(LegacyServer[GenerationAVehicle]):
                 return
             handle.set_accepted()
             self._goals[key] = handle
-            goal = Goal(key, message.id, message.pose.position.x, message.pose.position.y, message.object)
+            goal = ActionGoal(
+                key, message.id, message.pose.position.x, message.pose.position.y, message.object
+            )
             self._show(vehicle.receive(goal, vehicle.now_ms))
 
     def _cancel_goal(self, handle: Any) -> None:
@@ -189,13 +191,15 @@ class Server(LegacyServer[GenerationAVehicle]):
         handle = self._goals.pop(ended.key, None)
         if handle is None:
             return
-        result = aPadResult(id=handle.get_goal().id, status=0 if ended.outcome is Outcome.SUCCEEDED else 1)
+        result = aPadResult(
+            id=handle.get_goal().id, status=0 if ended.outcome is GoalOutcome.SUCCEEDED else 1
+        )
         match ended.outcome:
-            case Outcome.SUCCEEDED:
+            case GoalOutcome.SUCCEEDED:
                 handle.set_succeeded(result, ended.reason)
-            case Outcome.PREEMPTED:
+            case GoalOutcome.PREEMPTED:
                 handle.set_canceled(result, ended.reason)
-            case Outcome.ABORTED:
+            case GoalOutcome.ABORTED:
                 handle.set_aborted(result, ended.reason)
 
     def _answer_docks(self, _: Any) -> Any:

@@ -52,7 +52,7 @@ from musselbed_msgs.msg import DockAlert  # noqa: E402
 Conversion = Callable[[Any], Order]
 
 
-class CallQueue:
+class ServiceCallQueue:
     """Runs the calls of all services one after another, as roscpp's one thread does.
 
     roscpp drops a call whose connection has closed before its turn. rospy runs it: each connection has a thread of its own.
@@ -99,7 +99,7 @@ def _has_closed(sock: Any) -> bool:
 class QueuedService(rospy.Service):  # type: ignore[misc]
     """A service whose calls wait in `calls`."""
 
-    def __init__(self, name: str, kind: Any, answer: Callable[[Any], Any], calls: CallQueue) -> None:
+    def __init__(self, name: str, kind: Any, answer: Callable[[Any], Any], calls: ServiceCallQueue) -> None:
         self._calls = calls
         super().__init__(name, kind, answer)
 
@@ -115,7 +115,7 @@ class Server(LegacyServer[GenerationBVehicle]):
     ) -> None:
         self._go2point = Go2Point(name, self._order, lambda: self._do(lambda it: it.stop(it.now_ms)))
         super().__init__(name, make_vehicle, self._go2point.lock, frame)
-        self._calls = CallQueue(lambda: self._vehicle is not None and self._vehicle.blocks)
+        self._calls = ServiceCallQueue(lambda: self._vehicle is not None and self._vehicle.blocks)
         self._ended = threading.Event()
         """Never set before the process ends: a service that hangs waits for it."""
         kinds: dict[str, Any] = {

@@ -16,7 +16,13 @@ from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.vehicle.generation_b import messages
-from apad_bridge.vehicle.generation_b.messages import GoToBegun, GoToEnded, GoToLeft, GoToOrder, Status
+from apad_bridge.vehicle.generation_b.messages import (
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
+    GoToOrder,
+    PrimitiveStatus,
+)
 
 use_generated_messages()
 
@@ -102,9 +108,9 @@ class Go2Point:
         result.position.header.frame_id = "local"
         result.position.point.x, result.position.point.y = ended.pose.north_m, ended.pose.east_m
         match ended.status:
-            case Status.DONE:
+            case PrimitiveStatus.DONE:
                 handle.set_succeeded(result)
-            case Status.PREEMPTED:
+            case PrimitiveStatus.PREEMPTED:
                 handle.set_canceled(result)
             case _:
                 handle.set_aborted(result)

@@ -35,15 +35,15 @@ from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
+    AMusselStanding,
     Division,
-    Outcome,
+    PacketOrigin,
     PacketRelay,
     RelayedPacket,
-    Source,
-    Standing,
+    RelayOutcome,
 )
 from apad_bridge.vehicle.guards.gate import Gate
-from apad_bridge.vehicle.guards.orders import Body, Point
+from apad_bridge.vehicle.guards.orders import BodyInWater, Point
 
 ASSIGNMENT_PERIOD_MS = 10_000
 """Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
@@ -66,7 +66,7 @@ class Exchange:
     def join(self, name: str, sharing: Sharing, context: FlightContext) -> FlightContext:
         """The same context, in which one of several aPads reaches the others."""
         division = Division(lambda agent_id: self._standing(name, agent_id), tuple(_AS_REMOTE.values()))
-        relay = PacketRelay(division, [lambda now_ms: self._take(name)], {Outcome.PUBLISH: self._carry})
+        relay = PacketRelay(division, [lambda now_ms: self._take(name)], {RelayOutcome.PUBLISH: self._carry})
         watchers, gate = context.watchers, context.safety.gate
         return replace(
             context,
@@ -82,15 +82,15 @@ class Exchange:
             if supervisor.pose is not None:
                 self._places_m[name] = (supervisor.pose.north_m, supervisor.pose.east_m)
             others = ((it, place_m) for it, place_m in self._places_m.items() if it != name)
-            gate.see_bodies(tuple(Body(it, place_m, agent_id=None) for it, place_m in others))
+            gate.see_bodies(tuple(BodyInWater(it, place_m, agent_id=None) for it, place_m in others))
 
         return watch
 
-    def _standing(self, name: str, agent_id: int) -> Standing:
+    def _standing(self, name: str, agent_id: int) -> AMusselStanding:
         is_served_here = self.server.get(agent_id) == name
         if self.home.get(agent_id) == name:
-            return Standing.OURS if is_served_here else Standing.LENT
-        return Standing.BORROWED if is_served_here else Standing.FOREIGN
+            return AMusselStanding.OURS if is_served_here else AMusselStanding.LENT
+        return AMusselStanding.BORROWED if is_served_here else AMusselStanding.FOREIGN
 
     def _take(self, name: str) -> list[RelayedPacket]:
         waiting, self._waiting[name] = self._waiting[name], []
@@ -98,16 +98,16 @@ class Exchange:
 
     def _carry(self, packet: RelayedPacket) -> None:
         """Takes an aMussel's packet to its server, and all else to its home; a packet to EVERYONE has neither."""
-        name_of = self.server if packet.source is Source.LOCAL_AMUSSEL else self.home
+        name_of = self.server if packet.source is PacketOrigin.LOCAL_AMUSSEL else self.home
         name = name_of.get(packet.agent_id)
         if name is not None:
             self._waiting[name].append(replace(packet, source=_AS_REMOTE[packet.source]))
 
 
 _AS_REMOTE = {
-    Source.LOCAL_AMUSSEL: Source.REMOTE_AMUSSEL,
-    Source.LOCAL_SUPERVISOR: Source.REMOTE_SUPERVISOR,
-    Source.LOCAL_DOCK: Source.REMOTE_DOCK,
+    PacketOrigin.LOCAL_AMUSSEL: PacketOrigin.REMOTE_AMUSSEL,
+    PacketOrigin.LOCAL_SUPERVISOR: PacketOrigin.REMOTE_SUPERVISOR,
+    PacketOrigin.LOCAL_DOCK: PacketOrigin.REMOTE_DOCK,
 }
 
 
@@ -117,7 +117,7 @@ class MemberFlight:
 
     start_m: tuple[float, float]
     flight: Flight
-    recorder: recorder_interface.Recorder
+    recorder: recorder_interface.FlightRecorder
 
 
 class LockstepRunner:

@@ -18,7 +18,7 @@ from typing import Any
 from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import SHIPPED, from_data, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import write_atomically
@@ -42,7 +42,7 @@ _BATCH = {"name": "cautious, batch", "collection": "cautious"}
 
 
 @dataclass(frozen=True, slots=True)
-class Phase:
+class SizedFlights:
     """The flights of one strategy from one size of the fleet and one mean start charge."""
 
     strategy: str
@@ -56,7 +56,7 @@ class Phase:
     """Mean hours of aMussels with an empty battery in the last fifth: agent time, over the fleet."""
 
 
-def capacity_study(seeds: int) -> Plan:
+def capacity_study(seeds: int) -> StudyPlan:
     """The diagram's study: the pool at theta 1 for ten days, with two rules of dispatch."""
     data = {
         "name": "capacity",
@@ -81,7 +81,7 @@ def _start(mean: float) -> dict[str, Any]:
     return {"charge": [round(mean - SPREAD, 6), round(mean + SPREAD, 6)]}
 
 
-def phases_of(plan: Plan, rows: Sequence[Row]) -> list[Phase]:
+def phases_of(plan: StudyPlan, rows: Sequence[Row]) -> list[SizedFlights]:
     """One for each strategy, size and start charge, in the study's order."""
     found = []
     for strategy in plan.strategies:
@@ -89,7 +89,7 @@ def phases_of(plan: Plan, rows: Sequence[Row]) -> list[Phase]:
             own = [row for row in rows if row["setting"] == index and row["strategy"] == strategy]
             values: dict[str, Any] = dict(setting.parameters)
             found.append(
-                Phase(
+                SizedFlights(
                     strategy,
                     values["fleet.count"],
                     round(fmean(values["fleet.start"]["charge"]), 6),
@@ -102,7 +102,7 @@ def phases_of(plan: Plan, rows: Sequence[Row]) -> list[Phase]:
     return found
 
 
-def held_from(phases: Sequence[Phase]) -> float | None:
+def held_from(phases: Sequence[SizedFlights]) -> float | None:
     """The least mean start charge of one fleet from which on every flight is held; None if not even the highest is."""
     least = None
     for phase in sorted(phases, key=lambda it: -it.start_charge):
@@ -112,7 +112,7 @@ def held_from(phases: Sequence[Phase]) -> float | None:
     return least
 
 
-def borders_of(phases: Sequence[Phase]) -> Iterator[tuple[str, int, float | None]]:
+def borders_of(phases: Sequence[SizedFlights]) -> Iterator[tuple[str, int, float | None]]:
     """(strategy, aMussels, `held_from`) for each fleet of the diagram."""
     fleets = dict.fromkeys((it.strategy, it.amussels) for it in phases)
     for strategy, amussels in fleets:
@@ -122,7 +122,7 @@ def borders_of(phases: Sequence[Phase]) -> Iterator[tuple[str, int, float | None
 
 def diagram_of(
     scenario: Scenario, seeds: Sequence[int], on_flown: Callable[[], None] = lambda: None
-) -> list[Phase]:
+) -> list[SizedFlights]:
     """Flies the scenario's own fleet by its own rules for ten days of the aMussels' time, from each start charge.
 
     The aPad's battery is unlimited, and nothing drifts at random.
@@ -141,7 +141,7 @@ def diagram_of(
             flights.append(fly(from_data({**data, "seed": seed}, scenario.name), Model.EVENT_DRIVEN))
             on_flown()
         found.append(
-            Phase(
+            SizedFlights(
                 scenario.mission.collection,
                 len(scenario.fleet.ids),
                 mean,
@@ -154,7 +154,7 @@ def diagram_of(
     return found
 
 
-def write_diagram(path: Path, phases: Sequence[Phase], bounds: Bounds) -> None:
+def write_diagram(path: Path, phases: Sequence[SizedFlights], bounds: Bounds) -> None:
     """Writes the diagram as SVG: a panel for each strategy, and the share of flights that were held as colour."""
     import matplotlib
 

@@ -34,7 +34,7 @@ from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, STEP_S, Pose
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Motion
-from apad_bridge.vehicle.simulated.power import Battery, Ledger
+from apad_bridge.vehicle.simulated.power import HullBattery, Ledger
 
 _SECOND_MS = 1000
 _MS_PER_HOUR = 3_600_000
@@ -48,7 +48,7 @@ class CruisingAPad:
     def __init__(self, config: APad, misses: Misses, home_m: tuple[float, float] | None = None) -> None:
         self._config = config
         self._motion = Motion(config)
-        self._battery = Battery(config.battery)
+        self._battery = HullBattery(config.battery)
         self._charger = Charger(config, home_m)
         self._docks = Docks(config.docks)
         self._places = of_simulated_apad(config.docks).docks

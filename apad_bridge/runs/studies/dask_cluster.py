@@ -9,13 +9,13 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 
 from apad_bridge.runs.studies.runner import Block, Row, StudyFailed, fly_block
-from apad_bridge.runs.studies.specification import Plan
+from apad_bridge.runs.studies.specification import StudyPlan
 
 _CONNECT_S = 30
 """Wall seconds until a scheduler has to answer."""
 
 
-def fly_on_dask(plan: Plan, blocks: Sequence[Block], address: str) -> Iterator[tuple[Block, list[Row]]]:
+def fly_on_dask(plan: StudyPlan, blocks: Sequence[Block], address: str) -> Iterator[tuple[Block, list[Row]]]:
     """Flies blocks on the cluster whose scheduler is at `address`, as tcp://host:8786; yields each when it is done.
 
     StudyFailed for a cluster that cannot be reached, that breaks down, or whose workers have another musselbed.
@@ -42,7 +42,7 @@ def fly_on_dask(plan: Plan, blocks: Sequence[Block], address: str) -> Iterator[t
             yield block_of[task.key], rows
 
 
-def fly_there(plan: Plan, fingerprint: str, block: Block) -> list[Row]:
+def fly_there(plan: StudyPlan, fingerprint: str, block: Block) -> list[Row]:
     """Flies a block in a worker of the cluster; StudyFailed when the worker's musselbed is another version."""
     if plan.fingerprint != fingerprint:
         raise StudyFailed(

@@ -18,7 +18,7 @@ from typing import Any
 from apad_bridge.assembly.capacity import Bounds, bounds_of
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import Plan, Setting
+from apad_bridge.runs.studies.specification import Setting, StudyPlan
 from apad_bridge.runs.studies.statistics import Difference, Estimate, Standing, standings
 from apad_bridge.scenario.text_file import write_atomically
 
@@ -53,7 +53,7 @@ class Comparison:
     bounds: Bounds
 
 
-def comparisons(plan: Plan, rows: Sequence[Row]) -> list[Comparison]:
+def comparisons(plan: StudyPlan, rows: Sequence[Row]) -> list[Comparison]:
     """Compares the strategies of each setting; settings do not compare with each other."""
     study = plan.study
     return [
@@ -72,7 +72,7 @@ def comparisons(plan: Plan, rows: Sequence[Row]) -> list[Comparison]:
     ]
 
 
-def as_data(plan: Plan, found: Sequence[Comparison]) -> dict[str, Any]:
+def as_data(plan: StudyPlan, found: Sequence[Comparison]) -> dict[str, Any]:
     """The comparisons as plain data for `--json`; NaN becomes None."""
     return {
         "study": plan.study.name,
@@ -100,7 +100,7 @@ def _known(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def write_parquet(path: Path, plan: Plan, rows: Sequence[Row]) -> None:
+def write_parquet(path: Path, plan: StudyPlan, rows: Sequence[Row]) -> None:
     """Writes a row for each mission: setting, parameters, draws, strategy, seed, figures; whole or not at all."""
     import pyarrow
     from pyarrow import parquet
@@ -116,7 +116,7 @@ def write_parquet(path: Path, plan: Plan, rows: Sequence[Row]) -> None:
         raise
 
 
-def _record(plan: Plan, row: Row) -> dict[str, Any]:
+def _record(plan: StudyPlan, row: Row) -> dict[str, Any]:
     setting = plan.settings[row["setting"]]
     decided = {**dict(setting.parameters), **plan.drawn(row["seed"])}
     parameters = {
@@ -126,7 +126,7 @@ def _record(plan: Plan, row: Row) -> dict[str, Any]:
     return {**head, **{key: value for key, value in row.items() if key != "setting"}}
 
 
-def write_report(path: Path, plan: Plan, rows: Sequence[Row], found: Sequence[Comparison]) -> None:
+def write_report(path: Path, plan: StudyPlan, rows: Sequence[Row], found: Sequence[Comparison]) -> None:
     """Writes one page that needs no other file."""
     study = plan.study
     parts = [
@@ -213,7 +213,7 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.1f}" if abs(value) >= 100 else f"{value:.2f}"
 
 
-def _figure(rows: Sequence[Row], plan: Plan, bounds: Bounds) -> str:
+def _figure(rows: Sequence[Row], plan: StudyPlan, bounds: Bounds) -> str:
     """Box plots of the three figures that rank, and the way against the uptime, as SVG."""
     import matplotlib
 

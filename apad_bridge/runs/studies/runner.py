@@ -24,14 +24,14 @@ from agents.hosting import started
 from apad_bridge.records.line_file import LineFile, read_lines
 from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.runs.studies.models import StrategyFailed, fly
-from apad_bridge.runs.studies.specification import Plan, write_study
+from apad_bridge.runs.studies.specification import StudyPlan, write_study
 
 JOURNAL = "trials.jsonl"
 Row = dict[str, Any]
 """One mission: setting (its index), strategy, seed, and the fields of `Figures`."""
 Block = tuple[int, int]
 """(index of the setting, seed)."""
-Fly = Callable[[Plan, Sequence[Block]], Iterator[tuple[Block, list[Row]]]]
+Fly = Callable[[StudyPlan, Sequence[Block]], Iterator[tuple[Block, list[Row]]]]
 """Flies blocks somewhere; yields each when it is done, in any order."""
 Worker = Popen[bytes]
 _WORKER = "apad_bridge.runs.studies.worker"
@@ -48,7 +48,10 @@ class AnotherStudy(ValueError):
 
 
 def fly_study(
-    plan: Plan, directory: Path, workers: int | Fly, on_flown: Callable[[int], None] = lambda missions: None
+    plan: StudyPlan,
+    directory: Path,
+    workers: int | Fly,
+    on_flown: Callable[[int], None] = lambda missions: None,
 ) -> list[Row]:
     """Flies the missions that the directory does not hold yet; returns the rows of all, in the study's order.
 
@@ -111,7 +114,7 @@ def _opened(directory: Path, fingerprint: str) -> Iterator[tuple[LineFile, dict[
         yield journal, {tuple(line["block"]): line["rows"] for line in lines[1:]}
 
 
-def fly_block(plan: Plan, setting: int, seed: int) -> list[Row]:
+def fly_block(plan: StudyPlan, setting: int, seed: int) -> list[Row]:
     """Flies every strategy on one configuration."""
     rows = []
     for index, strategy in enumerate(plan.strategies):
@@ -126,7 +129,7 @@ def fly_block(plan: Plan, setting: int, seed: int) -> list[Row]:
     return rows
 
 
-def _fly_blocks(plan: Plan, blocks: list[Block], workers: int) -> Iterator[tuple[Block, list[Row]]]:
+def _fly_blocks(plan: StudyPlan, blocks: list[Block], workers: int) -> Iterator[tuple[Block, list[Row]]]:
     """Flies blocks as processes become free; yields each when it is done."""
     if workers == 1 or len(blocks) == 1:
         for block in blocks:
@@ -198,7 +201,7 @@ def _answer(process: Worker) -> list[Row]:
 
 
 @contextmanager
-def _started_workers(plan: Plan, count: int) -> Iterator[list[Worker]]:
+def _started_workers(plan: StudyPlan, count: int) -> Iterator[list[Worker]]:
     """Workers that end with this process, whatever ends it."""
     command = [*started.PYTHON, "-m", started.__name__, _WORKER]
     processes: list[Worker] = []

@@ -14,7 +14,7 @@ from typing import Any
 from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import SHIPPED
 
 AMUSSELS = 24
@@ -30,7 +30,7 @@ _SCHEDULES: dict[str, list[float]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Schedule:
+class ScheduleOutcome:
     """A sleep schedule's outcome: means over the configurations, of the whole fleet. Seconds and hours are agent time."""
 
     alarm_s: float
@@ -55,7 +55,7 @@ class Schedule:
         )
 
 
-def sleep_study(seeds: int) -> Plan:
+def sleep_study(seeds: int) -> StudyPlan:
     """The study of sleep: `AMUSSELS` whole boards in the pool, five days of their time, served by Cautious."""
     data = {
         "name": "sleep",
@@ -72,7 +72,7 @@ def sleep_study(seeds: int) -> Plan:
     return plan_of(data, "sleep", SHIPPED)
 
 
-def schedules_of(plan: Plan, rows: Sequence[Row]) -> list[Schedule]:
+def schedules_of(plan: StudyPlan, rows: Sequence[Row]) -> list[ScheduleOutcome]:
     """The schedules, the recommended one first: fewest lost, then most samples, longest sampling, fewest dead hours."""
     found = []
     for index, setting in enumerate(plan.settings):
@@ -84,12 +84,12 @@ def schedules_of(plan: Plan, rows: Sequence[Row]) -> list[Schedule]:
             for key in ("amussels_lost", "samples_taken", "longest_gap_h", "dead_time_h", "metres")
         }
         found.append(
-            Schedule(values[_ALARM], values[_SAMPLE], values[_PROCESSING], bounds.sustained, **means)
+            ScheduleOutcome(values[_ALARM], values[_SAMPLE], values[_PROCESSING], bounds.sustained, **means)
         )
     return sorted(found, key=lambda it: (it.amussels_lost, -it.samples_taken, -it.sample_s, it.dead_time_h))
 
 
-def reason_of(schedules: Sequence[Schedule]) -> str:
+def reason_of(schedules: Sequence[ScheduleOutcome]) -> str:
     """Why the first of `schedules_of` is recommended, in two sentences for people."""
     best, others = schedules[0], schedules[1:]
     alike = sum(it.amussels_lost == best.amussels_lost for it in schedules)

@@ -93,7 +93,7 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class StudyPlan:
     """A checked study: for each setting, the scenario of each strategy as plain data, and the seeds."""
 
     study: Study
@@ -145,7 +145,7 @@ class Plan:
         return [study, settings, self.strategies, self.scenarios, self.seeds]
 
     @classmethod
-    def from_wire(cls, wire: list[Any]) -> Plan:
+    def from_wire(cls, wire: list[Any]) -> StudyPlan:
         """The inverse of `to_wire`."""
         study, settings, strategies, scenarios, seeds = wire
         return cls(
@@ -161,7 +161,7 @@ class Plan:
 _STUDY = TypeAdapter(Study)
 
 
-def load_study(path: Path) -> Plan:
+def load_study(path: Path) -> StudyPlan:
     """Reads and checks a study's file. ScenarioError with a line for each mistake, before anything is flown."""
     if path.suffix == ".py":
         # Some of Python's lines are YAML, too.
@@ -183,7 +183,7 @@ def load_study(path: Path) -> Plan:
     return plan_of(data, str(path), path.parent)
 
 
-def plan_of(data: Any, source: str, directory: Path) -> Plan:
+def plan_of(data: Any, source: str, directory: Path) -> StudyPlan:
     """Builds a study from plain data; the scenarios' files are relative to `directory`. ScenarioError as `load_study`."""
     try:
         study = _STUDY.validate_json(json.dumps(data), strict=True)
@@ -228,15 +228,15 @@ def plan_of(data: Any, source: str, directory: Path) -> Plan:
     if len(set(labels)) < len(labels):
         raise ScenarioError([f"{source}: scenarios: two of them have the same name: rename one"])
     seeds = tuple(range(1, study.seeds + 1)) if isinstance(study.seeds, int) else study.seeds
-    return Plan(study, tuple(settings), names, tuple(rows), seeds, tuple(scenarios))
+    return StudyPlan(study, tuple(settings), names, tuple(rows), seeds, tuple(scenarios))
 
 
-def with_seeds(plan: Plan, seeds: int) -> Plan:
+def with_seeds(plan: StudyPlan, seeds: int) -> StudyPlan:
     """The same study on the seeds 1 to `seeds`; missions that were flown count for both."""
     return replace(plan, seeds=tuple(range(1, seeds + 1)))
 
 
-def write_study(plan: Plan, directory: Path) -> Plan:
+def write_study(plan: StudyPlan, directory: Path) -> StudyPlan:
     """Writes the study as `study.yaml`, and its scenarios with their files below `scenarios/`: `load_study` reads it again.
 
     Returns the plan with the copies of strategies' files that are written, too: a file may change while a study flies.

@@ -15,7 +15,7 @@ from typing import Any
 
 from agents.time_scale import TimeScale
 from apad_bridge.runs.studies.runner import Row
-from apad_bridge.runs.studies.specification import Plan, plan_of
+from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import SHIPPED
 
 THETA = 30
@@ -68,7 +68,7 @@ _FIGURES = {
 }
 
 
-def table_two_study(seeds: int, theta: int = THETA) -> Plan:
+def table_two_study(seeds: int, theta: int = THETA) -> StudyPlan:
     """The study of Table II: the pool and the bay with each strategy; at any theta 20 hours of the aMussels' time."""
     parameters: dict[str, list[Any]] = {}
     if theta != THETA:
@@ -87,7 +87,7 @@ def table_two_study(seeds: int, theta: int = THETA) -> Plan:
     return plan_of(data, "table2", SHIPPED)
 
 
-def table_two(plan: Plan, rows: Sequence[Row]) -> list[dict[str, Any]]:
+def table_two(plan: StudyPlan, rows: Sequence[Row]) -> list[dict[str, Any]]:
     """A row for each row and column of the paper's table: its value, ours, and the percentile of its value among ours.
 
     `percentile` is None at another theta than the paper's, and where all of ours are equal.
@@ -131,7 +131,7 @@ def contradictions() -> list[str]:
     ]
 
 
-def apad_energy(plan: Plan, rows: Sequence[Row]) -> str | None:
+def apad_energy(plan: StudyPlan, rows: Sequence[Row]) -> str | None:
     """At theta 1, the aPad's energy in a mission; None at any other, where it compares with nothing."""
     used_wh = [row["apad_wh"] for row in rows if row["strategy"] == "cautious" and row["setting"] == 0]
     if None in used_wh or not used_wh:

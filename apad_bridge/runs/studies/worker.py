@@ -9,13 +9,13 @@ import os
 import sys
 
 from apad_bridge.runs.studies.runner import StudyFailed, fly_block, receive, send
-from apad_bridge.runs.studies.specification import Plan
+from apad_bridge.runs.studies.specification import StudyPlan
 
 
 def main() -> None:
     answers, orders = os.fdopen(os.dup(1), "wb"), sys.stdin.buffer
     os.dup2(2, 1)
-    plan = Plan.from_wire(receive(orders))
+    plan = StudyPlan.from_wire(receive(orders))
     while True:
         try:
             setting, seed = receive(orders)

@@ -7,7 +7,7 @@ from typing import Annotated, TypeVar
 
 from annotated_types import Ge, Le
 
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 from agents.water.bounds import Count
 from agents.water.sound import Sound
 from agents.water.wifi import Wifi
@@ -164,7 +164,7 @@ class Localisation:
 class Water:
     """The water of a run. Without `wifi` every Wi-Fi packet arrives, except from under water."""
 
-    modems: Generation = Generation.V3
+    modems: ModemGeneration = ModemGeneration.V3
     sound: Sound = Sound()
     wifi: Wifi | None = None
     talk: Talk = Talk()

@@ -142,14 +142,14 @@ Received = (
 # Messages of the simulated aPad: the goals that it takes, and the messages that it publishes.
 
 
-class Outcome(Enum):
+class GoalOutcome(Enum):
     SUCCEEDED = "succeeded"
     PREEMPTED = "pre-empted"
     ABORTED = "aborted"
 
 
 @dataclass(frozen=True, slots=True)
-class Goal:
+class ActionGoal:
     key: str
     kind: int
     north_m: float
@@ -183,7 +183,7 @@ class BatteryAndProgressPublished:
 class GoalEnded:
     at_ms: int
     key: str
-    outcome: Outcome
+    outcome: GoalOutcome
     reason: str = ""
 
 

@@ -33,11 +33,11 @@ from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     PERCH,
     RELEASE,
+    ActionGoal,
     BatteryAndProgressPublished,
-    Goal,
     GoalEnded,
+    GoalOutcome,
     HeldPositionPublished,
-    Outcome,
     Published,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -72,7 +72,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
         self._speed_m_s = speed_m_s
         self._victory_radius_m = victory_radius_m
         self._misses = misses
-        self._goal: Goal | None = None
+        self._goal: ActionGoal | None = None
         self._start_distance_m = 0.0
         self._reference: GoTo | Hold = Hold(0, apad.pose.north_m, apad.pose.east_m)
         """The place to which the controllers steer, whether a goal runs or not."""
@@ -91,13 +91,13 @@ class GenerationAVehicle(SimulatedStack[Published]):
         """The held objects in the order of dock indices, without free docks."""
         return [self._docks[dock_index][0] for dock_index in sorted(self._docks)]
 
-    def receive(self, goal: Goal, now_ms: int) -> list[Published]:
+    def receive(self, goal: ActionGoal, now_ms: int) -> list[Published]:
         """A new goal pre-empts the running one, whatever its kind."""
         published = self.advance(now_ms)
         if self.has_crashed:
             self.dropped["goal: the action server has crashed"] += 1
             return published
-        published += self._end(Outcome.PREEMPTED, "a new goal came")
+        published += self._end(GoalOutcome.PREEMPTED, "a new goal came")
         self._goal = goal
         if goal.kind == GO_TO:
             return published + self._go_to(goal)
@@ -112,7 +112,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
         """Ends the goal; the vehicle still moves to the old target."""
         published = self.advance(now_ms)
         if self._goal is not None and self._goal.key == key and not self.has_crashed:
-            published += self._end(Outcome.PREEMPTED, "cancelled")
+            published += self._end(GoalOutcome.PREEMPTED, "cancelled")
         return published
 
     def enable_position_control(self, enabled: bool, now_ms: int) -> list[Published]:
@@ -162,7 +162,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
             self.dropped[f"charging or draining: {reason}"] += 1
         return published
 
-    def _go_to(self, goal: Goal) -> list[Published]:
+    def _go_to(self, goal: ActionGoal) -> list[Published]:
         pose = self._apad.pose
         self._start_distance_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
         if self._fault is Fault.STUCK:
@@ -176,10 +176,10 @@ class GenerationAVehicle(SimulatedStack[Published]):
             self.has_crashed, self._goal = True, None
         return published
 
-    def _perch(self, goal: Goal) -> list[Published]:
+    def _perch(self, goal: ActionGoal) -> list[Published]:
         free = self.free_docks
         if not free or self._fault is Fault.PERCHES_NOTHING:
-            return self._end(Outcome.SUCCEEDED)
+            return self._end(GoalOutcome.SUCCEEDED)
         number = _AGENT_NUMBER.search(goal.name)
         place_m = self.pose.north_m, self.pose.east_m
         if (
@@ -187,27 +187,27 @@ class GenerationAVehicle(SimulatedStack[Published]):
             and number is not None
             and self._misses.misses(int(number[0]), place_m, self._apad_ms)
         ):
-            return self._end(Outcome.ABORTED, MISSED)
+            return self._end(GoalOutcome.ABORTED, MISSED)
         dock_index, serial = free[0], self._next_serial()
         facts = self._apad.receive(CloseDock(serial, dock_index, serial), self._apad_ms)
         if failed := self._goal_end(facts):
             return failed
         self._docks[dock_index] = (goal.name, serial)
-        return [self._held(dock_index), *self._end(Outcome.SUCCEEDED)]
+        return [self._held(dock_index), *self._end(GoalOutcome.SUCCEEDED)]
 
-    def _release(self, goal: Goal) -> list[Published]:
+    def _release(self, goal: ActionGoal) -> list[Published]:
         dock_index = next(
             (dock_index for dock_index in sorted(self._docks) if self._docks[dock_index][0] == goal.name),
             None,
         )
         if dock_index is None:
-            return self._end(Outcome.ABORTED, f"holds no {goal.name or 'object without a name'}")
+            return self._end(GoalOutcome.ABORTED, f"holds no {goal.name or 'object without a name'}")
         try:
             last = self._let_go(dock_index)
         except ValueError as refused:
-            return self._end(Outcome.ABORTED, str(refused))
+            return self._end(GoalOutcome.ABORTED, str(refused))
         if self._fault not in (Fault.RELEASE_SILENT, Fault.RELEASE_CRASHES):
-            return [last, *self._end(Outcome.SUCCEEDED)]
+            return [last, *self._end(GoalOutcome.SUCCEEDED)]
         self._goal = None
         if self._fault is Fault.RELEASE_CRASHES:
             self.has_crashed = True
@@ -231,12 +231,12 @@ class GenerationAVehicle(SimulatedStack[Published]):
         published: list[Published] = []
         for fact in facts:
             if isinstance(fact, Arrived) and self._goal is not None and self._goal.kind == GO_TO:
-                published += self._end(Outcome.SUCCEEDED)
+                published += self._end(GoalOutcome.SUCCEEDED)
             elif isinstance(fact, CommandFailed):
-                published += self._end(Outcome.ABORTED, fact.reason)
+                published += self._end(GoalOutcome.ABORTED, fact.reason)
         return published
 
-    def _end(self, outcome: Outcome, reason: str = "") -> list[Published]:
+    def _end(self, outcome: GoalOutcome, reason: str = "") -> list[Published]:
         goal, self._goal = self._goal, None
         return [] if goal is None else [GoalEnded(self._now_ms, goal.key, outcome, reason)]
 

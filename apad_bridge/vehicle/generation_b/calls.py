@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.generation_b.messages import Call, Order, ServiceAnswered, StopOrder
+from apad_bridge.vehicle.generation_b.messages import NumberedOrder, Order, ServiceAnswered, StopOrder
 
 ANSWER_MS = 5_000
 """A service without an answer for so long has failed: its node is gone, or its callback hangs."""
@@ -15,7 +15,7 @@ TRIES = 3
 
 
 @dataclass(slots=True)
-class Pending:
+class PendingCall:
     order: Order
     number: int
     sent_ms: int
@@ -27,13 +27,13 @@ class Pending:
     first_cause: str | None = None
 
 
-class Calls:
+class OrderCalls:
     """Numbers orders and sends each up to `TRIES` times. A new order ends the wait for the previous one."""
 
     def __init__(self) -> None:
         self._number = 0
-        self._to_send: list[Call] = []
-        self.pending: Pending | None = None
+        self._to_send: list[NumberedOrder] = []
+        self.pending: PendingCall | None = None
 
     @property
     def unanswered(self) -> list[str]:
@@ -46,12 +46,14 @@ class Calls:
     def order(self, order: Order, now_ms: int) -> None:
         before, number = self.pending, self._send(order)
         is_again = before is not None and before.order == order == StopOrder() and before.answered_ms is None
-        self.pending = Pending(order, number, now_ms, before.first_number if is_again and before else number)
+        self.pending = PendingCall(
+            order, number, now_ms, before.first_number if is_again and before else number
+        )
 
     def forget(self) -> None:
         self.pending, self._to_send = None, []
 
-    def take(self) -> list[Call]:
+    def take(self) -> list[NumberedOrder]:
         """The calls to send, returned once."""
         calls, self._to_send = self._to_send, []
         return calls
@@ -89,11 +91,11 @@ class Calls:
         pending.number, pending.sent_ms, pending.retry_ms = self._send(pending.order), now_ms, None
         return None
 
-    def _refuse(self, pending: Pending, reason: str, at_ms: int) -> None:
+    def _refuse(self, pending: PendingCall, reason: str, at_ms: int) -> None:
         pending.first_cause = pending.first_cause or reason
         pending.retry_ms = at_ms + RETRY_MS
 
     def _send(self, order: Order) -> int:
         self._number += 1
-        self._to_send.append(Call(self._number, order))
+        self._to_send.append(NumberedOrder(self._number, order))
         return self._number

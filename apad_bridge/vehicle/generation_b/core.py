@@ -17,12 +17,12 @@ from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Stop, 
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
-    Call,
     DockingOrder,
     FinishedReceived,
-    GoalSeen,
+    Go2pointGoalSeen,
     GoToOrder,
     ManualReceived,
+    NumberedOrder,
     Order,
     PositionOrder,
     Received,
@@ -93,7 +93,7 @@ class GenerationBCore:
     def silent_topics(self, now_ms: int) -> list[str]:
         return ["position"] if self.readings.position_ms < now_ms else []
 
-    def take_calls(self) -> list[Cleared[Call]]:
+    def take_calls(self) -> list[Cleared[NumberedOrder]]:
         """Asks the gate about each call, whoever wants it. A call that it refuses fails as if the aPad refused it."""
         calls = []
         for call in self._tasks.calls.take():
@@ -124,14 +124,14 @@ class GenerationBCore:
                 self._tasks.receive_status(docking, status, at_ms)
             case ManualReceived(at_ms, steers):
                 self._tasks.receive_pilot(steers, at_ms)
-            case GoalSeen():
+            case Go2pointGoalSeen():
                 self._see_goal(message)
             case ArmReceived(at_ms, dock_index) if dock_index is not None:
                 self._tasks.receive_arm(dock_index, at_ms)
             case ArmReceived() | FinishedReceived():
                 pass  # a closed arm, or some primitive's end: the status topics give the result
 
-    def _see_goal(self, goal: GoalSeen) -> None:
+    def _see_goal(self, goal: Go2pointGoalSeen) -> None:
         """Takes a goal on its way to the vehicle's server; another client's is for the guards to judge.
 
         A client that sends the vehicle to a place of ours sends it where the gate has let us go.

@@ -30,7 +30,7 @@ def dock_direction_rad(dock_index: int) -> float:
     return math.remainder(dock_index * math.pi / 2, math.tau)
 
 
-class Status(IntEnum):
+class PrimitiveStatus(IntEnum):
     """Values of `goto_status` and `docking_status`."""
 
     IDLE = 0
@@ -92,7 +92,7 @@ Order = GoToOrder | PositionOrder | DockingOrder | StopOrder
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class NumberedOrder:
     """An order under a number, which its answer repeats."""
 
     number: int
@@ -103,7 +103,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class GoalSeen:
+class Go2pointGoalSeen:
     """A go-to on its way to the action server `go2point`, by whichever service or client, and the node that sent it."""
 
     at_ms: int
@@ -127,7 +127,7 @@ class StatusReceived:
 
     at_ms: int
     docking: bool
-    status: Status
+    status: PrimitiveStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ Received = (
     | FinishedReceived
     | ManualReceived
     | ArmReceived
-    | GoalSeen
+    | Go2pointGoalSeen
 )
 
 
@@ -244,7 +244,7 @@ class BatteryPublished:
 class StatusPublished:
     at_ms: int
     docking: bool
-    status: Status
+    status: PrimitiveStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +289,7 @@ class GoToLeft:
 class GoToEnded:
     """`status` is DONE, PREEMPTED, or IDLE for an aborted go-to."""
 
-    status: Status
+    status: PrimitiveStatus
     pose: Pose
     left: GoToLeft
 

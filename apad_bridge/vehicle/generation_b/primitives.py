@@ -16,7 +16,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToOrder,
     Order,
     PositionOrder,
-    Status,
+    PrimitiveStatus,
     dock_direction_rad,
 )
 
@@ -30,18 +30,18 @@ class StatusWatch:
     def __init__(self) -> None:
         self._is_running = False
         self._idle_since_ms: int | None = None
-        self._last: Status | None = None
+        self._last: PrimitiveStatus | None = None
 
-    def receive(self, status: Status, at_ms: int, *, answered: bool, plausible: bool) -> bool:
+    def receive(self, status: PrimitiveStatus, at_ms: int, *, answered: bool, plausible: bool) -> bool:
         """True when the order is done. `answered`: the service took it; `plausible`: the position looks done."""
         self._last = status
-        if status is Status.RUNNING:
+        if status is PrimitiveStatus.RUNNING:
             self._is_running, self._idle_since_ms = True, None
             return False
         if not answered:
             self._is_running = False
             return False
-        if status is Status.DONE and (self._is_running or plausible):
+        if status is PrimitiveStatus.DONE and (self._is_running or plausible):
             return True
         self._is_running = False
         if self._idle_since_ms is None:
@@ -87,7 +87,9 @@ class GoToTask:
             return math.inf
         return math.hypot(self.command.north_m - pose.north_m, self.command.east_m - pose.east_m)
 
-    def receive(self, status: Status, at_ms: int, pose: PoseReported | None, *, answered: bool) -> bool:
+    def receive(
+        self, status: PrimitiveStatus, at_ms: int, pose: PoseReported | None, *, answered: bool
+    ) -> bool:
         """True when the vehicle reports the end; `is_near` tells whether to believe it."""
         return self._watch.receive(status, at_ms, answered=answered, plausible=self.is_near(pose))
 
@@ -135,12 +137,12 @@ class HoldTask:
     others_since_ms: int | None = None
     """The time of the first RUNNING of another party's go-to, until its end."""
 
-    def receive_goto_status(self, status: Status, at_ms: int, *, answered: bool) -> bool:
+    def receive_goto_status(self, status: PrimitiveStatus, at_ms: int, *, answered: bool) -> bool:
         """Takes a message of `goto_status`; True when it shows a new go-to of another party.
 
         Late messages about our own go-to come before the message that it is over.
         """
-        if status is not Status.RUNNING:
+        if status is not PrimitiveStatus.RUNNING:
             self.is_quiet = self.is_quiet or answered
             self.others_since_ms = None
             return False
@@ -221,7 +223,7 @@ class ServoTask:
         self._stand = None
         return self._docking_order()
 
-    def receive(self, status: Status, at_ms: int, *, answered: bool) -> bool:
+    def receive(self, status: PrimitiveStatus, at_ms: int, *, answered: bool) -> bool:
         """True when the vehicle is done. Messages before the order to dock belong to an earlier docking."""
         if self._stand is not None:
             return False

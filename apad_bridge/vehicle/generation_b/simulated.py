@@ -32,8 +32,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToOrder,
     Order,
     PositionOrder,
+    PrimitiveStatus,
     Published,
-    Status,
     StatusPublished,
     StopOrder,
     arms,
@@ -76,7 +76,7 @@ def servoing(order: DockingOrder, seen: Detection | None, now_ms: int) -> Steer 
 
 SLOW_PERIOD_MS = 1000
 """Period of battery and statuses; a changed status goes out at once, too."""
-_AT_ONCE = {Fault.DROPS: Status.PREEMPTED, Fault.LIES: Status.DONE}
+_AT_ONCE = {Fault.DROPS: PrimitiveStatus.PREEMPTED, Fault.LIES: PrimitiveStatus.DONE}
 """The status with which a go-to ends as soon as it begins."""
 _WANDERS_MS = 5_000
 
@@ -102,7 +102,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         self._stage_ms = start_ms
         self._order: Order | None = None
         self._paused: Order | None = None
-        self._statuses = {False: Status.IDLE, True: Status.IDLE}
+        self._statuses = {False: PrimitiveStatus.IDLE, True: PrimitiveStatus.IDLE}
         """The status of go-tos under False, of dockings under True."""
         self._horizontal = 0.0
         self._seen: Detection | None = None
@@ -127,18 +127,18 @@ class GenerationBVehicle(SimulatedStack[Published]):
         if not self.takes:
             return self.advance(now_ms)
         published = self.advance(now_ms)
-        self._end(Status.PREEMPTED, published, finished=self._stage is not Stage.OFF)
+        self._end(PrimitiveStatus.PREEMPTED, published, finished=self._stage is not Stage.OFF)
         self._order = order
         match order:
             case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
                 self._enter(Stage.GOING)
                 self._publish(GoToBegun(self._now_ms, order), published)
-                self._publish_status(False, Status.RUNNING, published)
+                self._publish_status(False, PrimitiveStatus.RUNNING, published)
                 if self._fault in _AT_ONCE:
                     self._end(_AT_ONCE[self._fault], published, finished=True)
                 elif not (speed_m_s > 0 and victory_radius_m > 0):
                     self.dropped["go2point: speed or victory radius is not above 0"] += 1
-                    self._end(Status.IDLE, published, finished=True)
+                    self._end(PrimitiveStatus.IDLE, published, finished=True)
                 elif self._fault is not Fault.STUCK:
                     self._command(
                         GoTo(self._next_serial(), north_m, east_m, speed_m_s, victory_radius_m), published
@@ -155,7 +155,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
     def stop(self, now_ms: int) -> list[Published]:
         """`stop_mission`: the primitive ends, and with it the controllers."""
         published = self.advance(now_ms)
-        self._end(Status.PREEMPTED, published, finished=self._stage is not Stage.OFF)
+        self._end(PrimitiveStatus.PREEMPTED, published, finished=self._stage is not Stage.OFF)
         return published
 
     def pause(self, now_ms: int) -> list[Published]:
@@ -192,7 +192,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         """A pilot takes or leaves the joystick. It pre-empts primitives, and none begins while it is in use."""
         published = self.advance(now_ms)
         if steers and not self._is_manual:
-            self._end(Status.PREEMPTED, published, finished=self._stage is not Stage.OFF)
+            self._end(PrimitiveStatus.PREEMPTED, published, finished=self._stage is not Stage.OFF)
         self._is_manual = steers
         return published
 
@@ -203,7 +203,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
             return
         self._enter(Stage.SERVO)
         self._seen = None
-        self._publish_status(True, Status.RUNNING, published)
+        self._publish_status(True, PrimitiveStatus.RUNNING, published)
         published.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.dock_index]))
         if order.docks:
             self._open_arm(order.dock_index, published)
@@ -216,12 +216,12 @@ class GenerationBVehicle(SimulatedStack[Published]):
         """One grid instant: the boat's events, the primitive's reaction, and the periodic messages."""
         for fact in self._apad.advance(at_ms - self._start_ms):
             if isinstance(fact, Arrived) and self._stage is Stage.GOING:
-                self._end(Status.DONE, published, finished=True)
+                self._end(PrimitiveStatus.DONE, published, finished=True)
             elif isinstance(fact, CommandFailed):
-                self._end(Status.IDLE, published, finished=True)
+                self._end(PrimitiveStatus.IDLE, published, finished=True)
         wanders = self._fault is Fault.WANDERS and self._stage is Stage.POSITIONING
         if wanders and at_ms - self._stage_ms >= _WANDERS_MS:
-            self._end(Status.IDLE, published, finished=True)
+            self._end(PrimitiveStatus.IDLE, published, finished=True)
         if isinstance(self._order, DockingOrder):
             self._servo(self._order, at_ms, published)
         elif isinstance(self._order, GoToOrder):
@@ -243,15 +243,15 @@ class GenerationBVehicle(SimulatedStack[Published]):
                 astern_rad = dock_direction_rad(order.dock_index) + math.pi
                 self._command(Steer(PULL_BACK_M_S, astern_rad, 0.0), published)
         elif self._stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
-            self._end(Status.DONE, published, finished=True)
+            self._end(PrimitiveStatus.DONE, published, finished=True)
         if self._stage is Stage.SERVOING:
             steered = servoing(order, self._seen, at_ms)
             if steered is None:
-                self._end(Status.DONE, published, finished=True)
+                self._end(PrimitiveStatus.DONE, published, finished=True)
             else:
                 self._command(steered, published)
 
-    def _end(self, status: Status, published: list[Published], *, finished: bool) -> None:
+    def _end(self, status: PrimitiveStatus, published: list[Published], *, finished: bool) -> None:
         """Ends the primitive under way: publishes its status and event, closes the arm, turns the controllers off."""
         stage, order, self._order = self._stage, self._order, None
         self._enter(Stage.OFF)
@@ -269,16 +269,16 @@ class GenerationBVehicle(SimulatedStack[Published]):
     def _command(self, command: GoTo | Hold | Coast | Steer, published: list[Published]) -> None:
         if self._is_manual and not isinstance(command, Coast):
             self.dropped["order: a pilot steers"] += 1
-            self._end(Status.PREEMPTED, published, finished=True)
+            self._end(PrimitiveStatus.PREEMPTED, published, finished=True)
             return
         for fact in self._apad.receive(command, self._apad_ms):
             if isinstance(fact, CommandFailed):
-                self._end(Status.IDLE, published, finished=True)
+                self._end(PrimitiveStatus.IDLE, published, finished=True)
 
     def _enter(self, stage: Stage) -> None:
         self._stage, self._stage_ms = stage, self._now_ms
 
-    def _publish_status(self, docking: bool, status: Status, published: list[Published]) -> None:
+    def _publish_status(self, docking: bool, status: PrimitiveStatus, published: list[Published]) -> None:
         self._statuses[docking] = status
         self._publish(StatusPublished(self._now_ms, docking, status), published)
 

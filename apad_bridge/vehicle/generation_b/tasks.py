@@ -28,14 +28,14 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.generation_b.calls import Calls
+from apad_bridge.vehicle.generation_b.calls import OrderCalls
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
-    GoalSeen,
+    Go2pointGoalSeen,
     Order,
     PositionOrder,
+    PrimitiveStatus,
     ServiceAnswered,
-    Status,
     StopOrder,
 )
 from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask, hold_task_of
@@ -66,13 +66,13 @@ class ExternalDocking:
     def note_open_arm(self, dock_index: int) -> None:
         self._dock = dock_index
 
-    def receive(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockReport | None:
+    def receive(self, status: PrimitiveStatus, at_ms: int, held: Mapping[int, int]) -> DockReport | None:
         """The change of a dock, when this message of `docking_status` ends a docking that was running."""
-        if status is Status.RUNNING:
+        if status is PrimitiveStatus.RUNNING:
             self._since_ms = at_ms if self._since_ms is None else self._since_ms
             return None
         ended, self._since_ms = self.runs, None
-        if not ended or status is not Status.DONE:
+        if not ended or status is not PrimitiveStatus.DONE:
             return None
         if self._dock is None:
             self.dropped["docking by hand: no arm was seen to open"] += 1
@@ -92,7 +92,7 @@ class Tasks:
     def __init__(
         self, docking: Docking, docks: BenchDocks, readings: Readings, *, takes_back: bool = True
     ) -> None:
-        self.calls = Calls()
+        self.calls = OrderCalls()
         self.pilot_steers = False
         """True until the vehicle, or a person, says that the pilot has let go."""
         self._pilot_is_known = True
@@ -171,7 +171,7 @@ class Tasks:
         if isinstance(command, GoTo | Hold | Stop):
             self._facts.append(CommandAccepted(answer.at_ms, command.command_id))
 
-    def receive_status(self, docking: bool, status: Status, at_ms: int) -> None:
+    def receive_status(self, docking: bool, status: PrimitiveStatus, at_ms: int) -> None:
         pending = self.calls.pending
         answered = pending is not None and pending.answered_ms is not None
         if docking:
@@ -193,11 +193,11 @@ class Tasks:
             self._dropped["goto_status: another client sent the aPad away from its hold"] += 1
             self._tell_of_others(at_ms)
         elif self._stop is not None and answered:
-            if status is Status.RUNNING and self._is_quiet:
+            if status is PrimitiveStatus.RUNNING and self._is_quiet:
                 self._tell_of_others(at_ms)
-            self._is_quiet = status is not Status.RUNNING
+            self._is_quiet = status is not PrimitiveStatus.RUNNING
 
-    def _receive_external(self, status: Status, at_ms: int) -> None:
+    def _receive_external(self, status: PrimitiveStatus, at_ms: int) -> None:
         """Lets a docking that nobody here ordered end; it then leaves the controllers off."""
         did_run = self._external.runs
         if (report := self._external.receive(status, at_ms, self._docks.held)) is not None:
@@ -218,7 +218,7 @@ class Tasks:
     def receive_dock_report(self, report: DockReport) -> None:
         self._facts += self._docks.apply_report(report, self._pose)
 
-    def receive_others_goal(self, goal: GoalSeen) -> None:
+    def receive_others_goal(self, goal: Go2pointGoalSeen) -> None:
         """Another client sends the vehicle away: a go-to of ours has ended there, and its status is not ours any more."""
         if self._go_to_task is not None:
             self._facts.append(CommandFailed(goal.at_ms, self._go_to_task.command.command_id, REPLACED))

@@ -30,7 +30,14 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.guards.battery_watch import BatteryWatch
 from apad_bridge.vehicle.guards.guards import GoodPosition, Guard, PersonsWord, SoundNumbers
 from apad_bridge.vehicle.guards.monitor import Monitor
-from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing, is_stop
+from apad_bridge.vehicle.guards.orders import (
+    BodyInWater,
+    GuardedOrder,
+    Point,
+    Surfacing,
+    VehicleSituation,
+    is_stop,
+)
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import Stops
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
@@ -79,7 +86,7 @@ class Gate:
         self.battery = BatteryWatch()
         self.events: list[Event] = []
         self.stops = Stops(self.events)
-        self._bodies: tuple[Body, ...] = ()
+        self._bodies: tuple[BodyInWater, ...] = ()
         """The bodies that must not be touched."""
         self._others = ""
         """The reason why another party has the vehicle, until a person decides; empty while none has."""
@@ -107,7 +114,7 @@ class Gate:
         """A person has decided that the vehicle is ours."""
         self._others = ""
 
-    def see_bodies(self, bodies: tuple[Body, ...]) -> None:
+    def see_bodies(self, bodies: tuple[BodyInWater, ...]) -> None:
         """Takes the bodies that must not be touched, in place of those before."""
         self._bodies = bodies
 
@@ -157,8 +164,8 @@ class Gate:
                 # The next order may come before the bodies are seen again.
                 self._bodies = tuple(it for it in self._bodies if it.agent_id != fact.agent_id)
 
-    def situation(self, now_ms: int) -> Situation:
-        return Situation(
+    def situation(self, now_ms: int) -> VehicleSituation:
+        return VehicleSituation(
             self.watch.place_m,
             self.watch.velocity_m_s,
             self.watch.least_speed_m_s,

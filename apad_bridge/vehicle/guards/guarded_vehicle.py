@@ -39,7 +39,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
-from apad_bridge.vehicle.guards.monitor import Finding, UnderWay
+from apad_bridge.vehicle.guards.monitor import MonitorFinding, UnderWay
 from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
 from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopsEnded
 from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
@@ -234,11 +234,11 @@ class GuardedVehicle:
         if goal_m is None:
             if self._safety.needs_person:
                 reason = f"{client or 'another client'} sent a goal that was not heard: nobody can tell where it leads"
-                self._react(Finding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
+                self._react(MonitorFinding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
             return
         if fault := self._safety.waters.fault_of_way(situation.place_m, goal_m):
             reason = f"{client or 'another client'} ordered a go-to that leaves the waters: {fault}"
-            self._react(Finding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
+            self._react(MonitorFinding(Cause.OTHERS, Reaction.HOLD, reason), now_ms)
 
     def _leave_to_pilot(self, now_ms: int) -> None:
         """Fails the order under way: the pilot ends every order of ours."""
@@ -410,7 +410,7 @@ class GuardedVehicle:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
         self._watch_stop(now_ms)
 
-    def _react(self, finding: Finding, now_ms: int) -> None:
+    def _react(self, finding: MonitorFinding, now_ms: int) -> None:
         """Fails the command under way, and brings the vehicle to rest. A person's word ends a real vehicle's stop."""
         wants_off = finding.reaction is Reaction.STOP or not may_hold(self.gate.situation(now_ms))
         reaction = Reaction.STOP if wants_off and finding.reaction is Reaction.HOLD else finding.reaction
@@ -441,7 +441,7 @@ class GuardedVehicle:
             kind = StopKind.OFF if wants_off else StopKind.HOLD
             self._begin_stop(kind, f"guard: {finding.cause}", finding.reason, now_ms)
 
-    def _react_simulated(self, finding: Finding, now_ms: int) -> None:
+    def _react_simulated(self, finding: MonitorFinding, now_ms: int) -> None:
         """A simulated vehicle goes on by itself when the danger is over."""
         self._fail_present(finding.reason, now_ms)
         back = None

@@ -12,7 +12,14 @@ from typing import Protocol
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, MoveArm, OpenDock
-from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing, goal_of
+from apad_bridge.vehicle.guards.orders import (
+    BodyInWater,
+    GuardedOrder,
+    Point,
+    Surfacing,
+    VehicleSituation,
+    goal_of,
+)
 from apad_bridge.vehicle.guards.waters import Waters
 
 
@@ -20,7 +27,7 @@ class Guard(Protocol):
     @property
     def name(self) -> str: ...
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         """The reason to refuse the order; empty to let it pass."""
         ...
 
@@ -31,7 +38,7 @@ class SoundNumbers:
 
     name: str = "numbers"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         goal_m = goal_of(order)
         if goal_m is not None and (reason := out_of_range(north_m=goal_m[0], east_m=goal_m[1])) is not None:
             return f"the goal's {reason}"
@@ -48,7 +55,7 @@ class GoodPosition:
 
     name: str = "position"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         return "" if isinstance(order, Surfacing) else situation.position_fault
 
 
@@ -58,7 +65,7 @@ class PersonsWord:
 
     name: str = "person"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         return situation.awaits_person
 
 
@@ -75,7 +82,7 @@ class InWaters:
     """From outside, the straight way to the nearest place inside is let pass."""
     name: str = "fence"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         match order:
             case GoTo() | Hold():
                 return self._way(order, situation)
@@ -86,7 +93,7 @@ class InWaters:
                 return fault and f"aMussel {agent_id} would surface where no aPad may go: {fault}"
         return ""
 
-    def _way(self, order: GoTo | Hold, situation: Situation) -> str:
+    def _way(self, order: GoTo | Hold, situation: VehicleSituation) -> str:
         place_m, goal_m = situation.place_m, (order.north_m, order.east_m)
         if place_m is None:
             return "the way cannot be checked without a position"
@@ -107,7 +114,7 @@ class RoomToDock:
     """True for an aMussel that is docked by visual servoing."""
     name: str = "room to dock"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         if not isinstance(order, CloseDock | OpenDock) or not self.is_visual(order.agent_id):
             return ""
         if situation.place_m is None:
@@ -125,7 +132,7 @@ class LegLimits:
     duration_s: float = math.inf
     name: str = "leg"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         goal_m = goal_of(order)
         if goal_m is None or situation.place_m is None:
             return ""
@@ -151,7 +158,7 @@ class BatteryForHome:
     """The charge that a straight leg costs, at its time."""
     name: str = "battery"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         goal_m, place_m = goal_of(order), situation.place_m
         if goal_m is None or place_m is None:
             return ""
@@ -186,7 +193,7 @@ class ClearOfBodies:
     least_m: float
     name: str = "bodies"
 
-    def refusal(self, order: GuardedOrder, situation: Situation) -> str:
+    def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         goal_m, start_m = goal_of(order), situation.place_m
         if goal_m is None or start_m is None:
             return ""
@@ -199,7 +206,7 @@ class ClearOfBodies:
         return ""
 
 
-def _body_at(goal_m: Point, bodies: tuple[Body, ...]) -> Body | None:
+def _body_at(goal_m: Point, bodies: tuple[BodyInWater, ...]) -> BodyInWater | None:
     """The aMussel to which a way to this goal leads."""
     there = [it for it in bodies if it.agent_id is not None and math.dist(it.place_m, goal_m) <= AT_GOAL_M]
     return min(there, key=lambda it: math.dist(it.place_m, goal_m), default=None)

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from apad_bridge.events.guards import Cause, Reaction
 from apad_bridge.vehicle.commands import GoTo
-from apad_bridge.vehicle.guards.orders import Point, Situation
+from apad_bridge.vehicle.guards.orders import Point, VehicleSituation
 from apad_bridge.vehicle.guards.waters import Waters
 
 PROGRESS_M = 0.5
@@ -36,29 +36,33 @@ class UnderWay:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class MonitorFinding:
     cause: Cause
     reaction: Reaction
     reason: str
 
 
-class Check(Protocol):
+class MonitorCheck(Protocol):
     """One cause. A check keeps nothing: whatever lasts is in the situation or in `under_way`."""
 
     @property
     def cause(self) -> Cause: ...
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None: ...
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None: ...
 
 
 @dataclass(frozen=True, slots=True)
 class PositionIsGood:
     cause: Cause = Cause.POSITION
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
         if not situation.position_fault or situation.place_m is None:
             return None
-        return Finding(self.cause, Reaction.STOP, situation.position_fault)
+        return MonitorFinding(self.cause, Reaction.STOP, situation.position_fault)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +73,12 @@ class IsInWaters:
     reaction: Reaction
     cause: Cause = Cause.OUTSIDE
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
         if situation.place_m is None or not (fault := self.waters.fault_of_place(situation.place_m)):
             return None
-        return Finding(self.cause, self.reaction, f"the aPad at {fault}")
+        return MonitorFinding(self.cause, self.reaction, f"the aPad at {fault}")
 
 
 DELAY_S = 1.0
@@ -106,14 +112,16 @@ class CanStopInWaters:
     """The greatest allowed speed, which the noise of positions alone does not exceed (`_believed_m_s`)."""
     cause: Cause = Cause.AHEAD
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
         place_m, speed_m_s = situation.place_m, _believed_m_s(situation, self.most_m_s)
         if place_m is None or speed_m_s == 0.0 or self.waters.fault_of_place(place_m):
             return None
         there_m = _place_at_rest(place_m, situation, self.stopping, speed_m_s)
         if not (fault := self.waters.fault_of_place(there_m)):
             return None
-        return Finding(
+        return MonitorFinding(
             self.cause,
             Reaction.HOLD,
             f"at {speed_m_s:.1f} m/s the aPad comes to rest where it may not be: {fault}",
@@ -130,7 +138,9 @@ class KeepsClearOfAPads:
     """The greatest allowed speed, as for the fence ahead."""
     cause: Cause = Cause.ANOTHER_APAD
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
         speed_m_s = _believed_m_s(situation, self.most_m_s)
         if situation.place_m is None or speed_m_s == 0.0:
             return None
@@ -143,11 +153,11 @@ class KeepsClearOfAPads:
                 reason = (
                     f"the aPad comes to rest {near_m:.1f} m from {body.name}, the least is {self.least_m:g} m"
                 )
-                return Finding(self.cause, Reaction.HOLD, reason)
+                return MonitorFinding(self.cause, Reaction.HOLD, reason)
         return None
 
 
-def _believed_m_s(situation: Situation, most_m_s: float) -> float:
+def _believed_m_s(situation: VehicleSituation, most_m_s: float) -> float:
     """The measured speed up to the allowed one, for which the clearance has room; more only as far as it is sure.
 
     At 0.5 m/s, positions with a noise of 0.5 m measure up to 1.5 m/s.
@@ -155,7 +165,9 @@ def _believed_m_s(situation: Situation, most_m_s: float) -> float:
     return min(situation.speed_m_s, max(most_m_s, situation.least_speed_m_s))
 
 
-def _place_at_rest(place_m: Point, situation: Situation, stopping: Stopping, speed_m_s: float) -> Point:
+def _place_at_rest(
+    place_m: Point, situation: VehicleSituation, stopping: Stopping, speed_m_s: float
+) -> Point:
     """The place at which a vehicle of this speed comes to rest if it is told to stop now."""
     way_m = speed_m_s * DELAY_S + stopping.way_m(speed_m_s)
     north, east = (it / situation.speed_m_s for it in situation.velocity_m_s)
@@ -169,12 +181,14 @@ class SpeedIsAllowed:
     most_m_s: float
     cause: Cause = Cause.SPEED
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
         if situation.least_speed_m_s <= self.most_m_s:
             return None
         made = f"{situation.speed_m_s:.2f} m/s, {situation.least_speed_m_s:.2f} at least"
         reason = f"the aPad makes {made}; the greatest is {self.most_m_s:g} m/s"
-        return Finding(self.cause, Reaction.HOLD, reason)
+        return MonitorFinding(self.cause, Reaction.HOLD, reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,11 +198,15 @@ class EndsInTime:
     duration_s: float = math.inf
     cause: Cause = Cause.LATE
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
         since_ms = None if under_way is None else under_way.since_ms
         if since_ms is None or now_ms - since_ms <= self.duration_s * 1000:
             return None
-        return Finding(self.cause, Reaction.HOLD, f"the go-to did not end within {self.duration_s:g} s")
+        return MonitorFinding(
+            self.cause, Reaction.HOLD, f"the go-to did not end within {self.duration_s:g} s"
+        )
 
 
 LEAST_WAIT_S = 10.0
@@ -205,7 +223,9 @@ class MakesProgress:
 
     cause: Cause = Cause.NO_PROGRESS
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> Finding | None:
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
         if under_way is None or under_way.progress_ms is None or situation.place_m is None:
             return None
         order = under_way.command
@@ -216,7 +236,7 @@ class MakesProgress:
         reason = (
             f"the aPad came no {PROGRESS_M:g} m nearer to its goal within {wait_s:g} s, {away_m:.1f} m to go"
         )
-        return Finding(self.cause, Reaction.HOLD, reason)
+        return MonitorFinding(self.cause, Reaction.HOLD, reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,21 +244,21 @@ class Change:
     """A cause begins, with its finding, or is over."""
 
     cause: Cause
-    finding: Finding | None
+    finding: MonitorFinding | None
 
 
 class Monitor:
     """Looks at every tick; returns the causes that begin, and those that are over. A bad position hides all others."""
 
-    def __init__(self, checks: Sequence[Check]) -> None:
+    def __init__(self, checks: Sequence[MonitorCheck]) -> None:
         self._checks = tuple(checks)
-        self._present: dict[Cause, Finding] = {}
+        self._present: dict[Cause, MonitorFinding] = {}
 
     @property
-    def present(self) -> Sequence[Finding]:
+    def present(self) -> Sequence[MonitorFinding]:
         return tuple(self._present.values())
 
-    def look(self, situation: Situation, under_way: UnderWay | None, now_ms: int) -> list[Change]:
+    def look(self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int) -> list[Change]:
         changes = []
         for check in self._checks:
             if situation.position_fault and check.cause is not Cause.POSITION:

@@ -25,7 +25,7 @@ GuardedOrder = VehicleCommand | Surfacing
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class BodyInWater:
     """Something in the water that a hull must not touch: a real aMussel that floats, or another aPad."""
 
     name: str
@@ -35,7 +35,7 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True)
-class Situation:
+class VehicleSituation:
     place_m: Point | None
     """The newest position of the vehicle, good or bad; None before the first."""
     velocity_m_s: Point = (0.0, 0.0)
@@ -47,7 +47,7 @@ class Situation:
     outside: str = ""
     """The reason why the vehicle may not be where it is; empty inside the waters."""
     battery_fraction: float | None = None
-    bodies: tuple[Body, ...] = ()
+    bodies: tuple[BodyInWater, ...] = ()
     awaits_person: str = ""
     """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
     at_ms: int = 0
@@ -69,12 +69,12 @@ def goal_of(order: GuardedOrder) -> Point | None:
     return (order.north_m, order.east_m) if isinstance(order, GoTo | Hold) else None
 
 
-def may_hold(situation: Situation) -> bool:
+def may_hold(situation: VehicleSituation) -> bool:
     """True where the vehicle may hold its place: a position that is believed, inside the waters."""
     return situation.place_m is not None and not situation.position_fault and not situation.outside
 
 
-def is_stop(order: GuardedOrder, situation: Situation) -> bool:
+def is_stop(order: GuardedOrder, situation: VehicleSituation) -> bool:
     """True for an order that only ends a motion: controllers off, or a hold where the vehicle is and may hold.
 
     An arm that closes is none: it moves something, and the hull goes on.
@@ -90,7 +90,7 @@ def is_stop(order: GuardedOrder, situation: Situation) -> bool:
             return False
 
 
-def is_meant_as_stop(order: GuardedOrder, situation: Situation) -> bool:
+def is_meant_as_stop(order: GuardedOrder, situation: VehicleSituation) -> bool:
     """True for a hold near the newest position, good or bad."""
     if not isinstance(order, Hold) or situation.place_m is None:
         return False

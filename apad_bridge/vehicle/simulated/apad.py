@@ -32,7 +32,7 @@ from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Coast, Motion, Steer
-from apad_bridge.vehicle.simulated.power import Battery, Ledger
+from apad_bridge.vehicle.simulated.power import HullBattery, Ledger
 from apad_bridge.vehicle.simulated.thrusters import Forces
 
 ARRIVAL_SAMPLES = 1000 // STEP_MS
@@ -88,7 +88,7 @@ class SimulatedAPad:
     ) -> None:
         self._surface = surface
         self._motion = Motion(config)
-        self._battery = Battery(config.battery)
+        self._battery = HullBattery(config.battery)
         self._charger = Charger(config, home_m)
         self.capabilities = of_simulated_apad(config.docks)
         self._docks = Docks(config.docks, held)

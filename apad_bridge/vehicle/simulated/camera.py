@@ -20,7 +20,7 @@ AMUSSEL_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class CameraSighting:
     horizontal: float
     vertical: float
     size: float
@@ -29,7 +29,7 @@ class Seen:
 
 def seen(
     place_m: tuple[float, float], heading_rad: float, direction_rad: float, target_m: tuple[float, float]
-) -> Seen | None:
+) -> CameraSighting | None:
     """The image of an aMussel at `target_m` from an aPad at `place_m`, both (north, east).
 
     The camera is turned `direction_rad` from the bow. None outside the image, which ends some six metres
@@ -47,4 +47,4 @@ def seen(
     vertical = down_m / depth_m / math.tan(HALF_HEIGHT_RAD)
     if abs(horizontal) > 1 or abs(vertical) > 1:
         return None
-    return Seen(horizontal, vertical, AMUSSEL_M / (2 * depth_m * math.tan(HALF_WIDTH_RAD)))
+    return CameraSighting(horizontal, vertical, AMUSSEL_M / (2 * depth_m * math.tan(HALF_WIDTH_RAD)))

@@ -29,7 +29,7 @@ class Ledger:
         return self.travel_wh + self.hotel_wh + self.handed_wh
 
 
-class Battery:
+class HullBattery:
     """Linear in energy; the voltage is linear from `empty_v` to `full_v` (the scale of the paper's Fig. 4 b)."""
 
     def __init__(self, config: APadBattery) -> None:

@@ -13,9 +13,9 @@ from typing import cast
 
 import pytest
 
-from agents.hosting.agent_links import AgentLinks, Answered
+from agents.hosting.agent_links import AgentLinks, WindowAnswered
 from agents.hosting.host import Death, Grant, Reply
-from agents.hosting.link_protocol import Window, decode_to_agent, encode_answer
+from agents.hosting.link_protocol import WindowGrant, decode_to_agent, encode_answer
 from agents.hosting.nursery_client import NurseryLink
 from firmware_model.stimuli import ResetCause
 
@@ -67,8 +67,8 @@ class Fleet:
         stack.callback(running.result)
         stack.callback(self._end.close)
 
-    def ask(self) -> dict[int, Answered | Death]:
-        return self.links.ask(KEY, dict.fromkeys(FLEET, Window(KEY, Grant(1000, ())).encode()))
+    def ask(self) -> dict[int, WindowAnswered | Death]:
+        return self.links.ask(KEY, dict.fromkeys(FLEET, WindowGrant(KEY, Grant(1000, ())).encode()))
 
     def _answer(self) -> None:
         poll = select.poll()
@@ -105,7 +105,7 @@ def test_a_large_fleet_that_boots_one_after_the_other_loses_nobody(stack: ExitSt
     outcomes = fleet.ask()
 
     assert list(outcomes) == list(FLEET)
-    assert all(isinstance(it, Answered) for it in outcomes.values())
+    assert all(isinstance(it, WindowAnswered) for it in outcomes.values())
     assert fleet.nursery.killed == []
 
 
@@ -117,5 +117,5 @@ def test_an_agent_that_stays_silent_when_all_others_have_answered_is_killed(stac
 
     reason = f"no answer within {PATIENCE * TIMEOUT_S:g} s: killed by the watchdog"
     assert outcomes.pop(silent) == Death(ResetCause.WATCHDOG, reason)
-    assert all(isinstance(it, Answered) for it in outcomes.values())
+    assert all(isinstance(it, WindowAnswered) for it in outcomes.values())
     assert fleet.nursery.killed == [silent]

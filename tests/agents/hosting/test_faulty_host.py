@@ -8,12 +8,12 @@ from fleets import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.coordinator import Coordinator, Heard
+from agents.coordinator import AgentOutput, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
-from agents.mussel.outputs import Dropped, Output, Truth, WifiSent
+from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
 from agents.mussel.stimuli import PingArrived, SoundArrived, Stimulus, WifiArrived
 from agents.time_scale import TimeScale
 from firmware_model.stimuli import ResetCause
@@ -77,7 +77,9 @@ def heard(
     for at_ms, stimulus in sorted(moments, key=lambda it: it[0]):
         if killed and stimulus is None:
             echo.kill(1)
-        came += [(it.mission_ms, it.output) for it in coordinator.advance(at_ms) if isinstance(it, Heard)]
+        came += [
+            (it.mission_ms, it.output) for it in coordinator.advance(at_ms) if isinstance(it, AgentOutput)
+        ]
         if stimulus is not None:
             coordinator.receive(1, stimulus, at_ms)
     return came
@@ -122,7 +124,7 @@ def test_every_bit_flips_at_probability_one() -> None:
 def test_a_cut_link_loses_all_and_counts_it() -> None:
     sent: list[tuple[int, Stimulus]] = [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))]
     assert heard({LinkDefect.CUT: 0}, sent, []) == [
-        (at_ms, Dropped(at_ms, "a packet on a link that was cut")) for at_ms in (1, 2, 3)
+        (at_ms, StimulusDropped(at_ms, "a packet on a link that was cut")) for at_ms in (1, 2, 3)
     ]
 
 
@@ -130,7 +132,7 @@ def test_a_deaf_modem_hears_no_sound_and_the_radio_goes_on() -> None:
     came = heard(
         {LinkDefect.DEAF: 0}, [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))], []
     )
-    assert [type(it) for _, it in came] == [WifiSent, Dropped, Dropped]
+    assert [type(it) for _, it in came] == [WifiSent, StimulusDropped, StimulusDropped]
 
 
 @settings(deadline=None, max_examples=20)

@@ -21,18 +21,18 @@ from agents.hosting.link_protocol import (
     NEVER,
     Ahead,
     AheadWindow,
-    Answer,
     LinkError,
-    Refusal,
     Repeat,
     RunAhead,
-    Window,
+    WindowAnswer,
+    WindowGrant,
+    WindowRefusal,
     decode_from_agent,
     decode_to_agent,
     encode_answer,
 )
 from agents.mussel.agent import Agent
-from agents.mussel.outputs import Dropped, Output, SoundSent, Truth, WifiSent
+from agents.mussel.outputs import Output, SoundSent, StimulusDropped, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.mussel.truths import decode as decode_telling
 from agents.nursery.state_file import RecordRing
@@ -54,7 +54,7 @@ FACTS = st.tuples(
 OUTPUTS: st.SearchStrategy[Output] = (
     st.builds(WifiSent, TIMES, st.binary(max_size=40))
     | st.builds(SoundSent, TIMES, st.binary(max_size=40))
-    | st.builds(Dropped, TIMES, st.text(max_size=40))
+    | st.builds(StimulusDropped, TIMES, st.text(max_size=40))
 )
 
 
@@ -62,7 +62,7 @@ OUTPUTS: st.SearchStrategy[Output] = (
 def test_a_window_crosses_the_link(
     key: tuple[int, int], until_ms: int, facts: list[tuple[int, object]]
 ) -> None:
-    window = Window(key, Grant(until_ms, tuple(facts)))  # type: ignore[arg-type]
+    window = WindowGrant(key, Grant(until_ms, tuple(facts)))  # type: ignore[arg-type]
     assert decode_to_agent(window.encode()) == window
 
 
@@ -100,7 +100,7 @@ def test_an_answer_crosses_the_link_in_parts(
     assert all(len(frame) <= LIMIT_BYTES for frame in frames)
     came: list[Output] = []
     for part, answer in enumerate(answers):
-        assert isinstance(answer, Answer)
+        assert isinstance(answer, WindowAnswer)
         assert (answer.key, answer.window, answer.granted_ms, answer.truths) == (key, (1, 2), 30, 4)
         assert (answer.part, answer.parts, answer.reply.next_due_ms) == (part, len(frames), due_ms)
         came += answer.reply.outputs
@@ -113,7 +113,7 @@ def test_an_answer_of_large_packets_is_parted_by_their_bytes(sizes: list[int]) -
     frames = encode_answer((1, 3), (1, 2), 30, 4, Reply(None, outputs))
     assert all(len(frame) <= LIMIT_BYTES for frame in frames)
     answers = [decode_from_agent(frame) for frame in frames]
-    came = [it for answer in answers if isinstance(answer, Answer) for it in answer.reply.outputs]
+    came = [it for answer in answers if isinstance(answer, WindowAnswer) for it in answer.reply.outputs]
     assert tuple(came) == outputs
     assert len(frames) <= 1 + (sum(sizes) + 32 * len(sizes)) // 7_000 + len(sizes) // 256
 
@@ -135,7 +135,7 @@ def test_a_part_beyond_the_last_one_is_a_link_error(part: int, parts: int) -> No
 
 
 def test_a_truncated_word_is_a_link_error() -> None:
-    whole = Window((1, 1), Grant(30, ((7, SoundArrived(b"abc")),))).encode()
+    whole = WindowGrant((1, 1), Grant(30, ((7, SoundArrived(b"abc")),))).encode()
     for size in range(len(whole)):
         with pytest.raises(LinkError):
             decode_to_agent(whole[:size])
@@ -144,7 +144,7 @@ def test_a_truncated_word_is_a_link_error() -> None:
 def test_a_window_too_large_for_the_link_is_the_granters_mistake() -> None:
     facts = tuple((0, SoundArrived(bytes(1000))) for _ in range(66))
     with pytest.raises(ValueError, match="a link carries 65536"):
-        Window((1, 1), Grant(0, facts)).encode()
+        WindowGrant((1, 1), Grant(0, facts)).encode()
     with pytest.raises(LinkError, match="longer than 65536 bytes"):
         decode_to_agent(bytes(LIMIT_BYTES + 1))
 
@@ -171,14 +171,14 @@ def test_the_same_question_gets_the_same_answer_and_happens_once(
     served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, hearer, pair = served
-    window = Window((1, 1), Grant(40_000)).encode()
+    window = WindowGrant((1, 1), Grant(40_000)).encode()
     first = servant.take(window)
     told = decode_telling(hearer.recv(LIMIT_BYTES))
     assert servant.take(window) == first
     with pytest.raises(BlockingIOError):
         hearer.recv(LIMIT_BYTES, socket.MSG_DONTWAIT)
     answer = decode_from_agent(first[0])
-    assert isinstance(answer, Answer)
+    assert isinstance(answer, WindowAnswer)
     assert (answer.granted_ms, answer.truths) == (40_000, len(told.truths))
     assert [type(output) for output in answer.reply.outputs] == [WifiSent]
     newest = pair.newest(None)
@@ -192,7 +192,7 @@ def test_an_agent_ends_with_its_link(
     servant, _, _ = served
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
-        ours.send(Window((1, 1), Grant(40_000)).encode())
+        ours.send(WindowGrant((1, 1), Grant(40_000)).encode())
         assert answer_one(theirs, message_buffer(), servant)
         if reads_answer:
             ours.recv(LIMIT_BYTES)
@@ -206,7 +206,7 @@ def test_an_agent_ends_with_a_link_that_closes_before_its_answer(
     servant, _, _ = served
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
-        ours.send(Window((1, 1), Grant(40_000)).encode())
+        ours.send(WindowGrant((1, 1), Grant(40_000)).encode())
         ours.close()
         serve(theirs, message_buffer(), servant)
 
@@ -215,10 +215,10 @@ def test_an_old_epoch_is_fenced_off_and_moves_nothing(
     served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, _, pair = served
-    servant.take(Window((1, 5), Grant(10_000)).encode())
+    servant.take(WindowGrant((1, 5), Grant(10_000)).encode())
     servant.take(Repeat((2, 0)).encode())
-    refusal = decode_from_agent(servant.take(Window((1, 6), Grant(20_000)).encode())[0])
-    assert refusal == Refusal((1, 6), True, "fenced off: epoch 2 has taken over from epoch 1")
+    refusal = decode_from_agent(servant.take(WindowGrant((1, 6), Grant(20_000)).encode())[0])
+    assert refusal == WindowRefusal((1, 6), True, "fenced off: epoch 2 has taken over from epoch 1")
     newest = pair.newest(None)
     assert newest is not None and newest.granted_ms == 10_000
 
@@ -227,10 +227,10 @@ def test_repeat_says_the_last_window_again_and_the_present_truth(
     served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, hearer, _ = served
-    last = decode_from_agent(servant.take(Window((1, 5), Grant(40_000)).encode())[0])
+    last = decode_from_agent(servant.take(WindowGrant((1, 5), Grant(40_000)).encode())[0])
     hearer.recv(LIMIT_BYTES)
     again = decode_from_agent(servant.take(Repeat((2, 0)).encode())[0])
-    assert isinstance(last, Answer) and isinstance(again, Answer)
+    assert isinstance(last, WindowAnswer) and isinstance(again, WindowAnswer)
     assert (again.key, again.window, again.granted_ms) == ((2, 0), (1, 5), 40_000)
     assert again.reply == last.reply
     telling = decode_telling(hearer.recv(LIMIT_BYTES))
@@ -244,20 +244,20 @@ def test_repeat_says_the_last_window_again_and_the_present_truth(
         (b"", "not msgpack"),
         (b"\xc1", "not msgpack"),
         (bytes(LIMIT_BYTES + 1), "longer than 65536 bytes"),
-        (Window((1, 2), Grant(9_999)).encode(), "time went back: 9999 before 10000"),
-        (Window((1, 2), Grant(20_000, ((30_000, ContactOpened()),))).encode(), "time went back: 20000"),
-        (Window((1, 0), Grant(20_000)).encode(), "not after the last window: "),
+        (WindowGrant((1, 2), Grant(9_999)).encode(), "time went back: 9999 before 10000"),
+        (WindowGrant((1, 2), Grant(20_000, ((30_000, ContactOpened()),))).encode(), "time went back: 20000"),
+        (WindowGrant((1, 0), Grant(20_000)).encode(), "not after the last window: "),
     ],
 )
 def test_a_bad_message_is_refused_and_the_next_good_one_works(
     served: tuple[WindowHandler, socket.socket, RecordRing], data: bytes, reason: str
 ) -> None:
     servant, _, _ = served
-    servant.take(Window((1, 1), Grant(10_000)).encode())
+    servant.take(WindowGrant((1, 1), Grant(10_000)).encode())
     refusal = decode_from_agent(servant.take(data)[0])
-    assert isinstance(refusal, Refusal) and not refusal.fenced and reason in refusal.reason
-    answer = decode_from_agent(servant.take(Window((1, 2), Grant(20_000)).encode())[0])
-    assert isinstance(answer, Answer) and answer.granted_ms == 20_000
+    assert isinstance(refusal, WindowRefusal) and not refusal.fenced and reason in refusal.reason
+    answer = decode_from_agent(servant.take(WindowGrant((1, 2), Grant(20_000)).encode())[0])
+    assert isinstance(answer, WindowAnswer) and answer.granted_ms == 20_000
 
 
 def ran_ahead(servant: WindowHandler, key: tuple[int, int], windows: int, counted_ms: int) -> Ahead:
@@ -271,7 +271,7 @@ def test_windows_ahead_are_those_that_would_be_granted(
 ) -> None:
     """FLEET's aMussels report once a mission second, which is 30 s of theirs."""
     servant, _, ring = served
-    servant.take(Window((1, 1), Grant(30_000)).encode())
+    servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
     ahead = ran_ahead(servant, (1, 2), 3, 30_000)
     assert [it.until_ms for it in ahead.windows] == [60_000, 90_000, 120_000]
     assert [[output.at_ms for output in it.reply.outputs] for it in ahead.windows] == [
@@ -290,13 +290,13 @@ def test_an_agent_goes_back_and_what_happens_then_counts(
     served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, _, ring = served
-    servant.take(Window((1, 1), Grant(30_000)).encode())
+    servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
     ran_ahead(servant, (1, 2), 3, 30_000)
     ran_ahead(servant, (1, 3), 3, 60_000)
-    sunk = Window((1, 4), Grant(120_000, ((90_000, ContactClosed(0, 0)),)), 90_000)
+    sunk = WindowGrant((1, 4), Grant(120_000, ((90_000, ContactClosed(0, 0)),)), 90_000)
     answer = decode_from_agent(servant.take(sunk.encode())[0])
-    assert isinstance(answer, Answer)
-    assert [type(output) for output in answer.reply.outputs] == [Dropped, WifiSent]
+    assert isinstance(answer, WindowAnswer)
+    assert [type(output) for output in answer.reply.outputs] == [StimulusDropped, WifiSent]
     assert [output.at_ms for output in answer.reply.outputs] == [90_000, 120_000]
     assert ring.newest((1, 3), 90_000).granted_ms == 90_000  # type: ignore[union-attr]
     assert ring.newest((1, 4), 120_000).key == (1, 4)  # type: ignore[union-attr]
@@ -306,7 +306,7 @@ def test_windows_with_many_outputs_are_fewer_so_that_one_message_carries_them() 
     """Its 100 reports a mission second would be more than 100 000 bytes in 31 windows."""
     often = replace(FLEET, reports=replace(FLEET.reports, period_ms=300))
     for servant, _, _ in serving(often):
-        servant.take(Window((1, 1), Grant(30_000)).encode())
+        servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
         ahead = ran_ahead(servant, (1, 2), 31, 30_000)
         assert [window.until_ms for window in ahead.windows] == [60_000, 90_000, 120_000]
         assert [len(window.reply.outputs) for window in ahead.windows] == [100, 100, 100]
@@ -319,19 +319,21 @@ def test_windows_with_many_outputs_are_fewer_so_that_one_message_carries_them() 
         (RunAhead((1, 9), MOST_AHEAD + 1, 60_000), "farther ahead than its records reach"),
         (RunAhead((1, 9), MOST_AHEAD - 1, 60_000), "farther ahead than its records reach"),
         (Repeat((2, 0)), "it ran ahead, and nobody names the time to go back to"),
-        (Window((1, 9), Grant(120_000)), "it ran ahead, and nobody names the time to go back to"),
-        (Window((1, 9), Grant(120_000), 29_999), "time went back: 29999 before 30000"),
-        (Window((1, 9), Grant(59_999), 60_000), "time went back: 59999 before 60000"),
+        (WindowGrant((1, 9), Grant(120_000)), "it ran ahead, and nobody names the time to go back to"),
+        (WindowGrant((1, 9), Grant(120_000), 29_999), "time went back: 29999 before 30000"),
+        (WindowGrant((1, 9), Grant(59_999), 60_000), "time went back: 59999 before 60000"),
     ],
 )
 def test_an_agent_ahead_refuses_what_would_lose_its_time(
-    served: tuple[WindowHandler, socket.socket, RecordRing], message: RunAhead | Repeat | Window, reason: str
+    served: tuple[WindowHandler, socket.socket, RecordRing],
+    message: RunAhead | Repeat | WindowGrant,
+    reason: str,
 ) -> None:
     """It has run to 120 s, and its windows count to 60 s: two are left that may be undone."""
     servant, _, _ = served
-    servant.take(Window((1, 1), Grant(30_000)).encode())
+    servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
     ran_ahead(servant, (1, 2), 3, 30_000)
     refusal = decode_from_agent(servant.take(message.encode())[0])
-    assert refusal == Refusal(message.key, False, reason)
-    answer = decode_from_agent(servant.take(Window((1, 10), Grant(90_000), 60_000).encode())[0])
-    assert isinstance(answer, Answer) and answer.granted_ms == 90_000
+    assert refusal == WindowRefusal(message.key, False, reason)
+    answer = decode_from_agent(servant.take(WindowGrant((1, 10), Grant(90_000), 60_000).encode())[0])
+    assert isinstance(answer, WindowAnswer) and answer.granted_ms == 90_000

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from agents.modem.facts import Action, EmitFrame, FrameArrived, SerialBytes, SerialOut, SoundBegan, Stimulus
-from agents.modem.firmware import Firmware, ModemConfig
+from agents.modem.firmware import ModemConfig, ModemFirmware
 from agents.modem.modem import Modem
 
 
@@ -86,7 +86,9 @@ Pair = Callable[..., Water]
 def pair() -> Pair:
     """Two modems, `near` with address 1 and `far` with address 2, 150 m apart by default."""
 
-    def make(firmware: Firmware = Firmware.V3, propagation_us: int = 100_000, **config: int) -> Water:
+    def make(
+        firmware: ModemFirmware = ModemFirmware.V3, propagation_us: int = 100_000, **config: int
+    ) -> Water:
         of = ModemConfig(firmware, **config)
         return Water({"near": Modem(of, 1), "far": Modem(of, 2)}, propagation_us)
 

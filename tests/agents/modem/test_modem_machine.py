@@ -11,29 +11,29 @@ from hypothesis import strategies as st
 
 from agents.modem.facts import (
     Action,
-    Answered,
     Delivered,
-    Dropped,
     EmitFrame,
     FrameArrived,
+    FrameDropped,
     FrameRequested,
+    ModemStateChanged,
     Pin,
     PinRose,
     PowerCame,
     PowerWent,
+    QuestionAnswered,
     SerialBytes,
     SerialOut,
     SoundBegan,
-    StateChanged,
     Stimulus,
 )
 from agents.modem.firmware import ModemConfig
-from agents.modem.frames import Frame, FrameKind
+from agents.modem.frames import FrameKind, ModemFrame
 from agents.modem.modem import Modem
-from agents.modem.states import TABLE, ModemState, Trigger, next_state
+from agents.modem.states import TABLE, ModemState, ModemTrigger, next_state
 
 Pair = Callable[..., Any]
-PING = Frame(FrameKind.PING, 9, 1)
+PING = ModemFrame(FrameKind.PING, 9, 1)
 
 
 def modem(**config: int) -> Modem:
@@ -45,8 +45,8 @@ def outs(actions: list[Action]) -> list[tuple[int, bytes]]:
 
 
 @pytest.mark.parametrize("state", ModemState)
-@pytest.mark.parametrize("trigger", Trigger)
-def test_what_is_not_in_the_table_raises(state: ModemState, trigger: Trigger) -> None:
+@pytest.mark.parametrize("trigger", ModemTrigger)
+def test_what_is_not_in_the_table_raises(state: ModemState, trigger: ModemTrigger) -> None:
     if (state, trigger) in TABLE:
         assert next_state(state, trigger) is TABLE[state, trigger]
     else:
@@ -151,14 +151,14 @@ def test_half_duplex_what_comes_while_it_sends_is_lost() -> None:
     assert it.state is ModemState.TRANSMITTING
     it.receive(SoundBegan(105), 500)
     (lost,) = it.receive(FrameArrived(PING), 605)
-    assert isinstance(lost, Dropped)
+    assert isinstance(lost, FrameDropped)
     it.advance(1200)
     assert it.state is ModemState.LISTENING
     # This frame began while the modem sent.
     (lost,) = it.receive(FrameArrived(PING), 1250)
-    assert isinstance(lost, Dropped)
+    assert isinstance(lost, FrameDropped)
     assert it.receive(FrameArrived(PING), 1300) == []
-    assert [type(action) for action in it.advance(1305)] == [StateChanged, EmitFrame]
+    assert [type(action) for action in it.advance(1305)] == [ModemStateChanged, EmitFrame]
 
 
 def test_told_to_send_it_drops_what_it_receives() -> None:
@@ -169,7 +169,7 @@ def test_told_to_send_it_drops_what_it_receives() -> None:
     it.advance(50)
     assert it.state is ModemState.TRANSMITTING
     (lost,) = it.receive(FrameArrived(PING), 105)
-    assert isinstance(lost, Dropped)
+    assert isinstance(lost, FrameDropped)
 
 
 def test_asleep_it_hears_nothing_and_wakes_by_w_repeated() -> None:
@@ -177,7 +177,7 @@ def test_asleep_it_hears_nothing_and_wakes_by_w_repeated() -> None:
     assert outs(it.receive(SerialBytes(b"$Z"), 0) + it.advance(100)) == [(7, b"$Z\r\n")]
     assert it.state is ModemState.SLEEPING
     (lost,) = it.receive(FrameArrived(PING), 400)
-    assert isinstance(lost, Dropped)
+    assert isinstance(lost, FrameDropped)
     assert outs(it.receive(SerialBytes(b"$?"), 400) + it.advance(500)) == []
     assert outs(it.receive(SerialBytes(b"$W"), 500) + it.advance(600)) == []
     assert it.state is ModemState.LISTENING
@@ -191,7 +191,7 @@ def test_the_address_outlives_power_and_the_rest_does_not() -> None:
     assert it.question is not None and it.reports_quality
     it.receive(PowerWent(), 1000)
     assert it.next_due_ms is None
-    assert [type(action) for action in it.receive(SerialBytes(b"$?"), 1100)] == [Dropped]
+    assert [type(action) for action in it.receive(SerialBytes(b"$?"), 1100)] == [FrameDropped]
     it.receive(PowerCame(), 1200)
     answer = outs(it.receive(SerialBytes(b"$?$XTG"), 1200) + it.advance(1400))
     assert answer[0][1].startswith(b"#A077V21845")
@@ -201,8 +201,8 @@ def test_the_address_outlives_power_and_the_rest_does_not() -> None:
 
 def test_pins_rise_for_a_unicast_and_for_any_frame() -> None:
     it = modem()
-    unicast = FrameArrived(Frame(FrameKind.UNICAST, 9, 1, b"hi"))
-    other = FrameArrived(Frame(FrameKind.UNICAST, 9, 2, b"hi"))
+    unicast = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 1, b"hi"))
+    other = FrameArrived(ModemFrame(FrameKind.UNICAST, 9, 2, b"hi"))
     assert it.receive(unicast, 1000) == [PinRose(1000, Pin.RXM), Delivered(1000, unicast.frame)]
     it.advance(1900)
     assert it.receive(other, 2000) == []
@@ -234,17 +234,20 @@ def test_two_lines_get_their_own_answers_and_both_what_is_heard(pair: Pair) -> N
 
 def test_a_host_without_a_line_asks_and_is_told(pair: Pair) -> None:
     water = pair()
-    ping = Frame(FrameKind.PING, 1, 2)
+    ping = ModemFrame(FrameKind.PING, 1, 2)
     water.tell("near", FrameRequested(ping))
     water.run(1000)
-    lost = Frame(FrameKind.PING, 1, 3)
+    lost = ModemFrame(FrameKind.PING, 1, 3)
     water.tell("near", FrameRequested(lost))
     water.run(6000)
-    words = Frame(FrameKind.UNICAST, 1, 2, b"words")
+    words = ModemFrame(FrameKind.UNICAST, 1, 2, b"words")
     water.tell("near", FrameRequested(words))
     water.run(7000)
     # 105 ms out, 100 of way, 5 of turnaround, and the same back; the other ping is given up after 4 s.
-    assert water.of("near", Answered) == [Answered(415, ping, 3200), Answered(1000 + 105 + 4000, lost, None)]
+    assert water.of("near", QuestionAnswered) == [
+        QuestionAnswered(415, ping, 3200),
+        QuestionAnswered(1000 + 105 + 4000, lost, None),
+    ]
     assert [(it.at_ms, it.frame) for it in water.of("near", EmitFrame)] == [
         (0, ping),
         (1000, lost),
@@ -257,10 +260,10 @@ def test_a_host_without_a_line_asks_and_is_told(pair: Pair) -> None:
 
 def test_a_host_without_a_line_is_told_why_not() -> None:
     it = modem()
-    it.receive(FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"one")), 0)
-    assert it.receive(FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
-    (refused,) = it.receive(FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"three")), 2)
-    assert isinstance(refused, Dropped)
+    it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"one")), 0)
+    assert it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
+    (refused,) = it.receive(FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"three")), 2)
+    assert isinstance(refused, FrameDropped)
 
 
 def test_a_pause_parts_bytes_whenever_they_are_told() -> None:
@@ -285,13 +288,13 @@ STIMULI: list[Stimulus] = [
     SerialBytes(b"$B02abT%014d" % 3_000_000),
     SerialBytes(b"$F", 1),
     SerialBytes(b"2", 0, paused=True),
-    FrameRequested(Frame(FrameKind.PING, 1, 2)),
-    FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"abc")),
+    FrameRequested(ModemFrame(FrameKind.PING, 1, 2)),
+    FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"abc")),
     SoundBegan(330),
-    FrameArrived(Frame(FrameKind.PING, 3, 1), 1234),
-    FrameArrived(Frame(FrameKind.PING_REPLY, 2, 1, flight_us=1234), 1234),
-    FrameArrived(Frame(FrameKind.UNICAST_ACKED, 3, 1, b"data"), 1234),
-    FrameArrived(Frame(FrameKind.STATUS_REQUEST, 3, 1)),
+    FrameArrived(ModemFrame(FrameKind.PING, 3, 1), 1234),
+    FrameArrived(ModemFrame(FrameKind.PING_REPLY, 2, 1, flight_us=1234), 1234),
+    FrameArrived(ModemFrame(FrameKind.UNICAST_ACKED, 3, 1, b"data"), 1234),
+    FrameArrived(ModemFrame(FrameKind.STATUS_REQUEST, 3, 1)),
     PowerWent(),
     PowerCame(),
 ]

@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 
 from agents.modem.facts import FrameArrived, FrameRequested, SerialBytes, Stimulus
 from agents.modem.firmware import ModemConfig
-from agents.modem.frames import Frame, FrameKind
+from agents.modem.frames import FrameKind, ModemFrame
 from agents.modem.modem import Modem
 from agents.modem.rack import Rack
 
 NODES = {1: 1, 2: 2, 7: 7}
 STIMULI: list[Stimulus] = [
-    FrameRequested(Frame(FrameKind.PING, 1, 9)),
-    FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"abc")),
-    FrameArrived(Frame(FrameKind.PING, 9, 2)),
-    FrameArrived(Frame(FrameKind.STATUS_REQUEST, 9, 7)),
-    FrameArrived(Frame(FrameKind.BROADCAST, 9, None, b"abc")),
+    FrameRequested(ModemFrame(FrameKind.PING, 1, 9)),
+    FrameRequested(ModemFrame(FrameKind.BROADCAST, 1, None, b"abc")),
+    FrameArrived(ModemFrame(FrameKind.PING, 9, 2)),
+    FrameArrived(ModemFrame(FrameKind.STATUS_REQUEST, 9, 7)),
+    FrameArrived(ModemFrame(FrameKind.BROADCAST, 9, None, b"abc")),
 ]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agents.modem.facts import EmitFrame
-from agents.modem.firmware import Firmware
+from agents.modem.firmware import ModemFirmware
 
 Pair = Callable[..., Any]
 
@@ -32,7 +32,7 @@ ROWS = [
 
 @pytest.mark.parametrize(("command", "at_once", "later", "remote"), ROWS)
 def test_a_v2_command(pair: Pair, command: bytes, at_once: bytes, later: bytes, remote: bytes) -> None:
-    water = pair(Firmware.V2)
+    water = pair(ModemFirmware.V2)
     water.write("near", command)
     water.run(200)
     assert water.printed("near") == at_once
@@ -42,7 +42,7 @@ def test_a_v2_command(pair: Pair, command: bytes, at_once: bytes, later: bytes, 
 
 
 def test_seven_bytes_take_what_40_bit_a_second_take(pair: Pair) -> None:
-    water = pair(Firmware.V2)
+    water = pair(ModemFirmware.V2)
     water.write("near", b"$B71234567")
     water.run(5000)
     (sent,) = water.of("near", EmitFrame)

@@ -10,7 +10,7 @@ import pytest
 
 from agents.modem.answers import impulse_response
 from agents.modem.facts import EmitFrame, NoiseChanged, SupplyChanged
-from agents.modem.firmware import Firmware
+from agents.modem.firmware import ModemFirmware
 from agents.modem.frames import FrameKind
 
 Pair = Callable[..., Any]
@@ -207,7 +207,7 @@ def test_a_ping_to_oneself_is_an_error(pair: Pair) -> None:
 
 
 def test_early_v3_tells_less(pair: Pair) -> None:
-    water = pair(Firmware.V3_EARLY)
+    water = pair(ModemFirmware.V3_EARLY)
     water.write("near", b"$?")
     water.run(100)
     water.write("near", b"$V002")
@@ -280,7 +280,7 @@ def test_without_a_time_the_command_is_over_at_the_next_byte_or_after_silence(pa
 
 def test_a_frame_of_another_generation_is_noise(pair: Pair) -> None:
     water = pair()
-    water.modems["far"] = pair(Firmware.V2).modems["far"]
+    water.modems["far"] = pair(ModemFirmware.V2).modems["far"]
     water.write("near", b"$B02ab")
     water.run(3000)
     assert water.printed("far") == b""

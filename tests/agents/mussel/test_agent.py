@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
-from agents.mussel.outputs import Dropped, Output, Truth, WifiSent
+from agents.mussel.outputs import Output, StimulusDropped, Truth, WifiSent
 from agents.mussel.stimuli import (
     BuoyancyJammed,
     ChargeLost,
@@ -175,7 +175,7 @@ def test_what_cannot_be_is_dropped_with_a_reason(stimulus: Stimulus, reason: str
     mussel = agent()
     mussel.advance(5_000)
     before = mussel.physical
-    assert mussel.receive(stimulus, 5_000) == [Dropped(5_000, reason)]
+    assert mussel.receive(stimulus, 5_000) == [StimulusDropped(5_000, reason)]
     assert mussel.physical == before
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from agents.mussel.agent_rig import AgentRig
-from firmware_model.bench.conformance import Case, Source, Verdict, Whole, history, judged
-from firmware_model.bench.rigs import Event, History
+from firmware_model.bench.conformance import Case, RequirementSource, Verdict, Whole, history, judged
+from firmware_model.bench.rigs import RigEvent, RigHistory
 from firmware_model.bench.whole_conformance_cases import WAYS_INTO, WHOLE_CASES
 from firmware_model.packets import StatusPacket, WifiStatus, decode
 from firmware_model.power.active_battery import ActiveBattery
@@ -23,7 +23,7 @@ class Died(Exception):
     """The firmware of a test's board."""
 
 
-def shown(case: Case) -> History:
+def shown(case: Case) -> RigHistory:
     return history(case, AgentRig, Died)
 
 
@@ -60,7 +60,7 @@ def test_our_board_has_the_times_of_the_paper_s_table_one(name: str) -> None:
 class _Fixed(AgentRig):
     """A rig that shows this history, whatever is played."""
 
-    def __init__(self, found: History) -> None:
+    def __init__(self, found: RigHistory) -> None:
         self._found = found
 
     def play(self, word: str) -> None:
@@ -69,14 +69,19 @@ class _Fixed(AgentRig):
     def run(self, ms: int) -> None:
         pass
 
-    def shown(self) -> History:
+    def shown(self) -> RigHistory:
         return self._found
 
 
 def test_a_dive_of_a_whole_board_by_hand() -> None:
     """Up at 3 s, there at 63 s; its dock charges at once; released and told to sink, it runs its motors once more."""
     case = Case(
-        "dive", Source.PAPER, "", "3s permission 70s rises 10min falls 1s release 5min", 0.4, whole=Whole()
+        "dive",
+        RequirementSource.PAPER,
+        "",
+        "3s permission 70s rises 10min falls 1s release 5min",
+        0.4,
+        whole=Whole(),
     )
     assert [str(it) for it in shown(case).events] == [
         "3.000 s motors float",
@@ -97,11 +102,11 @@ def test_a_report_of_the_experiment_is_a_status_of_the_board() -> None:
 
 
 STATUS = StatusPacket(1, 4, State.ACTIVE, 0.5, 0.9, 1.0, 2.0, 3.0, 70_000)
-CASE = Case("status", Source.PACKETS, "", "1s", whole=Whole())
+CASE = Case("status", RequirementSource.PACKETS, "", "1s", whole=Whole())
 
 
-def sent(status: StatusPacket) -> History:
-    return History((Event(900, f"sends by sound {status.encode().hex()}"),), 0, 0)
+def sent(status: StatusPacket) -> RigHistory:
+    return RigHistory((RigEvent(900, f"sends by sound {status.encode().hex()}"),), 0, 0)
 
 
 @pytest.mark.parametrize(

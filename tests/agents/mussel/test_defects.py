@@ -10,9 +10,9 @@ from seas import FLEET as WHOLE
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.mussel.agent import Agent
-from agents.mussel.defects import Part
+from agents.mussel.defects import BoardPart
 from agents.mussel.failing_flash import FailingFlash
-from agents.mussel.outputs import Dropped
+from agents.mussel.outputs import StimulusDropped
 from agents.mussel.stimuli import (
     BuoyancyJammed,
     ChargeLost,
@@ -30,7 +30,7 @@ from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Flow, grains
-from firmware_model.power.charge_pin import Fault
+from firmware_model.power.charge_pin import PinFault
 from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -93,7 +93,7 @@ def test_a_missed_edge_is_found_by_the_level() -> None:
     mussel.receive(ContactClosed(0, 0), 70_000)
     check_ms = mussel.config.board.pin_check_ms
     dropped = mussel.advance(70_000 + 2 * check_ms)
-    assert Fault.MISSED.value in [it.reason for it in dropped if isinstance(it, Dropped)]
+    assert PinFault.MISSED.value in [it.reason for it in dropped if isinstance(it, StimulusDropped)]
     assert mussel.board.state is State.CHARGING
 
 
@@ -101,14 +101,14 @@ def test_a_bouncing_contact_chatters_until_it_holds() -> None:
     mussel = docked()
     mussel.receive(ContactBounced(50), 71_000)
     dropped = mussel.advance(73_000)
-    assert Fault.CHATTER.value in [it.reason for it in dropped if isinstance(it, Dropped)]
+    assert PinFault.CHATTER.value in [it.reason for it in dropped if isinstance(it, StimulusDropped)]
     mussel.advance(74_000)
     assert mussel.board.state is State.CHARGING and mussel.body.pin_high and mussel.body.pin_due_ms == 0
 
 
 def test_a_contact_bounces_in_a_dock_only() -> None:
     reason = "a contact bounced in a dock that does not hold this aMussel"
-    assert floating().receive(ContactBounced(20), 70_000) == [Dropped(70_000, reason)]
+    assert floating().receive(ContactBounced(20), 70_000) == [StimulusDropped(70_000, reason)]
 
 
 @given(
@@ -155,31 +155,31 @@ def test_a_clock_jumps_and_runs_fast_until_it_is_healed() -> None:
 
 def test_the_worst_case_has_no_clock_to_disturb() -> None:
     (dropped,) = agent(PAPER).receive(ClockShifted(60_000), 0)
-    assert isinstance(dropped, Dropped) and "the worst case has none" in dropped.reason
+    assert isinstance(dropped, StimulusDropped) and "the worst case has none" in dropped.reason
 
 
 def test_the_worst_case_has_neither_sensors_nor_flash() -> None:
-    for part in (Part.BUS, Part.WRITES, Part.CELLS, Part.SUPPLY, Part.FLASH):
+    for part in (BoardPart.BUS, BoardPart.WRITES, BoardPart.CELLS, BoardPart.SUPPLY, BoardPart.FLASH):
         (dropped,) = agent(PAPER).receive(PartFailed(part, 1), 0)
-        assert isinstance(dropped, Dropped) and dropped.reason.endswith("the worst case has none")
+        assert isinstance(dropped, StimulusDropped) and dropped.reason.endswith("the worst case has none")
 
 
 @given(st.sampled_from([PAPER, WHOLE]), st.integers(0, 10**7))
 def test_readings_scatter_within_their_noise_and_the_charge_does_not(fleet: FleetConfig, at_ms: int) -> None:
     noisy, healthy = agent(fleet), agent(fleet)
-    noisy.receive(PartFailed(Part.CONVERTER, grains(0.05)), 0)
+    noisy.receive(PartFailed(BoardPart.CONVERTER, grains(0.05)), 0)
     for mussel in (noisy, healthy):
         mussel.advance(at_ms)
     assert noisy.board.primary == healthy.board.primary
     for read, exact in zip(noisy.board.readings(at_ms), healthy.board.readings(at_ms), strict=True):
         assert abs(read - exact) <= grains(0.05) and 0 <= read <= grains(1.0)
-    noisy.receive(PartFailed(Part.CONVERTER, 0), at_ms)
+    noisy.receive(PartFailed(BoardPart.CONVERTER, 0), at_ms)
     assert noisy.board.readings(at_ms) == healthy.board.readings(at_ms)
 
 
 def test_noise_outlives_a_reset_of_the_board_and_differs_from_time_to_time() -> None:
     mussel = agent(PAPER)
-    mussel.receive(PartFailed(Part.CONVERTER, grains(0.05)), 0)
+    mussel.receive(PartFailed(BoardPart.CONVERTER, grains(0.05)), 0)
     mussel.receive(WasReset(ResetCause.BROWN_OUT), 1_000)
     errors = {
         mussel.board.readings(at_ms)[0] - charge(mussel, at_ms) for at_ms in range(10_000, 20_000, 1_000)
@@ -190,17 +190,17 @@ def test_noise_outlives_a_reset_of_the_board_and_differs_from_time_to_time() -> 
 @pytest.mark.parametrize("fleet", [PAPER, WHOLE], ids=["worst case", "whole"])
 def test_a_converter_that_stands_holds_its_readings_until_it_is_healed(fleet: FleetConfig) -> None:
     mussel = agent(fleet)
-    mussel.receive(PartFailed(Part.HOLD, 1), 60_000)
+    mussel.receive(PartFailed(BoardPart.HOLD, 1), 60_000)
     held = mussel.board.readings(60_000)
     mussel.advance(4_000_000)
     assert mussel.board.readings(4_000_000) == held
-    mussel.receive(PartFailed(Part.HOLD, 0), 4_000_000)
+    mussel.receive(PartFailed(BoardPart.HOLD, 0), 4_000_000)
     assert mussel.board.readings(4_000_000)[0] < held[0]
 
 
 def test_a_converter_that_stands_reads_the_batteries_once_after_a_reset() -> None:
     mussel = agent(PAPER)
-    mussel.receive(PartFailed(Part.HOLD, 1), 60_000)
+    mussel.receive(PartFailed(BoardPart.HOLD, 1), 60_000)
     mussel.receive(WasReset(ResetCause.BROWN_OUT), 4_000_000)
     at_reset = mussel.board.readings(4_000_000)
     mussel.advance(8_000_000)
@@ -210,32 +210,32 @@ def test_a_converter_that_stands_reads_the_batteries_once_after_a_reset() -> Non
 
 def test_a_pressure_sensor_that_stands_shows_the_surface_once_it_is_healed() -> None:
     mussel = agent()
-    mussel.receive(PartFailed(Part.DEPTH, 1), 1_000)
+    mussel.receive(PartFailed(BoardPart.DEPTH, 1), 1_000)
     mussel.receive(PERMISSION, 3_000)
     mussel.advance(100_000)
     assert mussel.body.depth_at_um(100_000) == 0 and mussel.board.state is State.SURFACING
-    mussel.receive(PartFailed(Part.DEPTH, 0), 100_000)
+    mussel.receive(PartFailed(BoardPart.DEPTH, 0), 100_000)
     assert mussel.board.state is State.FLOATING
 
 
 def test_a_board_that_never_notices_the_surface_sinks_again_in_time_and_then_stays_sinking() -> None:
     mussel = agent()
-    mussel.receive(PartFailed(Part.DEPTH, 1), 1_000)
+    mussel.receive(PartFailed(BoardPart.DEPTH, 1), 1_000)
     mussel.receive(PERMISSION, 3_000)
     timeout_ms = mussel.config.board.surfacing_timeout_ms
     mussel.advance(3_000 + 2 * timeout_ms)
     assert mussel.board.state is State.SINKING and mussel.body.rests_on_bottom
-    mussel.receive(PartFailed(Part.DEPTH, 0), 3_000 + 2 * timeout_ms)
+    mussel.receive(PartFailed(BoardPart.DEPTH, 0), 3_000 + 2 * timeout_ms)
     assert mussel.board.state is State.ACTIVE
 
 
 def test_a_packet_that_overruns_the_uart_is_dropped() -> None:
     for fleet in (PAPER, WHOLE):
         mussel = agent(fleet)
-        mussel.receive(PartFailed(Part.UARTS, 4), 3_000)
+        mussel.receive(PartFailed(BoardPart.UARTS, 4), 3_000)
         dropped = mussel.receive(PERMISSION, 4_000)
-        assert [it.reason for it in dropped if isinstance(it, Dropped)] == ["not a command"]
-        mussel.receive(PartFailed(Part.UARTS, 0), 5_000)
+        assert [it.reason for it in dropped if isinstance(it, StimulusDropped)] == ["not a command"]
+        mussel.receive(PartFailed(BoardPart.UARTS, 0), 5_000)
         mussel.receive(PERMISSION, 6_000)
         assert mussel.board.state is State.SURFACING
 
@@ -258,32 +258,34 @@ def readable(mussel: Agent) -> list[int]:
 
 
 def test_a_silent_bus_repeats_the_last_counts_as_another_record() -> None:
-    mussel = sampled((2, PartFailed(Part.BUS, 1)), (4, PartFailed(Part.BUS, 0)))
+    mussel = sampled((2, PartFailed(BoardPart.BUS, 1)), (4, PartFailed(BoardPart.BUS, 0)))
     assert mussel._logbook is not None
     counts = [record.counts for record in mussel._logbook.log.read(0, 99)]
     assert len(counts) == 5
     assert counts[1] == counts[2] == counts[3] and len(set(counts)) == 3
 
 
-@pytest.mark.parametrize(("part", "value"), [(Part.WRITES, 10), (Part.WRITES, 1), (Part.CELLS, 16)])
-def test_a_write_that_fails_spoils_its_record_alone(part: Part, value: int) -> None:
+@pytest.mark.parametrize(
+    ("part", "value"), [(BoardPart.WRITES, 10), (BoardPart.WRITES, 1), (BoardPart.CELLS, 16)]
+)
+def test_a_write_that_fails_spoils_its_record_alone(part: BoardPart, value: int) -> None:
     mussel = sampled((2, PartFailed(part, value)), (4, PartFailed(part, 0)))
     assert readable(mussel) == [0, 1, 4]
     assert mussel.physical.samples == 5
 
 
 def test_a_flash_that_does_not_answer_misses_its_records_and_keeps_the_others() -> None:
-    mussel = sampled((2, PartFailed(Part.FLASH, 1)), (4, PartFailed(Part.FLASH, 0)))
+    mussel = sampled((2, PartFailed(BoardPart.FLASH, 1)), (4, PartFailed(BoardPart.FLASH, 0)))
     assert readable(mussel) == [0, 1, 4]
     assert mussel.physical.samples == 5
-    mussel.receive(PartFailed(Part.FLASH, 1), 6 * HOUR_MS)
+    mussel.receive(PartFailed(BoardPart.FLASH, 1), 6 * HOUR_MS)
     assert readable(mussel) == []
 
 
 def test_a_page_whose_erasure_failed_takes_no_record_until_it_is_erased() -> None:
     flash = FailingFlash(MemoryFlash(pages=3, page_bytes=96))
     flash.program(96, b"old")
-    flash.parts = {Part.FLASH: 1}
+    flash.parts = {BoardPart.FLASH: 1}
     flash.erase(1)
     flash.program(0, b"lost")
     flash.parts = {}
@@ -299,7 +301,7 @@ def test_a_page_whose_erasure_failed_takes_no_record_until_it_is_erased() -> Non
 @pytest.mark.parametrize("written", [1, 10, 23])
 def test_a_brown_out_in_a_write_tears_one_record_and_boots_the_board(written: int) -> None:
     """The third sample is torn at 3 h and 10 s; the board boots at once, and its next record is the fourth."""
-    mussel = sampled((2, PartFailed(Part.SUPPLY, written)))
+    mussel = sampled((2, PartFailed(BoardPart.SUPPLY, written)))
     boots = [it.at_ms for it in mussel.take_truths() if it.state is State.BOOTING]
     assert boots == [0, 3 * HOUR_MS + 10_000]
     assert mussel.board.reset_cause is ResetCause.BROWN_OUT
@@ -309,7 +311,7 @@ def test_a_brown_out_in_a_write_tears_one_record_and_boots_the_board(written: in
 
 def test_a_brown_out_that_found_no_write_is_forgotten() -> None:
     mussel = agent(WHOLE)
-    mussel.receive(PartFailed(Part.SUPPLY, 10), 1_000)
-    mussel.receive(PartFailed(Part.SUPPLY, 0), 2_000)
+    mussel.receive(PartFailed(BoardPart.SUPPLY, 10), 1_000)
+    mussel.receive(PartFailed(BoardPart.SUPPLY, 0), 2_000)
     mussel.advance(2 * HOUR_MS)
     assert mussel.board.reset_cause is ResetCause.POWER_ON

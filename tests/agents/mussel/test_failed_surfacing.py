@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from agents.fleet import resting_on_bottom
 from agents.mussel.agent import Agent
 from agents.mussel.body import surfacing_fails
-from agents.mussel.outputs import Dropped, Output
+from agents.mussel.outputs import Output, StimulusDropped
 from agents.mussel.stimuli import SoundArrived
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
@@ -50,7 +50,7 @@ def test_one_that_does_not_come_up_gives_up_says_so_and_can_be_permitted_again()
         agent.advance(permitted_ms + timeout_ms - 1)
         assert agent.board.state is State.SURFACING
         outputs = agent.advance(permitted_ms + timeout_ms)
-        assert GIVEN_UP in [output.reason for output in outputs if isinstance(output, Dropped)]
+        assert GIVEN_UP in [output.reason for output in outputs if isinstance(output, StimulusDropped)]
         assert agent.board.state is State.ACTIVE  # on the bottom, where it was
         assert agent.body.rests_on_bottom
 
@@ -60,7 +60,7 @@ def test_one_that_comes_up_never_gives_up() -> None:
     permit(agent, 10_000)
     outputs = agent.advance(10_000 + 3 * agent.config.board.surfacing_timeout_ms)
     assert agent.board.state is State.FLOATING
-    assert GIVEN_UP not in [output.reason for output in outputs if isinstance(output, Dropped)]
+    assert GIVEN_UP not in [output.reason for output in outputs if isinstance(output, StimulusDropped)]
 
 
 @given(st.lists(st.integers(1, 400_000), max_size=12))

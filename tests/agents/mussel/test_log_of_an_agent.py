@@ -8,11 +8,11 @@ import pytest
 from fleets import PAPER, STILL, reporting_every, with_whole_boards
 
 from agents.fleet import FleetConfig, resting_on_bottom
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import Agent
-from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
+from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
 from agents.mussel.stimuli import ContactClosed, SoundArrived, WifiArrived
-from agents.water.patches import CALM, Waters
+from agents.water.patches import CALM, QuantityWater
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.packets import (
     AcousticStatus,
@@ -42,9 +42,9 @@ FLEET = with_whole_boards(
         first_id=7,
         waters={
             **CALM,
-            "oxygen_mg_l": Waters(((0, 6.0),)),
-            "temperature_c": Waters(((0, 25.0),)),
-            "turbidity_ntu": Waters(((0, 2000.0),)),
+            "oxygen_mg_l": QuantityWater(((0, 6.0),)),
+            "temperature_c": QuantityWater(((0, 25.0),)),
+            "turbidity_ntu": QuantityWater(((0, 2000.0),)),
         },
     ),
     FullFirmware(power(LastResort.CALL), CYCLE, transmit_ms=1000, call_ms=600_000, hover_ms=600_000),
@@ -96,7 +96,7 @@ def test_each_medium_has_its_own_status() -> None:
     by_sound = packets(boot().advance(1_200_000), SoundSent)
     assert by_sound and all(isinstance(it, AcousticStatus) for it in by_sound)
     short = packets(
-        boot(replace(FLEET, reports=replace(FLEET.reports, modem=Generation.V2))).advance(1_200_000),
+        boot(replace(FLEET, reports=replace(FLEET.reports, modem=ModemGeneration.V2))).advance(1_200_000),
         SoundSent,
     )
     assert len(short) == len(by_sound) and all(isinstance(it, ShortStatus) for it in short)
@@ -112,7 +112,7 @@ def test_the_worst_case_has_no_log_and_one_status() -> None:
     assert packets(outputs) and all(type(it) is StatusPacket for it in packets(outputs))
     assert mussel.physical.samples == 0
     (dropped,) = mussel.receive(WifiArrived(LogAck(7, 1).encode()), 1_200_000)
-    assert isinstance(dropped, Dropped)
+    assert isinstance(dropped, StimulusDropped)
 
 
 def test_asleep_in_a_dock_its_wifi_is_silent() -> None:
@@ -142,7 +142,7 @@ def test_an_acknowledgement_that_moves_nothing_asks_for_what_is_missing() -> Non
 def test_an_acknowledgement_of_what_was_never_taken_is_dropped() -> None:
     mussel, wake_ms, _ = docked_after(3)
     said = mussel.receive(WifiArrived(LogAck(7, 4).encode()), wake_ms + 1000)
-    assert [type(it) for it in said] == [Dropped]
+    assert [type(it) for it in said] == [StimulusDropped]
     assert mussel.physical.acknowledged == 0
 
 
@@ -155,7 +155,7 @@ def test_it_stays_awake_while_somebody_takes_its_log() -> None:
     mussel.advance(wake_ms + 65_000)
     assert mussel.board.state is State.CHARGING
     (late,) = mussel.receive(WifiArrived(LogAck(7, 3).encode()), wake_ms + 70_000)
-    assert late == Dropped(wake_ms + 70_000, "Wi-Fi is off")
+    assert late == StimulusDropped(wake_ms + 70_000, "Wi-Fi is off")
 
 
 def test_a_long_log_goes_out_four_packets_at_once() -> None:

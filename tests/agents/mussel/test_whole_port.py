@@ -14,7 +14,7 @@ from native_boards import compiled, script
 
 from agents.fleet import resting_on_bottom
 from agents.mussel.agent import Agent, AgentConfig
-from agents.mussel.defects import Part
+from agents.mussel.defects import BoardPart
 from agents.mussel.failing_flash import FailingFlash
 from agents.mussel.firmware_failure import PowerLost
 from agents.mussel.outputs import Output, Truth
@@ -104,15 +104,15 @@ STIMULI: tuple[Stimulus, ...] = (
     *(
         PartFailed(part, value)
         for part, values in {
-            Part.BUS: (1, 0),
-            Part.CONVERTER: (grains(0.05), 0),
-            Part.UARTS: (4, 0),
-            Part.WRITES: (10, 0),
-            Part.CELLS: (16, 0),
-            Part.SUPPLY: (1, 13, 23),
-            Part.HOLD: (1, 0),
-            Part.FLASH: (1, 0),
-            Part.DEPTH: (1, 0),
+            BoardPart.BUS: (1, 0),
+            BoardPart.CONVERTER: (grains(0.05), 0),
+            BoardPart.UARTS: (4, 0),
+            BoardPart.WRITES: (10, 0),
+            BoardPart.CELLS: (16, 0),
+            BoardPart.SUPPLY: (1, 13, 23),
+            BoardPart.HOLD: (1, 0),
+            BoardPart.FLASH: (1, 0),
+            BoardPart.DEPTH: (1, 0),
         }.items()
         for value in values
     ),
@@ -168,7 +168,7 @@ def lasting(truths: list[Truth]) -> list[Truth]:
     story=[
         (472, SoundArrived(CODEC.encode(SleepSchedule(7, 150_000, 20_000)))),
         (196_962, SoundArrived(CODEC.encode(SetThreshold(7, Threshold.LOW_LEVEL, 0.8)))),
-        (245_930, PartFailed(Part.SUPPLY, 1)),
+        (245_930, PartFailed(BoardPart.SUPPLY, 1)),
     ],
     cuts=[],
     charges=(0.5001, 1.0),
@@ -250,13 +250,13 @@ def test_bytes_that_no_device_takes_get_no_answer(address: int, written: bytes, 
 def test_a_write_that_fails_is_an_error_of_the_flash() -> None:
     flash = FailingFlash(MemoryFlash())
     bus, _ = devices(flash=flash)
-    flash.parts = {Part.WRITES: 3}
+    flash.parts = {BoardPart.WRITES: 3}
     assert bus.flash_program(0, b"torn") is None
     assert bus.flash_read(0, 4) == b"tor\0"
-    flash.parts = {Part.CELLS: 0x20}
+    flash.parts = {BoardPart.CELLS: 0x20}
     assert bus.flash_program(8, b"worn") is None
     assert bus.flash_read(8, 4) == b"WORN"
-    flash.parts = {Part.SUPPLY: 2}
+    flash.parts = {BoardPart.SUPPLY: 2}
     with pytest.raises(PowerLost):
         bus.flash_program(16, b"dark")
     assert bus.flash_read(16, 4) == b"da\0\0"

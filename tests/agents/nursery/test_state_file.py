@@ -10,7 +10,7 @@ import pytest
 from agents.fleet import resting_on_bottom
 from agents.hosting.link_protocol import NEVER
 from agents.mussel.physical import Physical
-from agents.nursery.state_file import RECORD_BYTES, RECORDS, Record, RecordRing
+from agents.nursery.state_file import RECORD_BYTES, RECORDS, RecordRing, StateRecord
 
 
 def place(north_m: float) -> Physical:
@@ -30,9 +30,9 @@ def test_an_unanswered_windows_slot_does_not_count(file: int) -> None:
     ring.write((1, 1), 10, place(1))
     ring.write((1, 2), 20, place(2))
     again = RecordRing(file, 1, 7)
-    assert again.newest((1, 1)) == Record((1, 1), 10, place(1))
-    assert again.newest((1, 2)) == Record((1, 2), 20, place(2))
-    assert again.newest(None) == Record((1, 2), 20, place(2))
+    assert again.newest((1, 1)) == StateRecord((1, 1), 10, place(1))
+    assert again.newest((1, 2)) == StateRecord((1, 2), 20, place(2))
+    assert again.newest(None) == StateRecord((1, 2), 20, place(2))
 
 
 def test_a_restarted_agent_overwrites_what_did_not_count(file: int) -> None:
@@ -43,8 +43,8 @@ def test_a_restarted_agent_overwrites_what_did_not_count(file: int) -> None:
     again = RecordRing(file, 0, 7)
     again.newest((1, 1))
     again.write((1, 3), 15, place(3))
-    assert RecordRing(file, 0, 7).newest((1, 2)) == Record((1, 1), 10, place(1))
-    assert RecordRing(file, 0, 7).newest(None) == Record((1, 3), 15, place(3))
+    assert RecordRing(file, 0, 7).newest((1, 2)) == StateRecord((1, 1), 10, place(1))
+    assert RecordRing(file, 0, 7).newest(None) == StateRecord((1, 3), 15, place(3))
 
 
 @pytest.mark.parametrize("torn_at", [0, 5, 40, 90])
@@ -54,7 +54,7 @@ def test_a_torn_slot_gives_way_to_the_other(file: int, torn_at: int) -> None:
     ring.write((1, 1), 10, place(1))
     byte = os.pread(file, 1, RECORD_BYTES + torn_at)[0]
     os.pwrite(file, bytes([byte ^ 0x40]), RECORD_BYTES + torn_at)
-    assert RecordRing(file, 0, 7).newest(None) == Record(NEVER, 0, place(0))
+    assert RecordRing(file, 0, 7).newest(None) == StateRecord(NEVER, 0, place(0))
 
 
 def test_another_agents_slot_or_none_is_no_slot(file: int) -> None:
@@ -68,7 +68,7 @@ def test_the_higher_epoch_is_the_newer_one(file: int) -> None:
     ring.initial_state(place(0))
     ring.write((1, 900), 10, place(1))
     ring.write((2, 1), 20, place(2))
-    assert RecordRing(file, 0, 7).newest(None) == Record((2, 1), 20, place(2))
+    assert RecordRing(file, 0, 7).newest(None) == StateRecord((2, 1), 20, place(2))
 
 
 def test_of_windows_with_one_key_the_newest_up_to_a_time_counts(file: int) -> None:
@@ -77,9 +77,9 @@ def test_of_windows_with_one_key_the_newest_up_to_a_time_counts(file: int) -> No
     for n in range(1, RECORDS):
         ring.write((1, 4), 10 * n, place(n))
     again = RecordRing(file, 0, 7)
-    assert again.newest((1, 4), 45) == Record((1, 4), 40, place(4))
-    assert again.newest((1, 3), 45) == Record(NEVER, 0, place(0))
-    assert again.newest((1, 4)) == Record((1, 4), 10 * (RECORDS - 1), place(RECORDS - 1))
+    assert again.newest((1, 4), 45) == StateRecord((1, 4), 40, place(4))
+    assert again.newest((1, 3), 45) == StateRecord(NEVER, 0, place(0))
+    assert again.newest((1, 4)) == StateRecord((1, 4), 10 * (RECORDS - 1), place(RECORDS - 1))
 
 
 def test_windows_that_are_taken_back_are_overwritten_and_no_others(file: int) -> None:
@@ -90,8 +90,8 @@ def test_windows_that_are_taken_back_are_overwritten_and_no_others(file: int) ->
     ring.take_back(RECORDS - 3)
     for n in range(RECORDS - 3):
         ring.write((1, 5), 25 + n, place(100 + n))
-    assert RecordRing(file, 0, 7).newest((1, 4)) == Record((1, 4), 20, place(2))
-    assert RecordRing(file, 0, 7).newest((1, 5), 26) == Record((1, 5), 26, place(101))
+    assert RecordRing(file, 0, 7).newest((1, 4)) == StateRecord((1, 4), 20, place(2))
+    assert RecordRing(file, 0, 7).newest((1, 5), 26) == StateRecord((1, 5), 26, place(101))
 
 
 def test_records_written_at_once_are_those_written_one_by_one(file: int) -> None:
@@ -106,4 +106,4 @@ def test_records_written_at_once_are_those_written_one_by_one(file: int) -> None
     ring_bytes = RECORDS * RECORD_BYTES
     assert os.pread(file, ring_bytes, 0) == os.pread(file, ring_bytes, ring_bytes)
     assert RecordRing(file, 1, 7).newest((1, 4), 45) is None  # overwritten, as the ring is full
-    assert RecordRing(file, 1, 7).newest((1, 4), 55) == Record((1, 4), 50, place(5))
+    assert RecordRing(file, 1, 7).newest((1, 4), 55) == StateRecord((1, 4), 50, place(5))

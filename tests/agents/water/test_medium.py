@@ -4,20 +4,20 @@ from math import sqrt
 
 import pytest
 
-from agents.modem.frames import Frame, FrameKind
+from agents.modem.frames import FrameKind, ModemFrame
 from agents.water.medium import (
     Began,
-    Heard,
+    FrameHeard,
     LinksChanged,
-    Medium,
-    Moved,
-    Outcome,
+    ModemMoved,
     PacketEnded,
+    PacketOutcome,
     Reception,
     Result,
     ThrustersRan,
+    WaterMedium,
 )
-from agents.water.places import Place
+from agents.water.places import ModemPlace
 from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 
@@ -25,27 +25,27 @@ FAR = Sound(absorption_db_per_km=6.0, noise_db_per_hz=-100.0)
 """So little noise that no packet is lost in it."""
 
 
-def under_water(north_m: float, east_m: float = 0.0, depth_m: float = 5.0) -> Place:
-    return Place(round(north_m * 1e6), round(east_m * 1e6), round(depth_m * 1e6))
+def under_water(north_m: float, east_m: float = 0.0, depth_m: float = 5.0) -> ModemPlace:
+    return ModemPlace(round(north_m * 1e6), round(east_m * 1e6), round(depth_m * 1e6))
 
 
-def medium(*norths_m: float, sound: Sound = FAR, seed: int = 1) -> Medium:
+def medium(*norths_m: float, sound: Sound = FAR, seed: int = 1) -> WaterMedium:
     """Modems 0, 1, ... along a line to the north, with these addresses."""
-    made = Medium(sound, seed, [(node, node) for node in range(len(norths_m))])
+    made = WaterMedium(sound, seed, [(node, node) for node in range(len(norths_m))])
     for node, north_m in enumerate(norths_m):
-        made.receive(Moved(node, under_water(north_m)), 0)
+        made.receive(ModemMoved(node, under_water(north_m)), 0)
     return made
 
 
-def unicast(source: int, destination: int, size: int = 16) -> Frame:
-    return Frame(FrameKind.UNICAST, source, destination, bytes(size))
+def unicast(source: int, destination: int, size: int = 16) -> ModemFrame:
+    return ModemFrame(FrameKind.UNICAST, source, destination, bytes(size))
 
 
-def broadcast(source: int, size: int = 16) -> Frame:
-    return Frame(FrameKind.BROADCAST, source, None, bytes(size))
+def broadcast(source: int, size: int = 16) -> ModemFrame:
+    return ModemFrame(FrameKind.BROADCAST, source, None, bytes(size))
 
 
-def outcomes(results: list[Result]) -> dict[tuple[int, int], Outcome]:
+def outcomes(results: list[Result]) -> dict[tuple[int, int], PacketOutcome]:
     """Results by (sender, receiver)."""
     ended = [result for result in results if isinstance(result, PacketEnded)]
     return {(it.sender, reception.receiver): reception.outcome for it in ended for reception in it.receptions}
@@ -58,9 +58,9 @@ def test_a_packet_acts_at_its_end_after_its_way() -> None:
     assert water.next_due_ms == 2005
     assert water.advance(2004) == []
     heard, ended = water.advance(2005)
-    assert isinstance(heard, Heard) and isinstance(ended, PacketEnded)
+    assert isinstance(heard, FrameHeard) and isinstance(ended, PacketEnded)
     assert heard.reception == Reception(
-        1, 2005, Outcome.RECEIVED, pytest.approx(168 - 57.5012 - 4.5 + 60.969), 500_000
+        1, 2005, PacketOutcome.RECEIVED, pytest.approx(168 - 57.5012 - 4.5 + 60.969), 500_000
     )
     assert (heard.sender, heard.frame.data) == (0, bytes(16))
     assert ended == PacketEnded(0, 1000, unicast(0, 1), None, (heard.reception,))
@@ -69,17 +69,17 @@ def test_a_packet_acts_at_its_end_after_its_way() -> None:
 
 def test_a_delay_is_rounded_up_so_that_nothing_acts_before_it_has_arrived() -> None:
     water = medium(0, 1)  # 667 us
-    water.receive(Began(0, Frame(FrameKind.PING, 0, 1)), 0)
+    water.receive(Began(0, ModemFrame(FrameKind.PING, 0, 1)), 0)
     assert water.next_due_ms == 106
 
 
 def test_depth_counts_in_the_distance() -> None:
-    water = Medium(FAR, 1, [(0, 0), (1, 1)])
-    water.receive(Moved(0, under_water(0, 0, 10)), 0)
-    water.receive(Moved(1, under_water(300, 400, 1210)), 0)
+    water = WaterMedium(FAR, 1, [(0, 0), (1, 1)])
+    water.receive(ModemMoved(0, under_water(0, 0, 10)), 0)
+    water.receive(ModemMoved(1, under_water(300, 400, 1210)), 0)
     water.receive(Began(0, unicast(0, 1)), 0)
     (heard, _) = water.advance(5000)
-    assert isinstance(heard, Heard) and heard.reception.travelled_us == round(
+    assert isinstance(heard, FrameHeard) and heard.reception.travelled_us == round(
         1e6 * sqrt(500**2 + 1200**2) / 1500
     )
 
@@ -88,14 +88,14 @@ def test_a_broadcast_reaches_everyone_but_its_sender_and_is_told_whole_at_the_la
     water = medium(0, 150, 300, 450)
     water.receive(Began(1, broadcast(1)), 0)
     results = water.advance(10_000)
-    heard = [(it.reception.receiver, it.reception.at_ms) for it in results if isinstance(it, Heard)]
+    heard = [(it.reception.receiver, it.reception.at_ms) for it in results if isinstance(it, FrameHeard)]
     assert heard == [(0, 605), (2, 605), (3, 705)]
     assert isinstance(results[-1], PacketEnded) and len(results[-1].receptions) == 3
 
 
 def test_two_that_overlap_at_the_receiver_destroy_each_other() -> None:
     """From 150 m on either side, the second begins 504 ms after the first, which lasts 505: the last millisecond."""
-    for later_ms, expected in ((504, Outcome.COLLIDED), (505, Outcome.RECEIVED)):
+    for later_ms, expected in ((504, PacketOutcome.COLLIDED), (505, PacketOutcome.RECEIVED)):
         water = medium(0, 150, 300)
         water.receive(Began(0, unicast(0, 1)), 0)
         water.receive(Began(2, unicast(2, 1)), later_ms)
@@ -107,37 +107,40 @@ def test_what_overlaps_at_the_senders_may_not_at_the_receiver() -> None:
     water = medium(0, 1500, 1501)
     water.receive(Began(0, unicast(0, 1)), 0)
     water.receive(Began(2, unicast(2, 1)), 0)
-    assert set(outcomes(water.advance(9000)).values()) == {Outcome.RECEIVED}
+    assert set(outcomes(water.advance(9000)).values()) == {PacketOutcome.RECEIVED}
 
 
-@pytest.mark.parametrize(("far_m", "near"), [(39.0, Outcome.COLLIDED), (41.0, Outcome.RECEIVED)])
-def test_the_louder_by_the_capture_ratio_survives(far_m: float, near: Outcome) -> None:
+@pytest.mark.parametrize(("far_m", "near"), [(39.0, PacketOutcome.COLLIDED), (41.0, PacketOutcome.RECEIVED)])
+def test_the_louder_by_the_capture_ratio_survives(far_m: float, near: PacketOutcome) -> None:
     """Without absorption 6 dB is a ratio of 10^(6/20) = 1.995 in distance: 20 m against 39.9 m."""
     water = medium(0, 20, 20 + far_m, sound=Sound(noise_db_per_hz=-100, absorption_db_per_km=0, capture_db=6))
     water.receive(Began(0, unicast(0, 1)), 0)
     water.receive(Began(2, unicast(2, 1)), 10)
-    assert outcomes(water.advance(9000)) == {(0, 1): near, (2, 1): Outcome.COLLIDED}
+    assert outcomes(water.advance(9000)) == {(0, 1): near, (2, 1): PacketOutcome.COLLIDED}
 
 
 def test_two_weak_ones_together_may_be_too_loud() -> None:
     """Each 41 m away is 6.2 dB weaker than the one at 20 m, both together 3.2 dB."""
-    water = Medium(Sound(noise_db_per_hz=-100, absorption_db_per_km=0), 1, [(n, n) for n in range(4)])
+    water = WaterMedium(Sound(noise_db_per_hz=-100, absorption_db_per_km=0), 1, [(n, n) for n in range(4)])
     for node, (north_m, east_m) in enumerate(((0.0, 0.0), (20.0, 0.0), (-41.0, 0.0), (0.0, 41.0))):
-        water.receive(Moved(node, under_water(north_m, east_m)), 0)
+        water.receive(ModemMoved(node, under_water(north_m, east_m)), 0)
     for node in (1, 2, 3):
         water.receive(Began(node, unicast(node, 0)), 0)
-    assert outcomes(water.advance(9000))[1, 0] is Outcome.COLLIDED
+    assert outcomes(water.advance(9000))[1, 0] is PacketOutcome.COLLIDED
 
 
 def test_a_transmitting_modem_hears_nothing() -> None:
     water = medium(0, 150)
     water.receive(Began(0, unicast(0, 1)), 0)  # at node 1 from 100 to 605 ms
     water.receive(Began(1, unicast(1, 0)), 600)  # at node 0 from 700 on: it has long finished
-    assert outcomes(water.advance(9000)) == {(0, 1): Outcome.TRANSMITTING, (1, 0): Outcome.RECEIVED}
+    assert outcomes(water.advance(9000)) == {
+        (0, 1): PacketOutcome.TRANSMITTING,
+        (1, 0): PacketOutcome.RECEIVED,
+    }
 
 
 def test_turning_round_takes_its_time() -> None:
-    for turnaround_ms, expected in ((94, Outcome.RECEIVED), (96, Outcome.TRANSMITTING)):
+    for turnaround_ms, expected in ((94, PacketOutcome.RECEIVED), (96, PacketOutcome.TRANSMITTING)):
         water = medium(0, 150, sound=Sound(noise_db_per_hz=-100, turnaround_s=turnaround_ms / 1000))
         water.receive(Began(1, unicast(1, 0)), 0)  # ends at 505
         water.receive(Began(0, unicast(0, 1)), 500)  # arrives from 600 on
@@ -154,35 +157,39 @@ def test_a_modem_that_is_still_sending_sends_nothing_else() -> None:
 
 def test_in_air_nothing_is_sent_and_nothing_is_heard() -> None:
     water = medium(0, 150)
-    water.receive(Moved(1, under_water(150, depth_m=0)), 0)
+    water.receive(ModemMoved(1, under_water(150, depth_m=0)), 0)
     (ended,) = water.receive(Began(1, unicast(1, 0)), 10)
     assert isinstance(ended, PacketEnded) and ended.unsent == "the modem is not in the water"
     water.receive(Began(0, unicast(0, 1)), 20)
-    assert outcomes(water.advance(9000)) == {(0, 1): Outcome.IN_AIR}
+    assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.IN_AIR}
 
 
 def test_one_that_comes_up_during_a_packet_loses_it() -> None:
     """3 m down it rises 1 m a second; a packet is at it from 100 to 605 ms after it began."""
-    for began_ms, expected in ((2000, Outcome.RECEIVED), (2395, Outcome.IN_AIR), (2500, Outcome.IN_AIR)):
-        water = Medium(FAR, 1, [(0, 0), (1, 1)])
-        water.receive(Moved(0, under_water(0, depth_m=3)), 0)
-        water.receive(Moved(1, Place(150_000_000, 0, 3_000_000, 0, -1_000_000, 1000, 3_000_000)), 0)
+    for began_ms, expected in (
+        (2000, PacketOutcome.RECEIVED),
+        (2395, PacketOutcome.IN_AIR),
+        (2500, PacketOutcome.IN_AIR),
+    ):
+        water = WaterMedium(FAR, 1, [(0, 0), (1, 1)])
+        water.receive(ModemMoved(0, under_water(0, depth_m=3)), 0)
+        water.receive(ModemMoved(1, ModemPlace(150_000_000, 0, 3_000_000, 0, -1_000_000, 1000, 3_000_000)), 0)
         water.receive(Began(0, unicast(0, 1)), began_ms)
         assert outcomes(water.advance(9000)) == {(0, 1): expected}
 
 
 def test_a_keel_hears_at_depth_nought() -> None:
     water = medium(0, 150)
-    water.receive(Moved(1, Place(150_000_000, 0, 0, in_water=True)), 0)
+    water.receive(ModemMoved(1, ModemPlace(150_000_000, 0, 0, in_water=True)), 0)
     water.receive(Began(0, unicast(0, 1)), 0)
-    assert outcomes(water.advance(9000)) == {(0, 1): Outcome.RECEIVED}
+    assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.RECEIVED}
 
 
 def test_one_that_left_the_water_neither_hears_nor_sends() -> None:
     water = medium(0, 150)
     water.receive(Began(0, unicast(0, 1)), 0)
-    water.receive(Moved(1, None), 200)
-    assert outcomes(water.advance(9000)) == {(0, 1): Outcome.IN_AIR}
+    water.receive(ModemMoved(1, None), 200)
+    assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.IN_AIR}
     water.receive(Began(0, unicast(0, 1)), 9000)
     assert outcomes(water.advance(20_000)) == {}
 
@@ -190,11 +197,11 @@ def test_one_that_left_the_water_neither_hears_nor_sends() -> None:
 def test_reverberation_disturbs_after_the_end() -> None:
     """Echoes 4 dB down for 200 ms: within the capture ratio of 6 dB they destroy a packet that begins 199 ms later."""
     echoing = Sound(noise_db_per_hz=-100, reverberation_s=0.2, reverberation_db=4)
-    for later_ms, expected in ((199, Outcome.COLLIDED), (200, Outcome.RECEIVED)):
+    for later_ms, expected in ((199, PacketOutcome.COLLIDED), (200, PacketOutcome.RECEIVED)):
         water = medium(0, 150, 300, sound=echoing)
         water.receive(Began(0, unicast(0, 1)), 0)
         told = water.receive(Began(2, unicast(2, 1)), 505 + later_ms)
-        assert outcomes(told + water.advance(9000)) == {(0, 1): Outcome.RECEIVED, (2, 1): expected}
+        assert outcomes(told + water.advance(9000)) == {(0, 1): PacketOutcome.RECEIVED, (2, 1): expected}
 
 
 def test_running_thrusters_mask_their_own_modem_only() -> None:
@@ -203,12 +210,12 @@ def test_running_thrusters_mask_their_own_modem_only() -> None:
     water.receive(ThrustersRan(0, True), 0)
     water.receive(Began(1, unicast(1, 0)), 0)
     water.receive(ThrustersRan(1, False), 1)
-    assert outcomes(water.advance(9000)) == {(1, 0): Outcome.NOISE}
+    assert outcomes(water.advance(9000)) == {(1, 0): PacketOutcome.NOISE}
     water.receive(Began(0, unicast(0, 1)), 9000)
-    assert outcomes(water.advance(18_000)) == {(0, 1): Outcome.RECEIVED}
+    assert outcomes(water.advance(18_000)) == {(0, 1): PacketOutcome.RECEIVED}
     water.receive(ThrustersRan(0, False), 18_000)
     water.receive(Began(1, unicast(1, 0)), 18_000)
-    assert outcomes(water.advance(27_000)) == {(1, 0): Outcome.RECEIVED}
+    assert outcomes(water.advance(27_000)) == {(1, 0): PacketOutcome.RECEIVED}
 
 
 def test_a_cut_link_carries_neither_packets_nor_disturbance() -> None:
@@ -216,23 +223,23 @@ def test_a_cut_link_carries_neither_packets_nor_disturbance() -> None:
     water.receive(LinksChanged(Topology([LinkRule(0, 1, 1.0)])), 0)
     water.receive(Began(0, unicast(0, 1)), 0)
     water.receive(Began(2, unicast(2, 1)), 0)
-    assert outcomes(water.advance(9000)) == {(0, 1): Outcome.CUT, (2, 1): Outcome.RECEIVED}
+    assert outcomes(water.advance(9000)) == {(0, 1): PacketOutcome.CUT, (2, 1): PacketOutcome.RECEIVED}
     water.receive(LinksChanged(Topology()), 9000)
     water.receive(Began(0, unicast(0, 1)), 9000)
-    assert outcomes(water.advance(18_000)) == {(0, 1): Outcome.RECEIVED}
+    assert outcomes(water.advance(18_000)) == {(0, 1): PacketOutcome.RECEIVED}
 
 
 def test_beyond_the_range_limit_the_addressee_is_named_and_others_are_not() -> None:
     water = medium(0, 150, 600, sound=Sound(noise_db_per_hz=-100, range_limit_m=500))
-    assert outcomes(water.receive(Began(0, unicast(0, 2)), 0)) == {(0, 2): Outcome.OUT_OF_RANGE}
+    assert outcomes(water.receive(Began(0, unicast(0, 2)), 0)) == {(0, 2): PacketOutcome.OUT_OF_RANGE}
     water.receive(Began(0, broadcast(0)), 9000)
-    assert outcomes(water.advance(18_000)) == {(0, 1): Outcome.RECEIVED}
+    assert outcomes(water.advance(18_000)) == {(0, 1): PacketOutcome.RECEIVED}
 
 
 def test_several_nodes_may_share_an_address() -> None:
-    water = Medium(FAR, 1, [(0, 0), (1, 7), (255, 7)])
+    water = WaterMedium(FAR, 1, [(0, 0), (1, 7), (255, 7)])
     for node in (0, 1, 255):
-        water.receive(Moved(node, under_water(node)), 0)
+        water.receive(ModemMoved(node, under_water(node)), 0)
     water.receive(Began(0, unicast(0, 7)), 0)
     assert set(outcomes(water.advance(9000))) == {(0, 1), (0, 255)}
 
@@ -250,7 +257,7 @@ def test_as_many_packets_are_lost_in_noise_as_the_curve_says(
     lost = 0
     for n in range(2000):
         water.receive(Began(0, unicast(0, 1)), 1000 * n)
-        lost += Outcome.NOISE in outcomes(water.advance(1000 * n + 999)).values()
+        lost += PacketOutcome.NOISE in outcomes(water.advance(1000 * n + 999)).values()
     assert lost / 2000 == pytest.approx(rate, abs=4.5 * sqrt(rate * (1 - rate) / 2000))
 
 

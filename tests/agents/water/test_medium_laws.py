@@ -9,9 +9,9 @@ from math import dist, log10
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.modem.frames import Frame, FrameKind
-from agents.water.medium import Began, Heard, Medium, Moved, Outcome, PacketEnded, Result
-from agents.water.places import Place
+from agents.modem.frames import FrameKind, ModemFrame
+from agents.water.medium import Began, FrameHeard, ModemMoved, PacketEnded, PacketOutcome, Result, WaterMedium
+from agents.water.places import ModemPlace
 from agents.water.sound import Sound
 
 NODES = 24
@@ -32,20 +32,22 @@ def places(seed: int, side_m: float, nodes: int = NODES) -> dict[int, tuple[floa
     }
 
 
-def filled(sound: Sound, where: dict[int, tuple[float, float, float]]) -> Medium:
-    medium = Medium(sound, 7, [(node, node % 256) for node in where])
+def filled(sound: Sound, where: dict[int, tuple[float, float, float]]) -> WaterMedium:
+    medium = WaterMedium(sound, 7, [(node, node % 256) for node in where])
     for node, (north_m, east_m, depth_m) in where.items():
-        medium.receive(Moved(node, Place(*(round(1e6 * it) for it in (north_m, east_m, depth_m)))), 0)
+        medium.receive(
+            ModemMoved(node, ModemPlace(*(round(1e6 * it) for it in (north_m, east_m, depth_m)))), 0
+        )
     return medium
 
 
-def frame(sender: int, destination: int | None) -> Frame:
+def frame(sender: int, destination: int | None) -> ModemFrame:
     if destination is None:
-        return Frame(FrameKind.BROADCAST, sender % 256, None, bytes(16))
-    return Frame(FrameKind.UNICAST, sender % 256, destination % 256, bytes(16))
+        return ModemFrame(FrameKind.BROADCAST, sender % 256, None, bytes(16))
+    return ModemFrame(FrameKind.UNICAST, sender % 256, destination % 256, bytes(16))
 
 
-def flown(medium: Medium, sent: list[Sent], cuts_ms: list[int], end_ms: int) -> list[Result]:
+def flown(medium: WaterMedium, sent: list[Sent], cuts_ms: list[int], end_ms: int) -> list[Result]:
     results: list[Result] = []
     for at_ms, packet in sorted(
         [(it[0], it) for it in sent] + [(cut, None) for cut in cuts_ms],
@@ -91,7 +93,7 @@ def test_the_order_of_ties_changes_nothing(seed: int, sent: list[Sent], draw: ra
 
 def judged_by_hand(
     where: dict[int, tuple[float, float, float]], sent: list[Sent]
-) -> dict[tuple[int, int, int], Outcome]:
+) -> dict[tuple[int, int, int], PacketOutcome]:
     """(begin, sender, receiver): every pair and every other packet, straight from the definitions."""
     lasting_ms = 505
     on_air: list[Sent] = []
@@ -127,11 +129,11 @@ def judged_by_hand(
                 elif other_from_ms < until_ms and other_until_ms + 40 > from_ms:
                     others += power(other, receiver) / 10**0.8
             if talks:
-                outcome = Outcome.TRANSMITTING
+                outcome = PacketOutcome.TRANSMITTING
             elif others and power(sender, receiver) / others < 10**0.6:
-                outcome = Outcome.COLLIDED
+                outcome = PacketOutcome.COLLIDED
             else:
-                outcome = Outcome.RECEIVED
+                outcome = PacketOutcome.RECEIVED
             found[began_ms, sender, receiver] = outcome
     return found
 
@@ -160,13 +162,13 @@ def test_culling_by_cells_leaves_out_nobody_within_the_limit() -> None:
         (ended,) = (it for it in results if isinstance(it, PacketEnded))
         near = {node for node in where if node != sender and dist(where[node], where[sender]) <= 600}
         assert {it.receiver for it in ended.receptions} == near
-        assert {it.reception.receiver for it in results if isinstance(it, Heard)} == near
+        assert {it.reception.receiver for it in results if isinstance(it, FrameHeard)} == near
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 99), traffic)
 def test_results_come_in_the_order_of_time(seed: int, sent: list[Sent]) -> None:
     heard = [
-        it for it in flown(filled(QUIET, places(seed, 900.0)), sent, [], 30_000) if isinstance(it, Heard)
+        it for it in flown(filled(QUIET, places(seed, 900.0)), sent, [], 30_000) if isinstance(it, FrameHeard)
     ]
     assert all(one.reception.at_ms <= other.reception.at_ms for one, other in pairwise(heard))

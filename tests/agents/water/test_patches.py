@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agents.water.fields import Constant
-from agents.water.patches import Layers, Patch, Patched, Waters
+from agents.water.patches import Layers, Patched, QuantityWater, WaterPatch
 
 METRE = 1_000_000
 HOUR = 3_600_000
@@ -18,7 +18,7 @@ def test_layers_are_linear_between(depth_m: float, value: float) -> None:
 
 
 # From hour 1 on it grows for 10 h to 100 m, and goes 0.01 m/s = 36 m/h to the north.
-DEAD = Patch(0.2, HOUR, 10 * HOUR, 0, 50 * METRE, 10_000, 0, 100 * METRE, 4 * METRE)
+DEAD = WaterPatch(0.2, HOUR, 10 * HOUR, 0, 50 * METRE, 10_000, 0, 100 * METRE, 4 * METRE)
 
 
 @pytest.mark.parametrize(
@@ -47,6 +47,6 @@ def test_above_it_the_water_is_as_before() -> None:
 
 def test_the_later_lies_over_the_earlier() -> None:
     still = (HOUR, 1, 0, 0, 0, 0, 10 * METRE, 0)
-    waters = Waters(((0, 8.0),), (Patch(2.0, *still), Patch(5.0, *still)))
+    waters = QuantityWater(((0, 8.0),), (WaterPatch(2.0, *still), WaterPatch(5.0, *still)))
     assert waters.field().value_at(0, 0, 0, 2 * HOUR) == 5.0
-    assert Waters(((0, 8.0),)).field() == Constant(8.0)
+    assert QuantityWater(((0, 8.0),)).field() == Constant(8.0)

@@ -11,14 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from seas import FLEET, SEA
 
-from agents.coordinator import Coordinator, Died, Heard
+from agents.coordinator import AgentDied, AgentOutput, Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, SoundArrived
-from agents.water.medium import Outcome, PacketEnded
+from agents.water.medium import PacketEnded, PacketOutcome
 from agents.water.sea import Sea, SeaConfig
-from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, StimulusDelivered, address_of
+from agents.water.sea_events import (
+    AgentRanged,
+    NotRanged,
+    SeaResult,
+    SoundReached,
+    StimulusDelivered,
+    address_of,
+)
 from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, ShortStatus
@@ -98,7 +105,7 @@ def test_beyond_the_range_nobody_surfaces() -> None:
     bench.run(100_000)
     bench.sea.send_sound(1, command(Kind.PERMISSION, 1))
     (packet,) = of(PacketEnded, bench.run(110_000))
-    assert isinstance(packet, PacketEnded) and packet.receptions[0].outcome is Outcome.OUT_OF_RANGE
+    assert isinstance(packet, PacketEnded) and packet.receptions[0].outcome is PacketOutcome.OUT_OF_RANGE
     assert bench.state(1) is State.SLEEPING
 
 
@@ -148,7 +155,7 @@ def test_ranges_are_those_of_the_places_to_the_modems_step() -> None:
     bench.sea.ping(1)
     bench.sea.ping(2)
     results = bench.run(110_000)
-    ranges = [it for it in results if isinstance(it, Ranged)]
+    ranges = [it for it in results if isinstance(it, AgentRanged)]
     assert [(it.agent_id, it.mission_ms) for it in ranges] == [(1, 100_530), (2, 100_786)]
     assert ranges[0].range_m == pytest.approx(240.0, abs=0.024)
     assert ranges[1].range_m == pytest.approx(33.3, abs=0.024)
@@ -166,7 +173,7 @@ def test_one_at_the_surface_does_not_answer_a_ping() -> None:
     assert of(NotRanged, results) == [NotRanged(204_105, 1)]
     assert [
         it.outcome for p in of(PacketEnded, results) if isinstance(p, PacketEnded) for it in p.receptions
-    ] == [Outcome.IN_AIR]
+    ] == [PacketOutcome.IN_AIR]
 
 
 def test_range_noise_has_the_stated_spread() -> None:
@@ -174,7 +181,7 @@ def test_range_noise_has_the_stated_spread() -> None:
     bench.run(100_000)
     for _ in range(200):
         bench.sea.ping(1)
-    ranges = [it.range_m for it in bench.run(300_000) if isinstance(it, Ranged)]
+    ranges = [it.range_m for it in bench.run(300_000) if isinstance(it, AgentRanged)]
     assert len(ranges) == 200
     mean = sum(ranges) / 200
     # Four standard errors: of the mean 0.5 / sqrt(200), of the deviation 0.5 / sqrt(400).
@@ -189,8 +196,8 @@ def test_what_two_say_at_once_is_lost_to_both() -> None:
     bench.sea.send_sound(1, command(Kind.PING, 1))
     ended = [it for it in bench.run(3_910_000) if isinstance(it, PacketEnded)]
     assert {(it.sender, it.receptions[0].outcome) for it in ended} == {
-        (0, Outcome.TRANSMITTING),
-        (1, Outcome.TRANSMITTING),
+        (0, PacketOutcome.TRANSMITTING),
+        (1, PacketOutcome.TRANSMITTING),
     }
 
 
@@ -210,7 +217,7 @@ def test_wifi_reaches_as_far_as_its_model_says() -> None:
         docks.run(100_000)
         for agent_id in (1, 2):
             docks.sea.send_sound(agent_id, command(Kind.PERMISSION, agent_id))
-        return Counter(it.agent_id for it in docks.run(2 * HOUR_MS) if isinstance(it, Heard))
+        return Counter(it.agent_id for it in docks.run(2 * HOUR_MS) if isinstance(it, AgentOutput))
 
     docks = Bench(20, 2000, sea=replace(SEA, wifi=Wifi()))
     everything = heard_of(Bench(20, 2000))  # without Wi-Fi's model all of it arrives
@@ -225,7 +232,7 @@ def test_one_that_died_boots_again_and_is_heard_in_its_next_slot() -> None:
     bench.run(3_600_000)
     bench.host.kill(1)
     results = bench.run(2 * HOUR_MS + 400_000)
-    assert [(it.agent_id, it.gave_up) for it in results if isinstance(it, Died)] == [(1, None)]
+    assert [(it.agent_id, it.gave_up) for it in results if isinstance(it, AgentDied)] == [(1, None)]
     heard = [(it.agent_id, it.mission_ms // HOUR_MS) for it in results if isinstance(it, SoundReached)]
     assert (1, 2) in heard and (2, 1) in heard and (2, 2) in heard
 

@@ -9,30 +9,36 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.coordinator import Died, Heard
-from agents.modem.frames import Frame, FrameKind
+from agents.coordinator import AgentDied, AgentOutput
+from agents.modem.frames import FrameKind, ModemFrame
 from agents.mussel.outputs import SoundSent
 from agents.mussel.stimuli import ContactClosed, SoundArrived, WasReset
 from agents.water import sea_link
-from agents.water.medium import Outcome, PacketEnded, Reception
-from agents.water.places import Place
-from agents.water.sea_link import CODEC, Call, Message, Tick, Ticked, Window, Windowed
+from agents.water.medium import PacketEnded, PacketOutcome, Reception
+from agents.water.places import ModemPlace
+from agents.water.sea_link import CODEC, Message, StationCall, Tick, Ticked, Window, Windowed
 from agents.water.topology import LinkRule, Topology
 from firmware_model.stimuli import ResetCause
 
-RECEPTIONS = (Reception(4, 7, Outcome.RECEIVED, 12.5, 40), Reception(5, 8, Outcome.COLLIDED, None, 90))
-FRAME = Frame(FrameKind(1), 3, 255, b"\x00\xff")
+RECEPTIONS = (
+    Reception(4, 7, PacketOutcome.RECEIVED, 12.5, 40),
+    Reception(5, 8, PacketOutcome.COLLIDED, None, 90),
+)
+FRAME = ModemFrame(FrameKind(1), 3, 255, b"\x00\xff")
 MESSAGES: tuple[Message, ...] = (
     Window(60_000, None, ((3, 59_999, ContactClosed(-5, 7)), (4, 60_000, SoundArrived(b"")))),
     Windowed(
-        (Heard(1, 3, SoundSent(60, b"hello")), Died(2, 4, 90, ResetCause.WATCHDOG, "it stood still", None)),
+        (
+            AgentOutput(1, 3, SoundSent(60, b"hello")),
+            AgentDied(2, 4, 90, ResetCause.WATCHDOG, "it stood still", None),
+        ),
         (),
         2**62,
     ),
     Ticked(
-        (PacketEnded(3, 1, FRAME, None, RECEPTIONS), Heard(1, 3, SoundSent(60, b""))),
+        (PacketEnded(3, 1, FRAME, None, RECEPTIONS), AgentOutput(1, 3, SoundSent(60, b""))),
         ((4, 5, WasReset(2)),),
-        {0: Place(1, 2, 3, in_water=True), -1: None},
+        {0: ModemPlace(1, 2, 3, in_water=True), -1: None},
         Counter({"sound: no place": 3}),
     ),
 )
@@ -47,7 +53,12 @@ def test_a_message_comes_out_as_it_went_in(message: Message) -> None:
 
 def test_a_topology_comes_out_with_its_rules() -> None:
     rules = (LinkRule(None, 3, 0.5), LinkRule(0, None, 1.0, 5, 9))
-    sent = Tick(1_000, (Call("set_topology", (Topology(rules),)), Call("send_sound", (None, b"x", 0))), (), 3)
+    sent = Tick(
+        1_000,
+        (StationCall("set_topology", (Topology(rules),)), StationCall("send_sound", (None, b"x", 0))),
+        (),
+        3,
+    )
     out = CODEC.decode(CODEC.encode(sent))
     assert out.calls[0].arguments[0].rules == rules and out.calls[1] == sent.calls[1]
 

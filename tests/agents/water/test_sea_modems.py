@@ -10,11 +10,18 @@ from seas import FLEET, SEA
 from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
-from agents.modem.frames import Generation
+from agents.modem.frames import ModemGeneration
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
 from agents.water.sea import Sea, SeaConfig
-from agents.water.sea_events import NotRanged, Printed, Ranged, SeaResult, SoundReached, StimulusDelivered
+from agents.water.sea_events import (
+    AgentRanged,
+    NotRanged,
+    Printed,
+    SeaResult,
+    SoundReached,
+    StimulusDelivered,
+)
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
 from firmware_model.packets.codec import MusselbedCodec
 
@@ -162,8 +169,10 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
     data = [it for it in packets(plain) if it[2]]
     assert len(data) >= 2 + 3
     assert [it for it in packets(opened) if it[2]] == data
-    ranges = [[it for it in bench.came if isinstance(it, Ranged | NotRanged)] for bench in (plain, opened)]
-    assert [type(it) for it in ranges[0]] == [Ranged, Ranged]
+    ranges = [
+        [it for it in bench.came if isinstance(it, AgentRanged | NotRanged)] for bench in (plain, opened)
+    ]
+    assert [type(it) for it in ranges[0]] == [AgentRanged, AgentRanged]
     assert [(type(it), it.agent_id) for it in ranges[1]] == [(type(it), it.agent_id) for it in ranges[0]]
     assert [it.range_m for it in ranges[1]] == [it.range_m for it in ranges[0]]
     # Simulated modems answer pings by themselves, without waking a board.
@@ -196,8 +205,8 @@ def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None
 
 
 def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
-    fleet = replace(FLEET, reports=replace(FLEET.reports, modem=Generation.V2))
-    bench = Bench(1, fleet=fleet, sea=replace(SEA, modems=Generation.V2))
+    fleet = replace(FLEET, reports=replace(FLEET.reports, modem=ModemGeneration.V2))
+    bench = Bench(1, fleet=fleet, sea=replace(SEA, modems=ModemGeneration.V2))
     bench.run(5000)
     assert bench.ask(1, b"$P002") == b"#P002\r\n#R002T03200\r\n"
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))

@@ -10,9 +10,9 @@ from shared_seas import ASKED, DISTURBED, THETA, Asked, Flown, command, joined, 
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import SoundArrived
 from agents.time_scale import TimeScale
-from agents.water.medium import Outcome
+from agents.water.medium import PacketOutcome
 from agents.water.sea import Sea, SeaConfig
-from agents.water.sea_events import Ranged, SoundReached, StimulusDelivered
+from agents.water.sea_events import AgentRanged, SoundReached, StimulusDelivered
 from agents.water.topology import LinkRule, Topology
 from firmware_model.packets import AcousticStatus, Kind
 from firmware_model.packets.codec import MusselbedCodec
@@ -60,7 +60,7 @@ def test_two_aPads_collide_where_their_packets_overlap(later_ms: int, outcome: s
     for it, agent_id, at_ms in zip(flights, (1, 2), (110_000, 110_000 + later_ms), strict=True):
         it.station.send_sound(agent_id, command(Kind.HOVER, agent_id), at_ms)
     run(flights, 100_000, 120_000)
-    assert flights[0].outcomes()[0, 110_000] == [(1, Outcome[outcome.upper()])]
+    assert flights[0].outcomes()[0, 110_000] == [(1, PacketOutcome[outcome.upper()])]
     told = [it.agent_ms for it in flights[0].of(StimulusDelivered) if isinstance(it, StimulusDelivered)]
     assert told == ([110_000 + FRAME_MS + 100] if outcome == "received" else [])
 
@@ -72,7 +72,7 @@ def test_a_near_aPad_is_heard_over_a_far_one() -> None:
     for it, agent_id in zip(flights, (1, 2), strict=True):
         it.station.send_sound(agent_id, command(Kind.HOVER, agent_id), 110_000)
     run(flights, 100_000, 120_000)
-    assert flights[1].outcomes()[0, 110_000] == [(2, Outcome.RECEIVED)]
+    assert flights[1].outcomes()[0, 110_000] == [(2, PacketOutcome.RECEIVED)]
 
 
 def test_each_aPad_hears_every_fleet_once() -> None:
@@ -88,8 +88,12 @@ def test_each_aPad_hears_every_fleet_once() -> None:
         statuses = [MusselbedCodec().decode(reached.data) for reached in heard]
         assert [it.basic.agent_id for it in statuses if isinstance(it, AcousticStatus)] == [1, 2]
     # A packet is recorded by the flight that it began beside: that flight's aPad is 0, the n-th aPad otherwise -n.
-    assert flights[0].outcomes() == {(1, 3_900_000): [(0, Outcome.RECEIVED), (-2, Outcome.RECEIVED)]}
-    assert flights[1].outcomes() == {(2, 3_905_000): [(0, Outcome.RECEIVED), (-1, Outcome.RECEIVED)]}
+    assert flights[0].outcomes() == {
+        (1, 3_900_000): [(0, PacketOutcome.RECEIVED), (-2, PacketOutcome.RECEIVED)]
+    }
+    assert flights[1].outcomes() == {
+        (2, 3_905_000): [(0, PacketOutcome.RECEIVED), (-1, PacketOutcome.RECEIVED)]
+    }
 
 
 def test_a_range_is_told_to_the_aPad_that_asked() -> None:
@@ -97,11 +101,11 @@ def test_a_range_is_told_to_the_aPad_that_asked() -> None:
     run(flights, 0, 100_000)
     flights[0].station.ping(2)
     run(flights, 101_000, 110_000)
-    (ranged,) = flights[0].of(Ranged)
-    assert isinstance(ranged, Ranged) and ranged.agent_id == 2
+    (ranged,) = flights[0].of(AgentRanged)
+    assert isinstance(ranged, AgentRanged) and ranged.agent_id == 2
     assert ranged.range_m == pytest.approx(350.0, abs=0.024)
     assert (
-        flights[1].of(Ranged) == []
+        flights[1].of(AgentRanged) == []
         and not flights[0].station.all_dropped
         and not flights[1].station.all_dropped
     )
@@ -130,7 +134,7 @@ def test_a_flight_that_has_ended_neither_sends_nor_hears() -> None:
     run(flights, 101_000, 101_000)
     left.station.leave()
     run((stays,), 102_000, HOUR_MS + 400_000)
-    assert stays.outcomes()[0, 100_990] == [(1, Outcome.IN_AIR)]
+    assert stays.outcomes()[0, 100_990] == [(1, PacketOutcome.IN_AIR)]
     # What had left its modem goes on its way, and nothing begins any more: not in its aMussel's slot either.
     assert [it.agent_ms for it in stays.of(StimulusDelivered) if isinstance(it, StimulusDelivered)] == [
         101_014

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.water.current import CurrentField
-from agents.water.stream import STILL, Stream, Tide, parse_stream, steady
+from agents.water.stream import STILL, Stream, TideConstituent, parse_stream, steady
 
 HEADER = "north_m,east_m,north_m_s,east_m_s,depth_m,time_s\n"
 LAYERED = parse_stream(HEADER + "0,0,1,0,0,0\n0,0,0.2,0,10,0\n0,0,3,0,0,100\n0,0,0.4,0.1,10,100\n")
@@ -33,7 +33,7 @@ def test_between_depths_and_times_it_is_linear(depth_m: int, second: int, veloci
 def test_a_tide_turns() -> None:
     """12 h: north is at its height after 3 h, east a quarter later; after 6 h both have turned."""
     tide = Stream.of(
-        STILL.seconds, STILL.depths_um, STILL.fields, (Tide(43_200, 500_000, 200_000, 0, 750_000),)
+        STILL.seconds, STILL.depths_um, STILL.fields, (TideConstituent(43_200, 500_000, 200_000, 0, 750_000),)
     )
     hours = [tide.velocity_um_s(0, 0, 0, 3600 * hour) for hour in (0, 3, 6, 9, 12)]
     assert hours == [(0, -200_000), (500_000, 0), (0, 200_000), (-500_000, 0), (0, -200_000)]
@@ -43,7 +43,7 @@ def test_a_tide_turns() -> None:
 
 @given(st.integers(0, 10**9))
 def test_a_tide_comes_back_after_its_period_exactly(second: int) -> None:
-    tide = Tide(44_714, 311_000, -92_000, 123_456, 7)
+    tide = TideConstituent(44_714, 311_000, -92_000, 123_456, 7)
     assert tide.velocity_um_s(second) == tide.velocity_um_s(second + 44_714)
 
 

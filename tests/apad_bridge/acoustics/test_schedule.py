@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from agents.modem.frames import Frame, FrameKind
+from agents.modem.frames import FrameKind, ModemFrame
 from agents.packet_medium import Medium
 from agents.time_scale import TimeScale
 from agents.water import medium as water_medium
-from agents.water.places import Place
+from agents.water.places import ModemPlace
 from agents.water.sound import Sound
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.events.sound import Asked, NoAnswer
@@ -112,20 +112,20 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
         ]
         first, second = AcousticScheduler(config, CODEC, SLOTS, [1, 2]).schedule_sends(permissions, 1000)
         assert isinstance(first, Send) and isinstance(second, Send) and first.not_before_ms == 1000
-        water = water_medium.Medium(echoing, 1, [(0, 0), (1, 1), (2, 2)])
+        water = water_medium.WaterMedium(echoing, 1, [(0, 0), (1, 1), (2, 2)])
         for node, north_m in enumerate((0, 160, 150)):
-            water.receive(water_medium.Moved(node, Place(north_m * 1_000_000, 0, 5_000_000)), 0)
-        actions = [Frame(FrameKind.UNICAST, 0, it.agent_id, it.data) for it in (first, second)]
+            water.receive(water_medium.ModemMoved(node, ModemPlace(north_m * 1_000_000, 0, 5_000_000)), 0)
+        actions = [ModemFrame(FrameKind.UNICAST, 0, it.agent_id, it.data) for it in (first, second)]
         water.receive(water_medium.Began(0, actions[0]), first.not_before_ms)
         ended = water.receive(
-            water_medium.Moved(0, Place(30_000_000, 0, 5_000_000)), second.not_before_ms - 1
+            water_medium.ModemMoved(0, ModemPlace(30_000_000, 0, 5_000_000)), second.not_before_ms - 1
         )
         ended += water.receive(water_medium.Began(0, actions[1]), second.not_before_ms)
         ended += water.advance(9000)
         outcomes[pause_ms] = [
             it.outcome for end in ended if isinstance(end, water_medium.PacketEnded) for it in end.receptions
         ]
-    received, collided = water_medium.Outcome.RECEIVED, water_medium.Outcome.COLLIDED
+    received, collided = water_medium.PacketOutcome.RECEIVED, water_medium.PacketOutcome.COLLIDED
     assert outcomes == {20: [received, collided], 120: [received, received]}
 
 

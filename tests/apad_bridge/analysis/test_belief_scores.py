@@ -14,8 +14,8 @@ from scenario_files import POOL_FILE, SCENARIO_FILES
 
 from agents.time_scale import TimeScale
 from apad_bridge.analysis.belief_scores.comparisons import (
+    BeliefComparison,
     ChargeComparison,
-    Comparison,
     Record,
     comparisons_in,
 )
@@ -35,11 +35,11 @@ TWIN = """beliefs:
 
 def row(
     agent_id: int, age_h: float, error: float, deviation: float | None, clamped: bool = False
-) -> Comparison:
+) -> BeliefComparison:
     covered = None if deviation is None else abs(error) <= 1.96 * deviation
     width = None if deviation is None else 2 * 1.96 * deviation
     charge = ChargeComparison(error, deviation, covered, width, clamped)
-    return Comparison(agent_id, 0, age_h, Mode.IDLE, False, True, charge, None, None)
+    return BeliefComparison(agent_id, 0, age_h, Mode.IDLE, False, True, charge, None, None)
 
 
 def test_scores_are_counted_by_hand() -> None:

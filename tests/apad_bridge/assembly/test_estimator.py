@@ -15,7 +15,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.twin_parameters import TwinParameters
 from apad_bridge.records.samples import Water
 from apad_bridge.runs.in_memory import open_flight
-from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -43,12 +43,12 @@ def _metered() -> Scenario:
 
 
 METERED = _metered()
-WITH_TWINS = replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))
+WITH_TWINS = replace(POOL, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=MODEL))
 
 
 def parameters_of(scenario: Scenario) -> TwinParameters:
     """The parameters of the scenario's twins, with this laboratory's model."""
-    twin = flight_config(replace(scenario, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))).twin
+    twin = flight_config(replace(scenario, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=MODEL))).twin
     assert twin is not None
     return twin.parameters
 
@@ -121,7 +121,7 @@ def test_twins_of_whole_boards_cover_what_is_so(scenario: str) -> None:
     model = TwinModel(
         drain_deviation=0.05, sensor_noise=0.005, bias_deviation=0.02, unscheduled=0.01, fix_deviation_m=0.5
     )
-    believed = Beliefs(estimator=Estimator.TWIN, twin=model)
+    believed = Beliefs(estimator=EstimatorKind.TWIN, twin=model)
     flight, recorder = open_flight(replace(flown, beliefs=believed, duration_s=2400.0))
     rows: list[tuple[float, bool, bool]] = []
     water, newest, take = Water(flown), {}, recorder.truths

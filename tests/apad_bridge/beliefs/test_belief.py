@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.mixture import Part
+from apad_bridge.beliefs.mixture import Gaussian
 from apad_bridge.beliefs.modes import DOCKED, Mode, mode_of
 from firmware_model.states import State
 
@@ -33,5 +33,7 @@ def test_a_belief_with_deviations_answers_with_probabilities() -> None:
     assert belief.probability_at_most(0.5) == pytest.approx(0.5)
     assert belief.charge_interval(0.6827) == pytest.approx((0.4, 0.6), abs=1e-4)
     assert (belief.mode, belief.probability_of(*DOCKED), belief.at_ms) == (Mode.IDLE, 0.25, 6000)
-    split = Belief(3, 0, State.ACTIVE, 0.5, 1.0, 0.0, 0.0, parts=(Part(0.3, 0.2, 0.01), Part(0.7, 0.6, 0.01)))
+    split = Belief(
+        3, 0, State.ACTIVE, 0.5, 1.0, 0.0, 0.0, parts=(Gaussian(0.3, 0.2, 0.01), Gaussian(0.7, 0.6, 0.01))
+    )
     assert split.probability_at_most(0.4) == pytest.approx(0.3)

@@ -19,7 +19,7 @@ from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import UNKNOWN
 from apad_bridge.beliefs.twin_state import TwinState
-from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -33,7 +33,7 @@ MODEL = TwinModel(
     current_deviation_m_s=0.02,
 )
 POOL = load(POOL_FILE)
-TWINS = flight_config(replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))).twin
+TWINS = flight_config(replace(POOL, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=MODEL))).twin
 assert TWINS is not None
 KNOWLEDGE = TWINS.parameters
 

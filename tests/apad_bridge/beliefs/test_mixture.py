@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.beliefs.mixture import Part, below, below_strictly, clamped, interval, quantile, truncated
+from apad_bridge.beliefs.mixture import (
+    Gaussian,
+    below,
+    below_strictly,
+    clamped,
+    interval,
+    quantile,
+    truncated,
+)
 
 MEANS = st.floats(-0.5, 1.5)
 DEVIATIONS = st.floats(0.005, 0.6)
@@ -59,7 +67,7 @@ def test_a_quantile_is_the_inverse_of_the_distribution(
     rows: list[tuple[float, float, float]], probability: float
 ) -> None:
     total = sum(weight for weight, _, _ in rows)
-    parts = [Part(weight / total, mean, sd) for weight, mean, sd in rows]
+    parts = [Gaussian(weight / total, mean, sd) for weight, mean, sd in rows]
     charge = quantile(parts, probability)
     assert 0 <= charge <= 1
     assert below(parts, charge) >= probability - 1e-9
@@ -67,22 +75,22 @@ def test_a_quantile_is_the_inverse_of_the_distribution(
 
 
 def test_an_interval_holds_95_of_100() -> None:
-    assert interval([Part(1.0, 0.5, 0.1)], 0.95) == pytest.approx((0.304, 0.696), abs=1e-3)
+    assert interval([Gaussian(1.0, 0.5, 0.1)], 0.95) == pytest.approx((0.304, 0.696), abs=1e-3)
     # One in twenty is far off: the Gaussian of the same moments would give 0.33 to 0.63.
-    low, high = interval([Part(0.95, 0.5, 0.001), Part(0.05, 0.2, 0.001)], 0.95)
+    low, high = interval([Gaussian(0.95, 0.5, 0.001), Gaussian(0.05, 0.2, 0.001)], 0.95)
     assert low == pytest.approx(0.2, abs=0.01) and high == pytest.approx(0.502, abs=0.003)
 
 
 def test_what_rests_at_an_end_is_counted_there() -> None:
-    parts = [Part(1.0, 1.2, 0.1)]
+    parts = [Gaussian(1.0, 1.2, 0.1)]
     assert interval(parts, 0.95)[1] == 1.0
     assert below(parts, 1.0) == 1.0
     assert below_strictly(parts, 1.0) == pytest.approx(0.0228, abs=1e-4)
-    assert quantile([Part(1.0, -0.2, 0.1)], 0.5) == 0.0
+    assert quantile([Gaussian(1.0, -0.2, 0.1)], 0.5) == 0.0
 
 
 def test_a_probability_is_never_above_1_though_weights_are_rounded() -> None:
     # The weights are one unit in the last place too heavy; all parts lie at 0 for certain.
-    parts = [Part(weight, -0.4, 0.005) for weight in (0.5, 0.5 + 2**-52)]
+    parts = [Gaussian(weight, -0.4, 0.005) for weight in (0.5, 0.5 + 2**-52)]
     assert sum(weight for weight, _, _ in parts) > 1
     assert below(parts, 0.0) == below_strictly(parts, 0.5) == 1.0

@@ -12,7 +12,14 @@ from scenario_files import SCENARIO_FILES, WHOLE_FILE
 from apad_bridge.commands.main import main
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import OPTIONS_NAME, APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import (
+    OPTIONS_NAME,
+    APadKind,
+    BenchPart,
+    OnDeath,
+    RunOptions,
+    TimeSource,
+)
 
 
 @pytest.fixture
@@ -77,7 +84,13 @@ def test_a_modem_that_is_not_there_is_missed_at_once(
 
 def test_a_resumed_run_opens_the_same_modems(tmp_path: Path) -> None:
     options = RunOptions(
-        Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT, open_modems=(3, 7), modem="/dev/ttyUSB0"
+        BenchPart.WHOLE,
+        APadKind.SIM,
+        TimeSource.WALL,
+        1.0,
+        OnDeath.WAIT,
+        open_modems=(3, 7),
+        modem="/dev/ttyUSB0",
     )
     options.save(tmp_path)
     assert (tmp_path / OPTIONS_NAME).exists()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.commands.firmware.mu_script import Budget, ScriptError, budget_of, play, read_script
+from apad_bridge.commands.firmware.mu_script import Budget, MuScriptError, budget_of, play, read_script
 from apad_bridge.commands.main import main
 from apad_bridge.runs.exits import Exit
 from firmware_model.bench.state_diagram import blocks
@@ -112,7 +112,7 @@ def test_a_script_with_a_mistake_is_one_line_that_names_it(
     tmp_path: Path, text: str, fault: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = script(tmp_path, text)
-    with pytest.raises(ScriptError, match=re.escape(fault)):
+    with pytest.raises(MuScriptError, match=re.escape(fault)):
         read_script(path)
     assert main(["mu", "run", str(path)]) == Exit.USER_MISTAKE
     assert fault in capsys.readouterr().err

@@ -20,7 +20,7 @@ from apad_bridge.commands.prepare.preflight_checks import (
     refuse_red,
     report_path,
 )
-from apad_bridge.doctor.finding import Finding, Status, cannot_tell, fail, ok
+from apad_bridge.doctor.finding import CheckStatus, Finding, cannot_tell, fail, ok
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.loader import load
 
@@ -91,12 +91,12 @@ def test_a_proof_counts_for_a_day_on_its_master(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     pool = load(POOL_FILE)
-    failed = Finding("/apad1 stop", Status.FAIL, "it went on", "see to it")
+    failed = Finding("/apad1 stop", CheckStatus.FAIL, "it went on", "see to it")
     report = replace(GREEN, at=now(), findings=(failed,))
     path = report_path(pool)
     path.parent.mkdir()
     replace(report, **change).save(path)
     stop, docks = proofs(pool, MASTER, ["/apad1"])
     assert (stop == failed) is counts
-    assert docks.status is Status.WARN and "--prove-docks" in str(docks.mend)
+    assert docks.status is CheckStatus.WARN and "--prove-docks" in str(docks.mend)
     assert preflight_checks.PROOFS.keys() == {"stop", "docks opened"}

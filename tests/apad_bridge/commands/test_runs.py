@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from scenario_files import POOL_FILE
 
-from apad_bridge.commands.look.runs import Row, lines_of
+from apad_bridge.commands.look.runs import RunRow, lines_of
 from apad_bridge.commands.main import main
 from apad_bridge.runs.children import supervising
 
@@ -65,9 +65,9 @@ def test_a_long_error_takes_one_line_and_a_stop_is_named(
 @pytest.mark.parametrize("width", [80, 100, 120, 160])
 def test_no_name_and_no_figure_is_cut_on_a_screen_of_any_width(width: int) -> None:
     rows = [
-        Row("pool-12-20261126T172923Z", "", "mission time", 12, 2400.0, 74.3, 276.87, 16, 0),
-        Row("whole-board-12-20261126T172923Z", "", "flies"),
-        Row(
+        RunRow("pool-12-20261126T172923Z", "", "mission time", 12, 2400.0, 74.3, 276.87, 16, 0),
+        RunRow("whole-board-12-20261126T172923Z", "", "flies"),
+        RunRow(
             "energy_exchange-real-apad-20261126T172923Z",
             "",
             "a failure of the script with a long reason",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from apad_bridge.console.server import Broadcast, Ending
+from apad_bridge.console.server import Broadcast, ConsoleEnding
 
 
 class Feed:
@@ -22,7 +22,7 @@ def test_a_defect_ends_the_streams_of_all_pages_and_is_told() -> None:
     told: list[Exception] = []
 
     async def story() -> list[bytes]:
-        broadcast = Broadcast(Feed(), Ending(lambda why: None, lambda: False, told.append))  # type: ignore[arg-type]
+        broadcast = Broadcast(Feed(), ConsoleEnding(lambda why: None, lambda: False, told.append))  # type: ignore[arg-type]
         stream = broadcast.stream((0, 0, 0, 0))
         first = await anext(stream)
         await broadcast.run()

@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros import doctor_apad_checks, vehicle_probe
 from apad_bridge.ros.doctor_apad_checks import check_apads
@@ -21,7 +21,7 @@ SERVICES = {
 }
 
 
-def found_of(monkeypatch: pytest.MonkeyPatch, services: dict[str, str]) -> dict[str, tuple[Status, str]]:
+def found_of(monkeypatch: pytest.MonkeyPatch, services: dict[str, str]) -> dict[str, tuple[CheckStatus, str]]:
     def not_told(*_: object) -> str:
         raise NotAnnounced("nobody publishes it")
 
@@ -34,16 +34,16 @@ def found_of(monkeypatch: pytest.MonkeyPatch, services: dict[str, str]) -> dict[
 
 def test_what_is_beside_and_differs_is_a_warning_with_both_md5s(monkeypatch: pytest.MonkeyPatch) -> None:
     found = found_of(monkeypatch, SERVICES)
-    assert found["/boat"][0] is Status.OK
+    assert found["/boat"][0] is CheckStatus.OK
     status, line = found["/boat beside"]
-    assert status is Status.WARN and f"commander/docking: md5 {'0' * 32}, ours " in line
+    assert status is CheckStatus.WARN and f"commander/docking: md5 {'0' * 32}, ours " in line
     # The aPad has no simple go-to and no action, and the bench does not use them.
     assert "commander/go2point" not in line and "go2point/" not in line
 
 
 def test_it_tells_what_can_be_asked_of_the_apad(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found_of(monkeypatch, SERVICES)["/boat capabilities"] == (
-        Status.OK,
+        CheckStatus.OK,
         "docks by its own eyes; holds a position; does not report what its docks hold; "
         "obeys the speed of a go-to; does not tell how many docks it has: its messages can name 4",
     )
@@ -87,13 +87,13 @@ def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) 
     del services["/boat/commander/docking"]
     found = found_of(monkeypatch, services)
     status, line = found["/boat"]
-    assert status is Status.FAIL and "1" * 32 in line and GO_TO in line
+    assert status is CheckStatus.FAIL and "1" * 32 in line and GO_TO in line
     assert "/boat beside" not in found
 
 
 def test_a_silent_battery_cannot_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     status, line = found_of(monkeypatch, SERVICES)["/boat battery"]
-    assert status is Status.CANNOT_TELL and "/boat/battery_level: nobody publishes it" in line
+    assert status is CheckStatus.CANNOT_TELL and "/boat/battery_level: nobody publishes it" in line
 
 
 def test_a_silent_battery_topic_leaves_the_charge_to_the_service(monkeypatch: pytest.MonkeyPatch) -> None:

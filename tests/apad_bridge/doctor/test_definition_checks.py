@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.doctor.definitions import Definitions, check_definitions, python_md5s
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.ros import doctor_checks
 from apad_bridge.ros.doctor_checks import check_other_definitions
 from apad_bridge.ros.types.generate import generate
@@ -47,7 +47,7 @@ def test_code_of_python_2_is_read_and_not_run(tmp_path: Path) -> None:
 def test_a_difference_names_both_places_and_both_md5s() -> None:
     ours = Definitions("/ours", {"auv_msgs/NavSts": OURS})
     (finding,) = check_definitions(ours, [Definitions("/theirs", {"auv_msgs/NavSts": THEIRS})])
-    assert finding.status is Status.WARN
+    assert finding.status is CheckStatus.WARN
     for part in ("/ours", "/theirs", OURS, THEIRS, "auv_msgs/NavSts"):
         assert part in finding.found
 
@@ -55,7 +55,7 @@ def test_a_difference_names_both_places_and_both_md5s() -> None:
 def test_a_workspace_that_agrees_is_no_trouble() -> None:
     ours = Definitions("/ours", {"auv_msgs/NavSts": OURS})
     (finding,) = check_definitions(ours, [Definitions("/theirs", {"auv_msgs/NavSts": OURS})])
-    assert finding.status is Status.OK and "/theirs" in finding.found
+    assert finding.status is CheckStatus.OK and "/theirs" in finding.found
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import pytest
 
 from apad_bridge.doctor.finding import (
     Check,
+    CheckStatus,
     Finding,
-    Status,
     cannot_tell,
     fail,
     ok,
@@ -27,9 +27,9 @@ def test_a_line_holds_status_what_was_found_and_the_mend() -> None:
 
 def test_trouble_without_a_mend_is_no_finding() -> None:
     with pytest.raises(ValueError, match="disk"):
-        Finding("disk", Status.WARN, "full")
+        Finding("disk", CheckStatus.WARN, "full")
     with pytest.raises(ValueError, match="disk"):
-        Finding("disk", Status.OK, "empty", "fill it")
+        Finding("disk", CheckStatus.OK, "empty", "fill it")
 
 
 def test_a_check_that_breaks_keeps_what_it_had_found() -> None:
@@ -39,7 +39,7 @@ def test_a_check_that_breaks_keeps_what_it_had_found() -> None:
 
     first, broken = run_check("both", breaks)
     assert first == ok("first", "fine")
-    assert (broken.check, broken.status) == ("both", Status.FAIL)
+    assert (broken.check, broken.status) == ("both", CheckStatus.FAIL)
     assert "KeyError: 'second'" in broken.found
 
 
@@ -50,19 +50,19 @@ def test_a_table_is_checked_in_its_order_and_a_broken_entry_stops_no_other() -> 
     )
     findings = list(run_checks(table, 0, "/apad1"))
     assert [(it.check, it.status) for it in findings] == [
-        ("/apad1 ports", Status.FAIL),
-        ("disk", Status.OK),
-        ("disk", Status.OK),
+        ("/apad1 ports", CheckStatus.FAIL),
+        ("disk", CheckStatus.OK),
+        ("disk", CheckStatus.OK),
     ]
     assert "ZeroDivisionError" in findings[0].found
 
 
 @pytest.mark.parametrize(
     ("is_red_at_warning", "before_mission", "wanted"),
-    [(True, True, Status.FAIL), (True, False, Status.WARN), (False, True, Status.WARN)],
+    [(True, True, CheckStatus.FAIL), (True, False, CheckStatus.WARN), (False, True, CheckStatus.WARN)],
 )
 def test_a_warning_is_red_before_a_mission_where_its_entry_says_so(
-    is_red_at_warning: bool, before_mission: bool, wanted: Status
+    is_red_at_warning: bool, before_mission: bool, wanted: CheckStatus
 ) -> None:
     table = (
         Check(
@@ -72,4 +72,4 @@ def test_a_warning_is_red_before_a_mission_where_its_entry_says_so(
         ),
     )
     fine, doubt = run_checks(table, "held", before_mission=before_mission)
-    assert (fine.status, doubt.status, doubt.mend) == (Status.OK, wanted, "empty them")
+    assert (fine.status, doubt.status, doubt.mend) == (CheckStatus.OK, wanted, "empty them")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.interpreter import check_numpy, check_packages, check_python, check_shadows
 
 
@@ -18,21 +18,21 @@ def environment(tmp_path: Path) -> Path:
 
 def test_debians_python_in_an_environment_that_sees_its_packages(environment: Path) -> None:
     (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
-    assert finding.status is Status.OK
+    assert finding.status is CheckStatus.OK
 
 
 def test_another_python_does_not_see_rospy(environment: Path) -> None:
     other = environment / "python3"
     other.touch()
     (finding,) = check_python(other, environment, Path("/usr/bin/python3"))
-    assert finding.status is Status.FAIL
+    assert finding.status is CheckStatus.FAIL
     assert str(other) in finding.found and "launch_scripts/install" in str(finding.mend)
 
 
 def test_an_environment_that_hides_debians_packages(environment: Path) -> None:
     (environment / "pyvenv.cfg").write_text("include-system-site-packages = false\n")
     (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
-    assert finding.status is Status.FAIL
+    assert finding.status is CheckStatus.FAIL
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_numpy_must_go_with_debians_rospy(version: str, status: str) -> None:
 
 def test_python_3_14_has_a_numpy_that_some_publishers_cannot_use() -> None:
     found = check_numpy("2.4.6", (3, 14))
-    assert found.status == Status.WARN and "rospy.numpy_msg" in found.found
+    assert found.status == CheckStatus.WARN and "rospy.numpy_msg" in found.found
 
 
 def test_what_a_distribution_asks_for_and_does_not_have(
@@ -69,12 +69,16 @@ def test_what_a_distribution_asks_for_and_does_not_have(
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: lab\nVersion: 1.0\n{requirements}")
     monkeypatch.syspath_prepend(str(tmp_path))
     found = {finding.check: finding.status for finding in check_packages("lab")}
-    assert found == {"surely-not-here": Status.FAIL, "numpy": Status.OK, "of-this-one": Status.FAIL}
+    assert found == {
+        "surely-not-here": CheckStatus.FAIL,
+        "numpy": CheckStatus.OK,
+        "of-this-one": CheckStatus.FAIL,
+    }
 
 
 def test_an_environment_without_the_distribution() -> None:
     (finding,) = check_packages("surely-not-here")
-    assert finding.status is Status.FAIL and "launch_scripts/install" in str(finding.mend)
+    assert finding.status is CheckStatus.FAIL and "launch_scripts/install" in str(finding.mend)
 
 
 class Places:

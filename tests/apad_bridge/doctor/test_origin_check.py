@@ -9,7 +9,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.origin_check import ToldPlace, check_origin
 from apad_bridge.scenario.schema import Origin
 
@@ -38,7 +38,7 @@ def parameters() -> Iterator[Parameters]:
 def test_the_same_origin_is_found_in_its_namespace_or_above(parameters: Parameters, namespace: str) -> None:
     parameters |= {f"{namespace}/LocalOriginLat": 43.933094, f"{namespace}/LocalOriginLon": 15.444347}
     found = check_origin(parameters.uri, "/bay/apad1", BIOGRAD)
-    assert found.status is Status.OK and "43.9330940, 15.4443470, as the scenario does" in found.found
+    assert found.status is CheckStatus.OK and "43.9330940, 15.4443470, as the scenario does" in found.found
 
 
 def test_another_origin_is_said_with_its_distance_and_its_mend(parameters: Parameters) -> None:
@@ -49,19 +49,19 @@ def test_another_origin_is_said_with_its_distance_and_its_mend(parameters: Param
         "/LocalOriginLat": 0,
     }
     found = check_origin(parameters.uri, "/apad1", BIOGRAD)
-    assert found.status is Status.FAIL and "1111 m from the scenario's" in found.found
+    assert found.status is CheckStatus.FAIL and "1111 m from the scenario's" in found.found
     assert "latitude_deg: 43.9430937, longitude_deg: 15.4443468" in str(found)
 
 
 @pytest.mark.parametrize("wrong", ["north", [43.9], 91.0])
 def test_what_is_no_place_is_said(parameters: Parameters, wrong: object) -> None:
     parameters |= {"/apad1/LocalOriginLat": wrong, "/apad1/LocalOriginLon": 15.4}
-    assert check_origin(parameters.uri, "/apad1", BIOGRAD).status is Status.FAIL
+    assert check_origin(parameters.uri, "/apad1", BIOGRAD).status is CheckStatus.FAIL
 
 
 def test_without_parameters_nothing_is_claimed(parameters: Parameters) -> None:
     found = check_origin(parameters.uri, "/apad1", BIOGRAD)
-    assert found.status is Status.CANNOT_TELL and "/apad1/LocalOriginLat is not set" in found.found
+    assert found.status is CheckStatus.CANNOT_TELL and "/apad1/LocalOriginLat is not set" in found.found
 
 
 NORTH_DEG = 100 / 111_111
@@ -71,21 +71,21 @@ NORTH_DEG = 100 / 111_111
 @pytest.mark.parametrize(
     ("told", "status", "words"),
     [
-        (ToldPlace("its origin", 43.9330937, 15.4443468), Status.OK, "as the scenario does"),
-        (ToldPlace("its origin", 43.9420937, 15.4443468), Status.FAIL, "1000 m from the scenario's"),
-        (ToldPlace("its origin", -43.9330937, -15.4443468), Status.FAIL, "m from the scenario's"),
-        (ToldPlace("its origin", 15.4443468, 43.9330937), Status.FAIL, "look swapped in area.origin"),
-        (ToldPlace("it", 43.9330937 + NORTH_DEG, 15.4443468, 100.0), Status.OK, "as the scenario does"),
+        (ToldPlace("its origin", 43.9330937, 15.4443468), CheckStatus.OK, "as the scenario does"),
+        (ToldPlace("its origin", 43.9420937, 15.4443468), CheckStatus.FAIL, "1000 m from the scenario's"),
+        (ToldPlace("its origin", -43.9330937, -15.4443468), CheckStatus.FAIL, "m from the scenario's"),
+        (ToldPlace("its origin", 15.4443468, 43.9330937), CheckStatus.FAIL, "look swapped in area.origin"),
+        (ToldPlace("it", 43.9330937 + NORTH_DEG, 15.4443468, 100.0), CheckStatus.OK, "as the scenario does"),
         (
             ToldPlace("it", 43.9330937 + NORTH_DEG, 15.4443468, -100.0),
-            Status.FAIL,
+            CheckStatus.FAIL,
             "north has the wrong sign",
         ),
-        (ToldPlace("it", math.nan, 15.4443468), Status.FAIL, "no latitude and longitude"),
+        (ToldPlace("it", math.nan, 15.4443468), CheckStatus.FAIL, "no latitude and longitude"),
     ],
 )
 def test_places_that_the_positions_name_are_compared(
-    parameters: Parameters, told: ToldPlace, status: Status, words: str
+    parameters: Parameters, told: ToldPlace, status: CheckStatus, words: str
 ) -> None:
     found = check_origin(parameters.uri, "/apad1", BIOGRAD, [told])
     assert found.status is status and words in found.found
@@ -94,5 +94,5 @@ def test_places_that_the_positions_name_are_compared(
 def test_positions_are_compared_even_where_the_parameters_agree(parameters: Parameters) -> None:
     parameters |= {"/LocalOriginLat": BIOGRAD.latitude_deg, "/LocalOriginLon": BIOGRAD.longitude_deg}
     elsewhere = ToldPlace("its positions' origin", 43.9420937, 15.4443468)
-    assert check_origin(parameters.uri, "/apad1", BIOGRAD).status is Status.OK
-    assert check_origin(parameters.uri, "/apad1", BIOGRAD, [elsewhere]).status is Status.FAIL
+    assert check_origin(parameters.uri, "/apad1", BIOGRAD).status is CheckStatus.OK
+    assert check_origin(parameters.uri, "/apad1", BIOGRAD, [elsewhere]).status is CheckStatus.FAIL

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.doctor.finding import Finding, Status, fail, ok
+from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok
 from apad_bridge.doctor.positions import (
     PositionSample,
     check_gps,
@@ -21,7 +21,7 @@ from apad_bridge.doctor.positions import (
 from apad_bridge.doctor.preflight import (
     WATCHDOG_STATES,
     EnergyNeed,
-    Heard,
+    TopicSeen,
     check_clearance,
     check_delay,
     check_energy,
@@ -144,7 +144,7 @@ def test_the_apad_has_to_lie_inside_its_fence(
 
 
 def key(finding: Finding) -> str:
-    (found,) = red_keys([replace(finding, status=Status.FAIL, mend="mend")], [APAD])
+    (found,) = red_keys([replace(finding, status=CheckStatus.FAIL, mend="mend")], [APAD])
     return found
 
 
@@ -250,17 +250,17 @@ def test_the_places_in_degrees_come_from_the_newest_sound_position() -> None:
 @pytest.mark.parametrize(
     ("hears_pilot", "manual", "wanted"),
     [
-        (True, Heard(True, False), "OK"),
-        (True, Heard(False), "WARN"),
-        (True, Heard(True), "CANNOT TELL"),
-        (True, Heard(True, True), "FAIL"),
-        (False, Heard(False), "OK"),
-        (False, Heard(True), "CANNOT TELL"),
-        (False, Heard(True, True), "FAIL"),
+        (True, TopicSeen(True, False), "OK"),
+        (True, TopicSeen(False), "WARN"),
+        (True, TopicSeen(True), "CANNOT TELL"),
+        (True, TopicSeen(True, True), "FAIL"),
+        (False, TopicSeen(False), "OK"),
+        (False, TopicSeen(True), "CANNOT TELL"),
+        (False, TopicSeen(True, True), "FAIL"),
     ],
 )
 def test_a_pilot_who_steers_is_red_and_a_flag_that_fell_silent_tells_nothing(
-    hears_pilot: bool, manual: Heard, wanted: str
+    hears_pilot: bool, manual: TopicSeen, wanted: str
 ) -> None:
     assert status(check_pilot(APAD, hears_pilot=hears_pilot, manual=manual)) == wanted
 
@@ -268,17 +268,17 @@ def test_a_pilot_who_steers_is_red_and_a_flag_that_fell_silent_tells_nothing(
 @pytest.mark.parametrize(
     ("drifts", "state", "wanted"),
     [
-        (True, Heard(False), "FAIL"),
-        (False, Heard(False), "WARN"),
-        (True, Heard(True, "WATCHING"), "OK"),
-        (False, Heard(True, "WAITING"), "OK"),
-        (False, Heard(True), "FAIL"),
-        (False, Heard(True, "hello"), "FAIL"),
-        (True, Heard(True, ""), "FAIL"),
+        (True, TopicSeen(False), "FAIL"),
+        (False, TopicSeen(False), "WARN"),
+        (True, TopicSeen(True, "WATCHING"), "OK"),
+        (False, TopicSeen(True, "WAITING"), "OK"),
+        (False, TopicSeen(True), "FAIL"),
+        (False, TopicSeen(True, "hello"), "FAIL"),
+        (True, TopicSeen(True, ""), "FAIL"),
     ],
 )
 def test_a_watchdog_that_is_silent_or_says_what_none_says_is_red(
-    drifts: bool, state: Heard, wanted: str
+    drifts: bool, state: TopicSeen, wanted: str
 ) -> None:
     assert status(check_watchdog(APAD, drifts=drifts, state=state)) == wanted
 

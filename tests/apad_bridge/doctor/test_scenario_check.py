@@ -8,7 +8,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from apad_bridge.doctor import scenario_check
-from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.finding import CheckStatus
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 
@@ -17,7 +17,7 @@ SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 def test_the_shipped_ones_are_fine(name: str) -> None:
     scenario, findings = scenario_check.read(SCENARIOS / f"{name}.yaml")
     assert scenario is not None and scenario.name == name
-    assert {finding.status for finding in findings} == {Status.OK}
+    assert {finding.status for finding in findings} == {CheckStatus.OK}
     assert [finding.check for finding in findings] == ["scenario", "starts", "codec"]
 
 
@@ -32,16 +32,18 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
 def test_a_wrong_key_is_named_with_its_path(tmp_path: Path) -> None:
     scenario, findings = scenario_check.read(changed(tmp_path, "  batch: 4", "  batsch: 4"))
     assert scenario is None
-    assert any("mission.batsch" in finding.found and finding.status is Status.FAIL for finding in findings)
+    assert any(
+        "mission.batsch" in finding.found and finding.status is CheckStatus.FAIL for finding in findings
+    )
 
 
 def test_more_aMussels_than_there_are_starts(tmp_path: Path) -> None:
     _, findings = scenario_check.read(changed(tmp_path, "count: 12", "count: 13"))
-    assert [finding.check for finding in findings if finding.status is Status.FAIL] == ["starts"]
+    assert [finding.check for finding in findings if finding.status is CheckStatus.FAIL] == ["starts"]
 
 
 def test_a_codec_that_nobody_brings(tmp_path: Path) -> None:
     path = changed(tmp_path, "report_period_s: 1}", "report_period_s: 1, codec: ours-9}")
     _, findings = scenario_check.read(path)
-    (failed,) = [finding for finding in findings if finding.status is Status.FAIL]
+    (failed,) = [finding for finding in findings if finding.status is CheckStatus.FAIL]
     assert failed.check == "codec" and "ours-9" in failed.found and "musselbed-1" in failed.found

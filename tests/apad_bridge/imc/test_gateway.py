@@ -17,7 +17,7 @@ from imc_codec import Codec, header_of, name_of
 
 from apad_bridge.commands import main
 from apad_bridge.imc import messages
-from apad_bridge.imc.gateway import Gateway, Settings
+from apad_bridge.imc.gateway import GatewaySettings, ImcGateway
 from apad_bridge.imc.protocol import packed
 from apad_bridge.imc.systems import amussel_system
 from apad_bridge.imc.wire import Console
@@ -28,13 +28,13 @@ from apad_bridge.scenario.loader import load
 APAD = 0x2A01
 
 
-def show(run_dir: Path) -> tuple[Gateway, list[bytes]]:
+def show(run_dir: Path) -> tuple[ImcGateway, list[bytes]]:
     """Shows an ended run to a console; the gateway and the packets that reached the console."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
         console.bind(("127.0.0.1", 0))
         console.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        settings = Settings(("127.0.0.1", 0), (Console(console.getsockname(), 0x4001),))
-        gateway = Gateway(run_dir, load(run_dir / "scenario.yaml"), settings, pytest.fail)
+        settings = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname(), 0x4001),))
+        gateway = ImcGateway(run_dir, load(run_dir / "scenario.yaml"), settings, pytest.fail)
         assert gateway.run(lambda: False) == "mission time"
         packets = []
         console.setblocking(False)
@@ -237,8 +237,8 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
     ):
         for link in (console, stranger):
             link.bind(("127.0.0.1", 0))
-        settings = Settings(("127.0.0.1", 0), (Console(console.getsockname()),))
-        gateway = Gateway(flown, load(flown / "scenario.yaml"), settings, pytest.fail)
+        settings = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname()),))
+        gateway = ImcGateway(flown, load(flown / "scenario.yaml"), settings, pytest.fail)
         for link, asked in ((console, APAD), (console, 0x9A03), (console, 0x9A63), (stranger, 0x9A04)):
             query = codec.make("EntityList", op=1)
             link.sendto(codec.pack(query, 0x4001, asked), gateway.address)

@@ -15,7 +15,7 @@ from imc_codec import Codec, inner, name_of
 
 from apad_bridge.commands.look.imc import NEPTUS_PORT
 from apad_bridge.imc.messages import stamped
-from apad_bridge.imc.orders import MOST_PLANS, Order, Orders, Unfit
+from apad_bridge.imc.orders import MOST_PLANS, ConsoleOrders, Order, Unfit
 from apad_bridge.imc.systems import amussel_system, apad_number, apad_system
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.control import Act, Answer
@@ -37,7 +37,7 @@ class Desk:
 
     def __init__(self, codec: Codec) -> None:
         self.codec = codec
-        self.orders = Orders(FRAME, "apad1")
+        self.orders = ConsoleOrders(FRAME, "apad1")
 
     def take(self, message: Any) -> Order | Any:
         packet = self.codec.pack(message, NEPTUS, APAD)

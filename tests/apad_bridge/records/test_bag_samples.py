@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.time_scale import TimeScale
-from apad_bridge.beliefs.belief import Belief, Clock, Source
+from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.bag_messages import typestore
@@ -40,7 +40,7 @@ def carried() -> Belief:
         (0.0001, 0.00005, 0.0004),
         (4.0, 0.5, 9.0),
         tuple(probabilities),
-        Clock(250.0, 3.0, 90_000.0, 0.0, 1.0),
+        ClockBelief(250.0, 3.0, 90_000.0, 0.0, 1.0),
         Source.PACKET | Source.SILENCE,
         70_000,
     )

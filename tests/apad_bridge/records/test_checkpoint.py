@@ -28,14 +28,14 @@ from apad_bridge.beliefs.measurement import (
 )
 from apad_bridge.records import checkpoint
 from apad_bridge.records.checkpoint import Checkpoint, NoCheckpoint, restore
-from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 
 POOL = load(POOL_FILE)
 TWIN = Beliefs(
-    estimator=Estimator.TWIN,
+    estimator=EstimatorKind.TWIN,
     twin=TwinModel(
         drain_deviation=0.1,
         sensor_noise=0.015,

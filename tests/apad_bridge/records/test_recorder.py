@@ -37,7 +37,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet, WithoutWater
+from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -64,7 +64,7 @@ def fly(scenario, recorder, until_ms=None):
     initial_states = fleet_parts.initial_states(scenario, list(starts_of(scenario)))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
-    fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
+    fleet = FlightFleet(coordinator, host, WithoutWater(coordinator, host))
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     flight = parts.flight(
         flight_config(scenario),

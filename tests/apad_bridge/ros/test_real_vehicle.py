@@ -17,18 +17,20 @@ from apad_bridge.ros.links import generation_b
 from apad_bridge.ros.links.contacts_link import ContactsLink
 from apad_bridge.ros.links.generation_b import GenerationBLink
 from apad_bridge.scenario.loader import from_data, load, resolve
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.fault_injection import NoFaults
 from apad_bridge.supervisor.fleet import NoFleet
-from apad_bridge.supervisor.packet_relay import Source
+from apad_bridge.supervisor.packet_relay import PacketOrigin
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from firmware_model.states import State
 
-OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1")
+OPTIONS = RunOptions(
+    BenchPart.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1"
+)
 
 
 def test_a_vehicle_with_another_origin_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,15 +67,15 @@ def test_the_virtual_camera_does_not_publish_beside_another(
 @pytest.mark.parametrize(
     ("apad", "time", "part", "is_real"),
     [
-        (APadKind.ROS, TimeSource.WALL, Part.WHOLE, True),
-        (APadKind.ROS, TimeSource.WALL, Part.MISSION, True),
-        (APadKind.ROS, TimeSource.WALL, Part.FLEET, False),
-        (APadKind.ROS, TimeSource.ROS, Part.WHOLE, False),
-        (APadKind.SIM, TimeSource.WALL, Part.WHOLE, False),
+        (APadKind.ROS, TimeSource.WALL, BenchPart.WHOLE, True),
+        (APadKind.ROS, TimeSource.WALL, BenchPart.MISSION, True),
+        (APadKind.ROS, TimeSource.WALL, BenchPart.FLEET, False),
+        (APadKind.ROS, TimeSource.ROS, BenchPart.WHOLE, False),
+        (APadKind.SIM, TimeSource.WALL, BenchPart.WHOLE, False),
     ],
 )
 def test_a_real_vehicle_is_one_that_we_did_not_start(
-    apad: APadKind, time: TimeSource, part: Part, is_real: bool
+    apad: APadKind, time: TimeSource, part: BenchPart, is_real: bool
 ) -> None:
     assert RunOptions(part, apad, time, 1.0, OnDeath.WAIT).has_real_vehicle is is_real
 
@@ -118,12 +120,12 @@ def test_every_real_vehicle_that_was_stopped_waits_for_a_person_whoever_gives_th
 
 
 def test_a_fleet_is_told_of_docks_by_a_mission_where_its_aPad_does_not_report_them() -> None:
-    fleet = replace(OPTIONS, part=Part.FLEET)
+    fleet = replace(OPTIONS, part=BenchPart.FLEET)
     heard = [
         context._division(fleet, link, MagicMock(), MagicMock()).peers
         for link in (MagicMock(spec=ContactsLink), MagicMock(spec=GenerationBLink))
     ]
-    assert [Source.REMOTE_DOCK in it for it in heard] == [False, True]
+    assert [PacketOrigin.REMOTE_DOCK in it for it in heard] == [False, True]
 
 
 def test_an_aMussel_in_a_dock_is_no_body_in_the_water_though_it_was_last_heard_afloat() -> None:
@@ -134,13 +136,15 @@ def test_an_aMussel_in_a_dock_is_no_body_in_the_water_though_it_was_last_heard_a
     ]
     supervisor.mission.docks = (None, 4)
     others.bodies.return_value = ()
-    options = replace(OPTIONS, part=Part.MISSION)
+    options = replace(OPTIONS, part=BenchPart.MISSION)
     context._bodies_watcher(gate, supervisor, options, MagicMock(), others)(1000)
     assert [it.agent_id for it in gate.situation(1000).bodies] == [3]
 
 
-@pytest.mark.parametrize(("part", "is_stopped"), [(Part.FLEET, False), (Part.WHOLE, True)])
-def test_a_fleet_alone_commands_nothing_when_the_aPad_is_out_of_reach(part: Part, is_stopped: bool) -> None:
+@pytest.mark.parametrize(("part", "is_stopped"), [(BenchPart.FLEET, False), (BenchPart.WHOLE, True)])
+def test_a_fleet_alone_commands_nothing_when_the_aPad_is_out_of_reach(
+    part: BenchPart, is_stopped: bool
+) -> None:
     """The aPad is heard for two seconds and then for a minute no more, as when the link to its machine is cut."""
     data = resolve(load(POOL_FILE))
     data["guards"] = {"position_age_s": 2}

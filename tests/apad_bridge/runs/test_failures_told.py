@@ -21,7 +21,7 @@ from apad_bridge.runs.display import failure_line
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -112,10 +112,10 @@ def test_a_mission_whose_aPad_was_never_heard_says_what_it_waits_for(pool: Scena
     flight.supervisor.receive = hears_no_vehicle  # type: ignore[method-assign]
     flight.tick(0)
     flight.tick(1000)
-    assert Status.of(flight.supervisor, 1000, 0.0, Forecast()).phase == "waits for the aPad's position"
+    assert RunStatus.of(flight.supervisor, 1000, 0.0, Forecast()).phase == "waits for the aPad's position"
     flight.supervisor.receive = receive  # type: ignore[method-assign]
     flight.tick(2000)
-    assert Status.of(flight.supervisor, 2000, 0.0, Forecast()).phase == "go to aMussel"
+    assert RunStatus.of(flight.supervisor, 2000, 0.0, Forecast()).phase == "go to aMussel"
 
 
 def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
 def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_late(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    first = Status(0, "by hand or script", "none", 0, 0, (), 0, 0.0, 1.0, 0.0)
+    first = RunStatus(0, "by hand or script", "none", 0, 0, (), 0, 0.0, 1.0, 0.0)
     clock_s = 0.0
     with FlightProgress("pool", 600_000, clock=lambda: clock_s) as progress:
         progress.show_status(0, lambda: first)
@@ -179,9 +179,9 @@ def test_a_bar_makes_the_statuses_that_it_shows_and_no_others(
         for now_ms in range(0, 600_001, 1000):
             clock_s += 0.001
 
-            def status(now_ms: int = now_ms) -> Status:
+            def status(now_ms: int = now_ms) -> RunStatus:
                 made.append(now_ms)
-                return Status(now_ms, "idle", "none", 12, 12, (), 0, 0.0, None, 0.0)
+                return RunStatus(now_ms, "idle", "none", 12, 12, (), 0, 0.0, None, 0.0)
 
             progress.show_status(now_ms, status)
     assert made[0] == 0 and made[-1] == 600_000

@@ -23,7 +23,7 @@ from apad_bridge.runs.parent_protocol import (
     from_line,
     to_line,
 )
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 
 IDS, NUMBERS = st.integers(1, 65535), st.floats(allow_nan=False)
 PLACES = st.tuples(NUMBERS, NUMBERS)
@@ -33,13 +33,13 @@ PLAIN = st.recursive(
     max_leaves=5,
 )
 STATUSES = st.builds(
-    Status,
+    RunStatus,
     *(st.integers(), st.text(), st.text(), st.integers(), st.integers()),
     *(st.lists(IDS).map(tuple), st.integers()),
     *(NUMBERS, st.none() | NUMBERS, NUMBERS),
 )
 MESSAGES: dict[type, st.SearchStrategy[Message]] = {
-    Status: STATUSES,
+    RunStatus: STATUSES,
     Said: st.builds(Said, st.text()),
     Summary: st.builds(Summary, st.dictionaries(st.text(), PLAIN)),
     Failed: st.builds(Failed, st.text()),

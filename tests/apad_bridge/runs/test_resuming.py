@@ -26,7 +26,7 @@ from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.parent_protocol import Failed, from_line
 from apad_bridge.runs.resuming import find_resume_point, gap_ms, resume_run
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.vehicle.errors import PeerFailed
@@ -43,7 +43,9 @@ STATE = MissionState(
     cost_m=33.25,
     services=4,
 )
-OPTIONS = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1")
+OPTIONS = RunOptions(
+    BenchPart.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT, master_uri="http://h:1"
+)
 
 
 def journal(*lines: dict[str, Any]) -> JournalContents:

@@ -21,10 +21,10 @@ from apad_bridge.runs.parent import Run, SupervisorWatch
 from apad_bridge.runs.parent_protocol import Failed, Message, Said, Summary, to_line
 from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import Flown
-from apad_bridge.runs.status import Status
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.runs.status import RunStatus
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 
-OPTIONS = RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
+OPTIONS = RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
 
 
 class Supervisor:
@@ -62,7 +62,7 @@ class Supervisor:
 class ProgressLog:
     def __init__(self) -> None:
         self.messages: list[str] = []
-        self.statuses: list[Status] = []
+        self.statuses: list[RunStatus] = []
 
     def print_message(self, text: str) -> None:
         self.messages.append(text)
@@ -84,8 +84,8 @@ class Starts:
         return self.left[run.name].pop(0)
 
 
-def status(now_ms: int, served: int, way_m: float) -> Status:
-    return Status(now_ms, "dock", "dock", 4, 3, (7,), served, way_m, 0.9, 0.0)
+def status(now_ms: int, served: int, way_m: float) -> RunStatus:
+    return RunStatus(now_ms, "dock", "dock", 4, 3, (7,), served, way_m, 0.9, 0.0)
 
 
 def read_all(
@@ -151,7 +151,7 @@ def test_a_line_that_is_no_message_is_shown_as_text() -> None:
 
 def died(on_death: OnDeath, run_dir: Path, progress: ProgressLog, **more: Any) -> tuple[Flown, Starts]:
     """Flies one aPad whose first supervisor is killed; the second writes a summary."""
-    run = Run("a", run_dir, RunOptions(Part.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, on_death, **more))
+    run = Run("a", run_dir, RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, on_death, **more))
     starts = Starts({"a": [Supervisor(code=-signal.SIGKILL), Supervisor(Summary({"services": 3}))]})
     reassigner = Reassigner({"a": [1]}, {"a": run_dir}) if run.options.is_one_of_several else None
     flown = SupervisorWatch([run], progress, reassigner=reassigner, start=starts).read_until_all_ended()

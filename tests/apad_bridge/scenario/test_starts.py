@@ -16,7 +16,7 @@ from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.area.polygon import contains
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
-from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario, Spread
+from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario, SpreadOptions
 from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
 from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 
@@ -278,9 +278,9 @@ def test_secondaries_start_below_full_where_nobody_states_their_charge(tmp_path:
         "id,north,east,battery,secondary\n1,5,5,0.7,1\n2,6,6,0.8,0.5\n3,7,7,0.9,1\n"
     )
     pool = load(POOL_FILE)
-    spread = Spread(secondary_start=0.1)
+    spread = SpreadOptions(secondary_start=0.1)
 
-    def secondaries(start: str | RandomStart, spread: Spread) -> list[float]:
+    def secondaries(start: str | RandomStart, spread: SpreadOptions) -> list[float]:
         fleet = replace(pool.fleet, count=3, start=start, spread=spread)
         return [it.secondary for it in starts_of(replace(pool, fleet=fleet))]
 
@@ -288,4 +288,4 @@ def test_secondaries_start_below_full_where_nobody_states_their_charge(tmp_path:
     assert len(set(drawn)) == 3 and all(0.7 <= charge < 1 for charge in drawn)
     assert secondaries(ANY_CHARGE, spread) == drawn
     assert secondaries(str(tmp_path / "stated.csv"), spread) == [1.0, 0.5, 1.0]
-    assert secondaries(str(tmp_path / "unstated.csv"), Spread()) == [1.0, 1.0, 1.0]
+    assert secondaries(str(tmp_path / "unstated.csv"), SpreadOptions()) == [1.0, 1.0, 1.0]

@@ -13,7 +13,7 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.values import Refused
 from apad_bridge.runs.script_in_memory import fly_script
-from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, EstimatorKind, TwinModel
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 
@@ -34,7 +34,7 @@ def twins(pool: Scenario) -> Scenario:
         fix_deviation_m=1.0,
         current_deviation_m_s=0.02,
     )
-    return replace(pool, beliefs=Beliefs(estimator=Estimator.TWIN, twin=model))
+    return replace(pool, beliefs=Beliefs(estimator=EstimatorKind.TWIN, twin=model))
 
 
 def results_of(scenario: Scenario, script: Callable[[Api], object]) -> list[Any]:

@@ -11,7 +11,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.rendezvous import Aborted, Do, Finished, Rendezvous, TurnTimeouts, Wait
+from apad_bridge.scripting.rendezvous import Aborted, Do, Rendezvous, ScriptFinished, TurnTimeouts, Wait
 
 PATIENT = TurnTimeouts(tick_s=20.0, busy_s=20.0)
 
@@ -35,7 +35,7 @@ def test_what_is_asked_is_done_by_the_supervisor_s_thread() -> None:
     rendezvous.answer(request.act())
     assert isinstance(rendezvous.next(), Do)
     rendezvous.answer(KeyError("raised there"))
-    assert rendezvous.next() == Finished(None)
+    assert rendezvous.next() == ScriptFinished(None)
     thread.join(60)
     assert (threads, answers) == ([threading.current_thread()], [7, "'raised there'"])
 

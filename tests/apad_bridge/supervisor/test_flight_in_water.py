@@ -21,7 +21,13 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.packet_relay import FLEET_ALONE, Outcome, PacketRelay, RelayedPacket, Source
+from apad_bridge.supervisor.packet_relay import (
+    FLEET_ALONE,
+    PacketOrigin,
+    PacketRelay,
+    RelayedPacket,
+    RelayOutcome,
+)
 from apad_bridge.vehicle.link import APadSeen, InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
@@ -240,7 +246,7 @@ class Elsewhere:
 
     def __init__(self, said: list[RelayedPacket]) -> None:
         self.heard: list[RelayedPacket] = []
-        self.relay = PacketRelay(FLEET_ALONE, [self._take], {Outcome.PUBLISH: self.heard.append})
+        self.relay = PacketRelay(FLEET_ALONE, [self._take], {RelayOutcome.PUBLISH: self.heard.append})
         self._said = said
 
     def _take(self, now_ms: int) -> list[RelayedPacket]:
@@ -271,7 +277,7 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     )
     recorder = MemoryRecorder(scenario)
     permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
-    elsewhere = Elsewhere([RelayedPacket(Source.REMOTE_SUPERVISOR, 7, Medium.SOUND, permission, 0)])
+    elsewhere = Elsewhere([RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, 7, Medium.SOUND, permission, 0)])
     flight = parts.flight(
         flight_config(scenario),
         FlightContext(vehicle=SeenFromAfar(), pace=AsFastAsPossible(), fleet=fleet, relay=elsewhere.relay),

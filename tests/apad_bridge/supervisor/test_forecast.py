@@ -17,7 +17,7 @@ from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.parent_protocol import from_line, to_line
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from firmware_model.states import State
@@ -144,7 +144,7 @@ def test_the_forecast_crosses_to_the_parent_and_stands_beside_the_progress(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     forecast = Forecast(200.0, 725.0, 1860.0, 0.62)
-    status = Status(540_000, "dock", "dock", 12, 9, (7,), 3, 41.0, 0.9, 0.0, forecast)
+    status = RunStatus(540_000, "dock", "dock", 12, 9, (7,), 3, 41.0, 0.9, 0.0, forecast)
     assert from_line(to_line(status)) == status
     with FlightProgress("pool", 2_400_000) as progress:
         progress.show_status(status.now_ms, lambda: status)

@@ -33,17 +33,17 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet, NoFleet, WithoutWater
+from apad_bridge.supervisor.fleet import FlightFleet, NoFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
     Division,
-    Outcome,
+    PacketOrigin,
     PacketRelay,
     RelayedPacket,
-    Source,
+    RelayOutcome,
 )
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -86,9 +86,9 @@ def new_host(scenario: Scenario) -> InProcessHost:
     return InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
 
 
-def fleet_in(host: InProcessHost, scenario: Scenario) -> Fleet:
+def fleet_in(host: InProcessHost, scenario: Scenario) -> FlightFleet:
     coordinator = Coordinator(host, dict.fromkeys(scenario.fleet.ids, 0), scenario.time_scale)
-    return Fleet(coordinator, host, WithoutWater(coordinator, host))
+    return FlightFleet(coordinator, host, WithoutWater(coordinator, host))
 
 
 def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple[Witness, Flight]:
@@ -185,9 +185,9 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
 
 
 ELSEWHERE = {
-    Source.LOCAL_AMUSSEL: Source.REMOTE_AMUSSEL,
-    Source.LOCAL_SUPERVISOR: Source.REMOTE_SUPERVISOR,
-    Source.LOCAL_DOCK: Source.REMOTE_DOCK,
+    PacketOrigin.LOCAL_AMUSSEL: PacketOrigin.REMOTE_AMUSSEL,
+    PacketOrigin.LOCAL_SUPERVISOR: PacketOrigin.REMOTE_SUPERVISOR,
+    PacketOrigin.LOCAL_DOCK: PacketOrigin.REMOTE_DOCK,
 }
 
 
@@ -198,7 +198,7 @@ def joined(division: Division, out: list[RelayedPacket], into: list[RelayedPacke
         packets, into[:] = [replace(packet, source=ELSEWHERE[packet.source]) for packet in into], []
         return [it for it in packets if it.source in division.peers]
 
-    return PacketRelay(division, [take], {Outcome.PUBLISH: out.append})
+    return PacketRelay(division, [take], {RelayOutcome.PUBLISH: out.append})
 
 
 class Observed:

@@ -20,13 +20,13 @@ from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
+    AMusselStanding,
     Division,
-    Outcome,
+    PacketOrigin,
     PacketRelay,
     RelayedPacket,
+    RelayOutcome,
     RemoteContact,
-    Source,
-    Standing,
     one_of_several,
     outcomes,
     whole_flight,
@@ -34,8 +34,8 @@ from apad_bridge.supervisor.packet_relay import (
 from firmware_model.packets import EVERYONE
 from firmware_model.states import State
 
-FOR_OTHERS = {Outcome.PUBLISH, Outcome.RECEIVE, Outcome.REFUSE}
-AMUSSEL, SUPERVISOR, DOCK = Source.LOCAL_AMUSSEL, Source.LOCAL_SUPERVISOR, Source.LOCAL_DOCK
+FOR_OTHERS = {RelayOutcome.PUBLISH, RelayOutcome.RECEIVE, RelayOutcome.REFUSE}
+AMUSSEL, SUPERVISOR, DOCK = PacketOrigin.LOCAL_AMUSSEL, PacketOrigin.LOCAL_SUPERVISOR, PacketOrigin.LOCAL_DOCK
 
 
 @pytest.mark.parametrize(
@@ -45,27 +45,29 @@ AMUSSEL, SUPERVISOR, DOCK = Source.LOCAL_AMUSSEL, Source.LOCAL_SUPERVISOR, Sourc
         (AMUSSEL, ("", "", "PUBLISH", "", "")),
         (SUPERVISOR, ("", "PUBLISH", "", "PUBLISH", "PUBLISH")),
         (DOCK, ("", "", "", "PUBLISH", "")),
-        (Source.REMOTE_AMUSSEL, ("REFUSE", "RECEIVE", "", "RECEIVE", "")),
-        (Source.REMOTE_SUPERVISOR, ("", "", "RECEIVE", "", "")),
-        (Source.REMOTE_DOCK, ("RECEIVE", "RECEIVE", "RECEIVE", "", "")),
-        (Source.LABORATORY, ("RECEIVE",) * 5),
+        (PacketOrigin.REMOTE_AMUSSEL, ("REFUSE", "RECEIVE", "", "RECEIVE", "")),
+        (PacketOrigin.REMOTE_SUPERVISOR, ("", "", "RECEIVE", "", "")),
+        (PacketOrigin.REMOTE_DOCK, ("RECEIVE", "RECEIVE", "RECEIVE", "", "")),
+        (PacketOrigin.LABORATORY, ("RECEIVE",) * 5),
     ],
 )
-def test_each_rule_between_processes(source: Source, expected: tuple[str, ...]) -> None:
-    for medium in [None] if source in (DOCK, Source.REMOTE_DOCK) else list(Medium):
-        routed = [set(outcomes(source, it, medium)) & FOR_OTHERS for it in Standing]
+def test_each_rule_between_processes(source: PacketOrigin, expected: tuple[str, ...]) -> None:
+    for medium in [None] if source in (DOCK, PacketOrigin.REMOTE_DOCK) else list(Medium):
+        routed = [set(outcomes(source, it, medium)) & FOR_OTHERS for it in AMusselStanding]
         assert [",".join(it.name for it in row) for row in routed] == list(expected)
 
 
-@pytest.mark.parametrize("standing", Standing)
-def test_a_laboratory_is_told_what_this_process_sends_and_nothing_of_others(standing: Standing) -> None:
-    def told(source: Source, medium: Medium) -> set[Outcome]:
+@pytest.mark.parametrize("standing", AMusselStanding)
+def test_a_laboratory_is_told_what_this_process_sends_and_nothing_of_others(
+    standing: AMusselStanding,
+) -> None:
+    def told(source: PacketOrigin, medium: Medium) -> set[RelayOutcome]:
         return set(outcomes(source, standing, medium)) - FOR_OTHERS
 
-    assert told(AMUSSEL, Medium.SOUND) == {Outcome.TELL_PACKET}
-    assert told(AMUSSEL, Medium.WIFI) == {Outcome.TELL_WIFI}
-    assert told(SUPERVISOR, Medium.SOUND) == told(SUPERVISOR, Medium.WIFI) == {Outcome.TELL_COMMAND}
-    for source in set(Source) - {AMUSSEL, SUPERVISOR}:
+    assert told(AMUSSEL, Medium.SOUND) == {RelayOutcome.TELL_PACKET}
+    assert told(AMUSSEL, Medium.WIFI) == {RelayOutcome.TELL_WIFI}
+    assert told(SUPERVISOR, Medium.SOUND) == told(SUPERVISOR, Medium.WIFI) == {RelayOutcome.TELL_COMMAND}
+    for source in set(PacketOrigin) - {AMUSSEL, SUPERVISOR}:
         assert not told(source, Medium.SOUND) and not told(source, Medium.WIFI)
 
 
@@ -75,7 +77,7 @@ class Process:
     def __init__(self, division: Division) -> None:
         self.arrived: list[RelayedPacket] = []
         self.published: list[RelayedPacket] = []
-        self.relay = PacketRelay(division, [self._take], {Outcome.PUBLISH: self.published.append})
+        self.relay = PacketRelay(division, [self._take], {RelayOutcome.PUBLISH: self.published.append})
 
     def _take(self, now_ms: int) -> list[RelayedPacket]:
         arrived, self.arrived = self.arrived, []
@@ -85,9 +87,9 @@ class Process:
 def test_a_whole_flight_hears_real_amussels_and_refuses_a_second_voice_of_a_simulated_one() -> None:
     process = Process(whole_flight(lambda: frozenset({1, 2})))
     process.arrived = [
-        RelayedPacket(Source.REMOTE_AMUSSEL, 3, Medium.SOUND, b"real", 5),
-        RelayedPacket(Source.REMOTE_AMUSSEL, 1, Medium.SOUND, b"second voice", 5),
-        RelayedPacket(Source.REMOTE_AMUSSEL, 4, Medium.WIFI, b"real too", 5),
+        RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 3, Medium.SOUND, b"real", 5),
+        RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, Medium.SOUND, b"second voice", 5),
+        RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 4, Medium.WIFI, b"real too", 5),
     ]
     assert process.relay.advance(5) == [SoundHeard(5, b"real"), WifiHeard(5, b"real too")]
     assert process.relay.dropped.total() == 1
@@ -105,10 +107,11 @@ def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:
     (status,), commands = fleet.published, list(mission.published)
     mission.relay.send_contact(RemoteContact(7, ContactClosed(1, 2)), 1_000)
     contact = mission.published[-1]
-    mission.arrived = [RelayedPacket(Source.REMOTE_AMUSSEL, 7, status.medium, status.data, 2_000)]
+    mission.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 7, status.medium, status.data, 2_000)]
     fleet.arrived = [
-        RelayedPacket(Source.REMOTE_SUPERVISOR, it.agent_id, it.medium, it.data, 2_000) for it in commands
-    ] + [RelayedPacket(Source.REMOTE_DOCK, 7, contact.medium, contact.data, 2_000)]
+        RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, it.agent_id, it.medium, it.data, 2_000)
+        for it in commands
+    ] + [RelayedPacket(PacketOrigin.REMOTE_DOCK, 7, contact.medium, contact.data, 2_000)]
     assert mission.relay.advance(2_000) == [WifiHeard(2_000, b"status")]
     assert fleet.relay.advance(2_000) == [
         Send(Medium.SOUND, 7, b"permission"),
@@ -167,9 +170,9 @@ def test_an_aMussel_that_never_feels_its_dock_is_told_three_times() -> None:
 NAMES = ("a", "b", "c")
 IDS = range(1, 7)
 PEER = {
-    AMUSSEL: Source.REMOTE_AMUSSEL,
-    SUPERVISOR: Source.REMOTE_SUPERVISOR,
-    DOCK: Source.REMOTE_DOCK,
+    AMUSSEL: PacketOrigin.REMOTE_AMUSSEL,
+    SUPERVISOR: PacketOrigin.REMOTE_SUPERVISOR,
+    DOCK: PacketOrigin.REMOTE_DOCK,
 }
 
 
@@ -232,7 +235,7 @@ def test_of_several_apads_exactly_the_one_concerned_receives_each_packet(
 )
 def test_a_contact_that_is_none_is_dropped_and_counted(data: bytes) -> None:
     process = Process(FLEET_ALONE)
-    process.arrived = [RelayedPacket(Source.REMOTE_DOCK, 1, None, data, 0)]
+    process.arrived = [RelayedPacket(PacketOrigin.REMOTE_DOCK, 1, None, data, 0)]
     assert process.relay.advance(0) == []
     assert process.relay.dropped.total() == 1
 
@@ -240,14 +243,14 @@ def test_a_contact_that_is_none_is_dropped_and_counted(data: bytes) -> None:
 def test_a_packet_without_a_medium_that_is_no_contact_is_dropped_and_counted() -> None:
     process = Process(MISSION_ALONE)
     data = json.dumps(to_wire(ContactClosed(1, 2))).encode()
-    process.arrived = [RelayedPacket(Source.REMOTE_AMUSSEL, 1, None, data, 0)]
+    process.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, None, data, 0)]
     assert process.relay.advance(0) == []
     assert process.relay.dropped.total() == 1
 
 
 def test_a_relay_without_outlets_receives_and_transmits_nothing() -> None:
     process = Process(MISSION_ALONE)
-    process.arrived = [RelayedPacket(Source.REMOTE_AMUSSEL, 1, Medium.WIFI, b"status", 0)]
+    process.arrived = [RelayedPacket(PacketOrigin.REMOTE_AMUSSEL, 1, Medium.WIFI, b"status", 0)]
     silent = process.relay.without_outlets()
     silent.forward(Send(Medium.SOUND, 1, b""), 0)
     assert silent.advance(0) == [WifiHeard(0, b"status")]

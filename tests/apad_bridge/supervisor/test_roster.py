@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 from scenario_files import POOL_FILE
 
-from agents.coordinator import Coordinator, Heard
+from agents.coordinator import AgentOutput, Coordinator
 from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
@@ -35,9 +35,9 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.fault_injection import FaultInjection
-from apad_bridge.supervisor.fleet import Fleet, WithoutWater
+from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import PacketRelay, RelayedPacket, Source, whole_flight
+from apad_bridge.supervisor.packet_relay import PacketOrigin, PacketRelay, RelayedPacket, whole_flight
 from apad_bridge.supervisor.roster import (
     TABLE,
     FaultRequest,
@@ -81,7 +81,7 @@ class Elsewhere:
         packets, self.packets = self.packets, []
         return [
             RelayedPacket(
-                Source.REMOTE_AMUSSEL, it.agent_id, Medium.WIFI, MusselbedCodec().encode(it), now_ms
+                PacketOrigin.REMOTE_AMUSSEL, it.agent_id, Medium.WIFI, MusselbedCodec().encode(it), now_ms
             )
             for it in packets
         ]
@@ -122,7 +122,7 @@ class Bench:
             FlightContext(
                 vehicle=InProcessVehicle(parts.simulated_apad(self.scenario)),
                 pace=AsFastAsPossible(),
-                fleet=Fleet(self.coordinator, self.host, WithoutWater(self.coordinator, self.host)),
+                fleet=FlightFleet(self.coordinator, self.host, WithoutWater(self.coordinator, self.host)),
                 relay=PacketRelay(whole_flight(lambda: self.presences.simulated), [self.elsewhere.take], {}),
                 roster=roster,
                 faults=self.faults,
@@ -341,7 +341,9 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
     assert again.simulated == {1, 4}
     coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.time_scale)
     again.mute_as_before(coordinator)
-    spoke = {it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, Heard)}
+    spoke = {
+        it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, AgentOutput)
+    }
     assert spoke == {1, 4}
 
 

@@ -20,7 +20,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet, WithoutWater
+from apad_bridge.supervisor.fleet import FlightFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -54,7 +54,7 @@ def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[
     initial_states = fleet_parts.initial_states(scenario, starts or starts_of(scenario))
     host = InProcessHost(fleet_parts.fleet_config(flight_config(scenario)), initial_states)
     coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.time_scale)
-    fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
+    fleet = FlightFleet(coordinator, host, WithoutWater(coordinator, host))
     witness = Witness(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
     flight = parts.flight(

@@ -17,7 +17,7 @@ from apad_bridge.vehicle.commands import (
     DockOpened,
     PoseReported,
 )
-from apad_bridge.vehicle.docking import DockingPort, Event, Phase
+from apad_bridge.vehicle.docking import DockingEvent, DockingPhase, DockingPort
 from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,
@@ -30,51 +30,65 @@ from apad_bridge.vehicle.primitives import (
 DOCKING = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
 OK, BAD, ACT, NOTHING = "succeeds", "fails", "commands the mechanism", "nothing"
 EXPECTED = {
-    Phase.IDLE: {},
-    Phase.GOING: {Event.ARRIVED: OK, Event.COMMAND_FAILED: BAD, Event.TIMED_OUT: BAD, Event.REPLACED: BAD},
-    Phase.HOLDING: {Event.COMMAND_FAILED: BAD, Event.REPLACED: OK},
-    Phase.WAITING: {Event.MECHANISM_DONE: OK, Event.WAIT_OVER: ACT, Event.REPLACED: BAD},
-    Phase.ACTING: {Event.MECHANISM_DONE: OK, Event.COMMAND_FAILED: BAD, Event.TIMED_OUT: BAD},
+    DockingPhase.IDLE: {},
+    DockingPhase.GOING: {
+        DockingEvent.ARRIVED: OK,
+        DockingEvent.COMMAND_FAILED: BAD,
+        DockingEvent.TIMED_OUT: BAD,
+        DockingEvent.REPLACED: BAD,
+    },
+    DockingPhase.HOLDING: {DockingEvent.COMMAND_FAILED: BAD, DockingEvent.REPLACED: OK},
+    DockingPhase.WAITING: {
+        DockingEvent.MECHANISM_DONE: OK,
+        DockingEvent.WAIT_OVER: ACT,
+        DockingEvent.REPLACED: BAD,
+    },
+    DockingPhase.ACTING: {
+        DockingEvent.MECHANISM_DONE: OK,
+        DockingEvent.COMMAND_FAILED: BAD,
+        DockingEvent.TIMED_OUT: BAD,
+    },
 }
 # A wait cannot time out: the schema requires a longer timeout_s, so the wait ends in acting first. That nothing is caught
 # is found out when a docking starts, in no phase: tests/apad_bridge/vehicle/test_port_primitives.py.
 PAIRS = [
     (phase, event)
-    for phase, event in itertools.product(Phase, Event)
-    if (phase, event) != (Phase.WAITING, Event.TIMED_OUT) and event is not Event.NOTHING_CAUGHT
+    for phase, event in itertools.product(DockingPhase, DockingEvent)
+    if (phase, event) != (DockingPhase.WAITING, DockingEvent.TIMED_OUT)
+    and event is not DockingEvent.NOTHING_CAUGHT
 ]
 
 
-def port_in(phase: Phase) -> DockingPort:
+def port_in(phase: DockingPhase) -> DockingPort:
     """A port whose primitive has id 1, whose command (if any) has id 1, at time 20 000 ms."""
     port = DockingPort(DOCKING)
-    if phase is Phase.GOING:
+    if phase is DockingPhase.GOING:
         port.receive(GoToPoint(1, 50.0, 0.0, 0.5, 0.5), 20_000)
-    elif phase is Phase.HOLDING:
+    elif phase is DockingPhase.HOLDING:
         port.receive(HoldPosition(1, 0.0, 0.0), 20_000)
-    elif phase is Phase.WAITING:
+    elif phase is DockingPhase.WAITING:
         port.receive(DockMussel(1, 0, 9), 20_000)
-    elif phase is Phase.ACTING:
+    elif phase is DockingPhase.ACTING:
         port.receive(DockMussel(1, 0, 9), 5_000)
         port.advance(20_000)
     return port
 
 
-def happens(port: DockingPort, event: Event) -> list[object]:
+def happens(port: DockingPort, event: DockingEvent) -> list[object]:
     """The port's actions after `event`; waiting, a little or long, produces the timers' events."""
     match event:
-        case Event.ARRIVED:
+        case DockingEvent.ARRIVED:
             return list(port.receive(Arrived(20_001, 1), 20_001))
-        case Event.COMMAND_FAILED:
+        case DockingEvent.COMMAND_FAILED:
             return list(port.receive(CommandFailed(20_001, 1, "?"), 20_001))
-        case Event.MECHANISM_DONE:
+        case DockingEvent.MECHANISM_DONE:
             return list(port.receive(DockClosed(20_001, 0, 9), 20_001))
-        case Event.WAIT_OVER:
+        case DockingEvent.WAIT_OVER:
             return list(port.advance(35_000))
-        case Event.TIMED_OUT:
+        case DockingEvent.TIMED_OUT:
             port.advance(35_000)
             return list(port.advance(90_000))
-        case Event.REPLACED:
+        case DockingEvent.REPLACED:
             return list(port.receive(GoToPoint(2, 1.0, 1.0, 0.5, 0.5), 20_001))
 
 

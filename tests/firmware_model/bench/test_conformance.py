@@ -10,7 +10,7 @@ import pytest
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
-    Source,
+    RequirementSource,
     Verdict,
     captured,
     history,
@@ -22,7 +22,7 @@ from firmware_model.bench.conformance import (
 )
 from firmware_model.bench.conformance_cases import CASES, WAYS_INTO
 from firmware_model.bench.costly_firmware import CostlyFirmware
-from firmware_model.bench.rigs import BenchRig, History, Rig, lasts_ms
+from firmware_model.bench.rigs import BenchRig, Rig, RigHistory, lasts_ms
 from firmware_model.config import BoardConfig
 from firmware_model.firmware import Firmware
 from firmware_model.packets.codec import MusselbedCodec
@@ -30,7 +30,11 @@ from firmware_model.states import State
 from firmware_model.table_one import worst_case_board
 
 DIVE = Case(
-    "dive", Source.PAPER, "it rises and sinks", "3s permission 70s rises 1h falls 1s release 5min", 0.4
+    "dive",
+    RequirementSource.PAPER,
+    "it rises and sinks",
+    "3s permission 70s rises 1h falls 1s release 5min",
+    0.4,
 )
 
 
@@ -48,7 +52,7 @@ OURS = board(worst_case_board())
 def test_the_cases_are_120_and_more_with_a_name_each() -> None:
     assert len(CASES) >= 120
     assert len({case.name for case in CASES}) == len(CASES)
-    assert {case.source for case in CASES} == set(Source) - {Source.CAPTURED}
+    assert {case.source for case in CASES} == set(RequirementSource) - {RequirementSource.CAPTURED}
 
 
 @pytest.mark.parametrize("state", WAYS_INTO, ids=lambda it: it.name)
@@ -96,7 +100,7 @@ def test_another_time_fails_and_is_told(name: str) -> None:
 
 def test_another_load_fails_by_its_energy_alone() -> None:
     """0.3 % of what flowed is the bound: here 0.2 % passes, and 0.6 % does not."""
-    hour = Case("hours", Source.PAPER, "it draws its load", "8h")
+    hour = Case("hours", RequirementSource.PAPER, "it draws its load", "8h")
     for permille, verdict in ((1002, Verdict.PASSED), (1006, Verdict.FAILED)):
         charge = worst_case_board().charge
         drains = replace(charge, discharge=charge.discharge * permille // 1000)
@@ -106,7 +110,7 @@ def test_another_load_fails_by_its_energy_alone() -> None:
 
 def test_our_own_choice_differs_and_a_waived_case_names_its_reason() -> None:
     slower = board(DIFFERENT["a slower debounce"][0])
-    choice = replace(DIVE, source=Source.CHOICE)
+    choice = replace(DIVE, source=RequirementSource.CHOICE)
     assert judged(choice, OURS, slower, Died, {}).verdict is Verdict.DIFFERS
     waived = judged(DIVE, OURS, slower, Died, {"dive": "our contact is slow"})
     assert waived.verdict is Verdict.WAIVED
@@ -123,7 +127,7 @@ def test_dead_firmware_fails_whatever_the_source() -> None:
         bench.run = run  # type: ignore[method-assign, assignment]
         return BenchRig(bench)
 
-    result = judged(replace(DIVE, source=Source.CHOICE), OURS, dies, Died, {})
+    result = judged(replace(DIVE, source=RequirementSource.CHOICE), OURS, dies, Died, {})
     assert (result.verdict, result.reason) == (Verdict.FAILED, "its firmware failed: it ended")
 
 
@@ -172,7 +176,7 @@ TRACE = """\
 def test_a_captured_trace_judges_another_board() -> None:
     case, found = captured(TRACE, "reef")
     assert case.script == "3000ms permission 70000ms rises 80ms 26920ms 0ms"
-    assert isinstance(found, History)
+    assert isinstance(found, RigHistory)
     slower = board(replace(worst_case_board(), pin_debounce_ms=80))
     assert judged(case, found, slower, Died, {}).verdict is Verdict.PASSED
     result = judged(case, found, OURS, Died, {})

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_model.power.charge_pin import ChargePin, Edge, Fault
+from firmware_model.power.charge_pin import ChargePin, Edge, PinFault
 
 CHATTER_MS = 2000
 NEVER_CHECKED_MS = 1 << 40
@@ -78,12 +78,12 @@ def test_chatter_and_a_missed_edge_are_said() -> None:
     pin.level(False, 40)
     pin.level(True, 60)
     # High for 40 ms and 40 ms of the first 100 ms.
-    assert (pin.next_due_ms, pin.due(100)) == (100, (Edge.ROSE, Fault.CHATTER))
+    assert (pin.next_due_ms, pin.due(100)) == (100, (Edge.ROSE, PinFault.CHATTER))
     # It has been high since 60: certain at 110, without a new edge.
     assert (pin.next_due_ms, pin.due(110)) == (110, (None, None))
     pin.level_unseen(False, 2500)
     assert (pin.high, pin.wire_high, pin.next_due_ms) == (True, False, 3000)
-    assert pin.due(3000) == (None, Fault.MISSED)
+    assert pin.due(3000) == (None, PinFault.MISSED)
     assert (pin.next_due_ms, pin.due(3050)) == (3050, (Edge.FELL, None))
 
 

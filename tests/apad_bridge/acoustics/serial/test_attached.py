@@ -12,13 +12,13 @@ from agents.modem.frames import FrameKind
 from agents.serial_port import SerialPort
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
 from apad_bridge.acoustics.serial.nanomodem import (
-    Direction,
-    Dropped,
-    Heard,
+    ModemStage,
+    PacketDirection,
+    PacketDropped,
+    PacketReceived,
     Reported,
     RoutedPacket,
     Sent,
-    Stage,
 )
 
 Make = Callable[..., Any]
@@ -51,7 +51,7 @@ class Host:
 
 def ready(host: Host) -> None:
     for modem in host.modems:
-        if host.modems[modem].queue.stage is not Stage.READY:
+        if host.modems[modem].queue.stage is not ModemStage.READY:
             host.until(
                 lambda name, it, modem=modem: (
                     name == modem and isinstance(it, Reported) and "address" in it.what
@@ -65,13 +65,15 @@ def test_packets_go_both_ways_with_their_ids(physical: Make) -> None:
     host = Host(modems.now_ms, fleet=fleet, apad=apad)
     ready(host)
     host.results += [("fleet", it) for it in fleet.report(300, b"a report", modems.now_ms())]
-    heard = host.until(lambda name, it: isinstance(it, Heard))
-    assert isinstance(heard, Heard)
-    assert heard.packet == RoutedPacket(Direction.FROM_AMUSSEL, 300, b"a report")
+    heard = host.until(lambda name, it: isinstance(it, PacketReceived))
+    assert isinstance(heard, PacketReceived)
+    assert heard.packet == RoutedPacket(PacketDirection.FROM_AMUSSEL, 300, b"a report")
     host.until(lambda name, it: isinstance(it, Sent))
     apad.command(7, b"come up", modems.now_ms())
-    answer = host.until(lambda name, it: name == "fleet" and isinstance(it, Heard))
-    assert isinstance(answer, Heard) and answer.packet == RoutedPacket(Direction.TO_AMUSSEL, 7, b"come up")
+    answer = host.until(lambda name, it: name == "fleet" and isinstance(it, PacketReceived))
+    assert isinstance(answer, PacketReceived) and answer.packet == RoutedPacket(
+        PacketDirection.TO_AMUSSEL, 7, b"come up"
+    )
     # The modem was given broadcasts only, and its address did not change.
     assert {frame.kind for frame in modems.sent} == {FrameKind.BROADCAST}
     assert [modem.address for modem in modems.modems.values()] == [1, 2]
@@ -118,8 +120,8 @@ def test_a_modem_that_says_nothing_loses_packets_loudly(physical: Make) -> None:
     ready(host)
     modems.mute = True
     attached.report(7, b"unheard", host.now_ms())
-    dropped = host.until(lambda name, it: isinstance(it, Dropped) and it.packet is not None)
-    assert isinstance(dropped, Dropped) and "waited too long" in dropped.reason
+    dropped = host.until(lambda name, it: isinstance(it, PacketDropped) and it.packet is not None)
+    assert isinstance(dropped, PacketDropped) and "waited too long" in dropped.reason
     attached.close()
 
 

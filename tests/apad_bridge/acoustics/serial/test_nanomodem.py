@@ -11,17 +11,17 @@ from apad_bridge.acoustics.serial.nanomodem import (
     WAIT_MS,
     Action,
     AnswerReader,
-    Direction,
-    Dropped,
-    Heard,
     Line,
     Message,
     ModemQueue,
+    ModemStage,
+    PacketDirection,
+    PacketDropped,
+    PacketReceived,
     Priority,
     Reported,
     RoutedPacket,
     Sent,
-    Stage,
     Write,
     decode,
 )
@@ -30,11 +30,11 @@ IDENTITY = b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n"
 
 
 def report(agent_id: int, data: bytes = b"status") -> RoutedPacket:
-    return RoutedPacket(Direction.FROM_AMUSSEL, agent_id, data)
+    return RoutedPacket(PacketDirection.FROM_AMUSSEL, agent_id, data)
 
 
 def command(agent_id: int) -> RoutedPacket:
-    return RoutedPacket(Direction.TO_AMUSSEL, agent_id, b"rise!!")
+    return RoutedPacket(PacketDirection.TO_AMUSSEL, agent_id, b"rise!!")
 
 
 def ready() -> ModemQueue:
@@ -49,7 +49,7 @@ def written(actions: list[Action]) -> bytes:
 
 
 def reasons(actions: list[Action]) -> list[str]:
-    return [it.reason for it in actions if isinstance(it, Dropped)]
+    return [it.reason for it in actions if isinstance(it, PacketDropped)]
 
 
 def test_it_asks_who_is_there_and_never_sets_an_address() -> None:
@@ -59,7 +59,7 @@ def test_it_asks_who_is_there_and_never_sets_an_address() -> None:
     assert queue.read(b"$W\r\n", 20) == []
     (reported,) = queue.read(IDENTITY, 60)
     assert isinstance(reported, Reported) and "address 1" in reported.what
-    assert (queue.stage, queue.address) == (Stage.READY, 1)
+    assert (queue.stage, queue.address) == (ModemStage.READY, 1)
 
 
 def test_one_packet_at_a_time_with_its_id_and_commands_first() -> None:
@@ -114,7 +114,7 @@ def test_a_full_queue_drops_the_last_of_the_lowest_priority() -> None:
     for agent_id in range(MAX_WAITING + 1):  # one is being sent
         assert reasons(queue.send(report(agent_id), Priority.REPORT, 100)) == []
     full = queue.send(command(5), Priority.COMMAND, 100)
-    assert [(it.reason, it.packet) for it in full if isinstance(it, Dropped)] == [
+    assert [(it.reason, it.packet) for it in full if isinstance(it, PacketDropped)] == [
         ("sound: the modem's queue is full", report(MAX_WAITING))
     ]
     assert queue.waiting == MAX_WAITING
@@ -125,7 +125,7 @@ def test_what_waits_too_long_is_dropped_and_told() -> None:
     queue.send(report(7), Priority.REPORT, 100)
     assert queue.next_due_ms == 100 + WAIT_MS
     (late,) = queue.advance(100 + WAIT_MS)
-    assert isinstance(late, Dropped) and late.packet == report(7)
+    assert isinstance(late, PacketDropped) and late.packet == report(7)
 
 
 def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again() -> None:
@@ -154,31 +154,31 @@ def test_after_any_noise_a_modem_is_found_again(noise: list[bytes]) -> None:
         command_bytes = written(queue.advance(now_ms))
         if command_bytes.endswith(b"$?"):
             queue.read(IDENTITY, now_ms)
-    assert queue.stage is not Stage.IDENTIFYING and queue.address == 1
+    assert queue.stage is not ModemStage.IDENTIFYING and queue.address == 1
     queue.port_lost("unplugged", now_ms)
-    assert queue.stage is Stage.CLOSED
+    assert queue.stage is ModemStage.CLOSED
 
 
 def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped() -> None:
     queue = ready()
-    assert queue.read(b"#B00909\xb1\x09\x00status\r\n", 300) == [Heard(300, report(9))]
-    assert queue.read(b"#U09\xb2\x07\x00rise!!\r\n", 310) == [Heard(310, command(7))]
+    assert queue.read(b"#B00909\xb1\x09\x00status\r\n", 300) == [PacketReceived(300, report(9))]
+    assert queue.read(b"#U09\xb2\x07\x00rise!!\r\n", 310) == [PacketReceived(310, command(7))]
     assert reasons(queue.read(b"#B00902hi\r\n", 320)) == ["sound: without an aMussel's id"]
     assert reasons(queue.read(b"#R007T03200\r\n", 330)) == ["sound: a range to where the modem hangs"]
-    assert queue.stage is Stage.READY
+    assert queue.stage is ModemStage.READY
 
 
 def test_too_many_bytes_are_one_reason_however_many() -> None:
     queue = ready()
     for size in range(62, 262):
         (dropped,) = queue.send(report(7, bytes(size)), Priority.REPORT, 100)
-        assert isinstance(dropped, Dropped)
+        assert isinstance(dropped, PacketDropped)
     assert queue.dropped == {"sound: more than the 61 bytes that a modem carries besides the id": 200}
     assert b"$B64" in written(queue.send(report(7, bytes(61)), Priority.REPORT, 100))
 
 
-@given(st.sampled_from(Direction), st.integers(0, 65535), st.binary(min_size=1, max_size=61))
-def test_the_header_goes_and_comes(direction: Direction, agent_id: int, data: bytes) -> None:
+@given(st.sampled_from(PacketDirection), st.integers(0, 65535), st.binary(min_size=1, max_size=61))
+def test_the_header_goes_and_comes(direction: PacketDirection, agent_id: int, data: bytes) -> None:
     packet = RoutedPacket(direction, agent_id, data)
     assert decode(packet.encode()) == packet
 

@@ -13,10 +13,10 @@ import pytest
 from field_days import Recorder, Vehicle, drawn, of_generation_a, of_generation_b, write_bag
 from scenario_files import POOL_FILE
 
-from apad_bridge.analysis.calibration.calibration import Calibration, Recording, calibrate
+from apad_bridge.analysis.calibration.calibration import Calibration, ReadBag, calibrate
 from apad_bridge.analysis.calibration.intervals import Figure, mean, share
 from apad_bridge.analysis.calibration.losses import by_range, of_wifi
-from apad_bridge.analysis.field_log.facts import PacketHeard, Posed, Teller
+from apad_bridge.analysis.field_log.facts import PacketLogged, Posed, Teller
 from apad_bridge.analysis.field_log.reader import FactReader
 from apad_bridge.analysis.field_log.vehicle_log import vehicle_log
 from apad_bridge.commands import main
@@ -26,10 +26,10 @@ from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.yaml_text import parse_yaml
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
+    ActionGoal,
     BatteryAndProgressPublished,
-    Goal,
     GoalEnded,
-    Outcome,
+    GoalOutcome,
 )
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.stack_messages import PosePublished
@@ -52,7 +52,7 @@ def day(generation: str, seed: int) -> tuple[Vehicle, list[RecordedMessage]]:
 def measured(messages: list[RecordedMessage]) -> Calibration:
     reader = FactReader("the log", "apad1")
     facts = [fact for it in messages for fact in reader.read(it)]
-    return calibrate([Recording(vehicle_log("the log", facts, reader.missing.values()), facts)], POOL)
+    return calibrate([ReadBag(vehicle_log("the log", facts, reader.missing.values()), facts)], POOL)
 
 
 def truths(vehicle: Vehicle) -> dict[str, float]:
@@ -143,7 +143,7 @@ def proportional_day() -> list[RecordedMessage]:
     place, velocity, now_ms = np.zeros(2), np.zeros(2), 0
     for n in range(8):
         goal = np.array([(12.0, 3.0), (0.0, 10.0), (15.0, 15.0), (-4.0, 2.0)][n % 4])
-        recorder.goal(now_ms, Goal(f"goal {n}", GO_TO, float(goal[0]), float(goal[1]), ""))
+        recorder.goal(now_ms, ActionGoal(f"goal {n}", GO_TO, float(goal[0]), float(goal[1]), ""))
         arrived = False
         for _ in range(300):
             now_ms += 100
@@ -155,7 +155,7 @@ def proportional_day() -> list[RecordedMessage]:
                 recorder.take([BatteryAndProgressPublished(now_ms, 50.0, None, 0.0)])
             if not arrived and np.hypot(*(goal - place)) < 0.5:
                 arrived = True
-                recorder.take([GoalEnded(now_ms, f"goal {n}", Outcome.SUCCEEDED)])
+                recorder.take([GoalEnded(now_ms, f"goal {n}", GoalOutcome.SUCCEEDED)])
     return recorder.messages
 
 
@@ -295,9 +295,9 @@ def test_what_is_no_log_of_this_vehicle_is_one_line(
 def test_wifi_reports_that_were_due_and_did_not_come_are_lost_at_their_range() -> None:
     codec = load_codec(POOL.hearing.codec)
 
-    def heard(at_s: float, north_m: float, state: State = State.FLOATING) -> PacketHeard:
+    def heard(at_s: float, north_m: float, state: State = State.FLOATING) -> PacketLogged:
         packet = StatusPacket(7, 0, state, 0.5, 1.0, north_m, 0.0, 0.0, round(1000 * at_s))
-        return PacketHeard(at_s, 7, "wifi", codec.encode(packet))
+        return PacketLogged(at_s, 7, "wifi", codec.encode(packet))
 
     track = vehicle_log("", [Posed(at_s, Teller.VEHICLE, None, (0.0, 0.0)) for at_s in (0.0, 100.0)]).track
     near = [heard(float(n), 5.0) for n in range(11)]

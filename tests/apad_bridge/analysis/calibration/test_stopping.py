@@ -13,7 +13,7 @@ from apad_bridge.analysis.calibration.intervals import Figure
 from apad_bridge.analysis.calibration.motion import legs_of
 from apad_bridge.analysis.calibration.stopping import of_both, stopping_distance
 from apad_bridge.analysis.field_log.facts import Work
-from apad_bridge.analysis.field_log.vehicle_log import Battery, Done, Track, VehicleLog
+from apad_bridge.analysis.field_log.vehicle_log import BatteryReadings, Done, Track, VehicleLog
 
 SPEED_M_S, STOPPING_M, SPREAD = 0.7, 0.756, 0.07
 STOPS = 10
@@ -80,7 +80,7 @@ def day(seed: int, noise_m: float, comes_back: bool, move: Move = moved) -> Vehi
         works.append(Done(Work.GO_TO, begun_s, begun_s + arrived_s, is_done=True, missed=False))
         begun_s, place = begun_s + len(ways_m) / 10, place + ways_m[-1] * bow
     times_s, north_m, east_m = np.array(rows).T
-    nothing = Battery(np.empty(0), np.empty(0))
+    nothing = BatteryReadings(np.empty(0), np.empty(0))
     return VehicleLog("made", Track(times_s, north_m, east_m), nothing, works, [], [], [], [])
 
 

@@ -14,8 +14,8 @@ from apad_bridge.analysis.replay.series import (
     MAX_SAMPLES,
     MAX_TRACE,
     MAX_VALUES,
+    ColourStatus,
     RunView,
-    Status,
     add_rails,
     page_data,
     sample_times,
@@ -86,12 +86,12 @@ def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
     data = data_of(run_line(1, 2, 3, 4, 5, 6), *lines, {"t": 4000, "kind": "end", "reason": "mission time"})
     assert data["times_ms"] == [0, 1000, 2000, 3000, 4000]
     assert {agent["id"]: agent["status"] for agent in data["agents"]} == {
-        1: [Status.ABOVE] * 5,
-        2: [Status.CANDIDATE] * 5,
-        3: [Status.CANDIDATE] * 2 + [Status.CHARGING] * 3,
-        4: [Status.EMPTY] * 5,
-        5: [Status.EMPTY] * 3 + [Status.LOST] * 2,
-        6: [Status.UNKNOWN] * 5,
+        1: [ColourStatus.ABOVE] * 5,
+        2: [ColourStatus.CANDIDATE] * 5,
+        3: [ColourStatus.CANDIDATE] * 2 + [ColourStatus.CHARGING] * 3,
+        4: [ColourStatus.EMPTY] * 5,
+        5: [ColourStatus.EMPTY] * 3 + [ColourStatus.LOST] * 2,
+        6: [ColourStatus.UNKNOWN] * 5,
     }
     # In 4 ticks 1 and 2 are always active, 3 until it is docked at the second tick, 4 and 5 never.
     assert [agent["uptime"][-1] for agent in data["agents"]] == [100, 100, 25, 0, 0, 0]
@@ -233,7 +233,12 @@ def test_without_truth_the_page_shows_what_was_believed():
     assert data["has_truth"] is False
     (agent,) = data["agents"]
     assert agent["charge"] == [None, 0.9, 0.7, 0.7]
-    assert agent["status"] == [Status.UNKNOWN, Status.ABOVE, Status.CANDIDATE, Status.CHARGING]
+    assert agent["status"] == [
+        ColourStatus.UNKNOWN,
+        ColourStatus.ABOVE,
+        ColourStatus.CANDIDATE,
+        ColourStatus.CHARGING,
+    ]
     assert agent["north"] == [None, 5.0, 5.0, 9.0]
 
 
@@ -241,7 +246,7 @@ def test_one_that_was_given_up_is_grey():
     died = {"t": 2000, "kind": "died", "id": 1, "agent_ms": 20_000, "gave_up": "it died too often"}
     died |= {"cause": "BROWN_OUT", "reason": "killed"}
     data = data_of(run_line(1), *truth_lines(truth(0, 1, 0.9)), died, {"t": 4000, "kind": "tick"})
-    assert data["agents"][0]["status"] == [Status.ABOVE] * 2 + [Status.LOST] * 3
+    assert data["agents"][0]["status"] == [ColourStatus.ABOVE] * 2 + [ColourStatus.LOST] * 3
     assert data["active"] == [1, 1, 0, 0, 0]
 
 
@@ -361,8 +366,8 @@ def test_thinning_keeps_the_newest_sample_and_the_columns_alike_long():
     data = view.data(None)
     assert data["times_ms"] == [0, 2000, 4000]
     assert [agent["status"] for agent in data["agents"]] == [
-        [Status.ABOVE] * 3,
-        [Status.CANDIDATE, Status.CHARGING, Status.CHARGING],
+        [ColourStatus.ABOVE] * 3,
+        [ColourStatus.CANDIDATE, ColourStatus.CHARGING, ColourStatus.CHARGING],
     ]
     assert {len(data[name]) for name in ("active", "cost", "apad", "docks", "stage")} == {3}
 

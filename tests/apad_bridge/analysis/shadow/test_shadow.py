@@ -16,14 +16,14 @@ from apad_bridge.analysis.field_log.facts import (
     AmusselPlaced,
     Fact,
     Held,
-    PacketHeard,
+    PacketLogged,
     Posed,
     Teller,
     Work,
     WorkBegan,
     WorkEnded,
 )
-from apad_bridge.analysis.shadow.shadow import ELSEWHERE, WAIT, Move, Shadow
+from apad_bridge.analysis.shadow.shadow import ELSEWHERE, WAIT, Shadow, TheirMove
 from apad_bridge.commands import main
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.scenario.choices import Hosting
@@ -35,7 +35,7 @@ from firmware_model.states import State
 
 POOL = load(POOL_FILE)
 Told = dict[str, Any]
-COLLECT_7, COLLECT_3 = Move(StepKind.COLLECT, 7), Move(StepKind.COLLECT, 3)
+COLLECT_7, COLLECT_3 = TheirMove(StepKind.COLLECT, 7), TheirMove(StepKind.COLLECT, 3)
 
 
 TWENTY_MINUTES = replace(POOL, duration_s=1200.0)
@@ -125,11 +125,11 @@ def test_greedy_shadowed_by_cautious_differs_where_the_nearest_is_not_the_emptie
 
 def packet(
     at_s: float, agent_id: int, charge: float, north_m: float, scenario: Scenario = POOL
-) -> PacketHeard:
+) -> PacketLogged:
     status = StatusPacket(
         agent_id, 0, State.FLOATING, charge, 1.0, north_m, 0.0, 0.0, round(1000 * at_s) * scenario.theta
     )
-    return PacketHeard(at_s, agent_id, "wifi", load_codec(scenario.hearing.codec).encode(status))
+    return PacketLogged(at_s, agent_id, "wifi", load_codec(scenario.hearing.codec).encode(status))
 
 
 def at(at_s: float, north_m: float = 0.0) -> Posed:
@@ -178,7 +178,7 @@ def test_who_a_go_to_without_a_docking_is_for_is_told_by_its_place() -> None:
     facts: list[Fact] = [*HEARD, go_to(1.0, 9.4), at(5.0, 9.0), go_to(9.0, 20.0), at(10.0, 12.0)]
     first, second = decided(facts).decisions
     assert (first.theirs, first.agrees) == (COLLECT_3, False)
-    assert second.theirs == Move(ELSEWHERE)
+    assert second.theirs == TheirMove(ELSEWHERE)
 
 
 def test_another_try_and_another_teller_are_no_other_decision() -> None:
@@ -213,7 +213,7 @@ def test_a_vehicle_that_falls_silent_about_a_dock_lets_nobody_go_while_a_supervi
     alone = [it for it in docked if not (isinstance(it, Posed | Held) and it.teller is Teller.SUPERVISOR)]
     alone.insert(-3, Held(5.0, Teller.VEHICLE, 7, True))
     found = [it.theirs for it in decided(alone).decisions]
-    assert found == [COLLECT_7, Move(StepKind.DEPLOY, 7), COLLECT_7]
+    assert found == [COLLECT_7, TheirMove(StepKind.DEPLOY, 7), COLLECT_7]
 
 
 def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_until_it_leaves() -> None:
@@ -231,7 +231,7 @@ def test_an_amussel_that_a_supervisors_first_sample_shows_docked_is_no_decision_
         at(530.0),
     ]
     found = [it.theirs for it in decided(facts).decisions]
-    assert found == [COLLECT_3, Move(StepKind.DEPLOY, 7), COLLECT_7]
+    assert found == [COLLECT_3, TheirMove(StepKind.DEPLOY, 7), COLLECT_7]
 
 
 def test_an_amussel_that_is_in_a_dock_as_the_shadow_begins_is_no_decision() -> None:
@@ -262,13 +262,13 @@ def test_what_we_would_do_is_judged_by_the_docks_that_were_full_before() -> None
         at(4.0, 3.0),
     ]
     (decision,) = decided(facts, scenario=one_dock).decisions
-    assert (decision.theirs, decision.ours) == (COLLECT_3, Move(WAIT))
+    assert (decision.theirs, decision.ours) == (COLLECT_3, TheirMove(WAIT))
 
 
 def test_where_ours_would_wait_it_says_so() -> None:
     high: list[Fact] = [at(0.0), packet(0.0, 7, 0.95, 5.0), go_to(1.0, 5.0), at(3.0, 4.0), perch(4.0, 7)]
     (decision,) = decided(high).decisions
-    assert (decision.theirs, decision.ours) == (COLLECT_7, Move(WAIT))
+    assert (decision.theirs, decision.ours) == (COLLECT_7, TheirMove(WAIT))
 
 
 def test_the_topics_of_amussels_without_packets_are_believed_too() -> None:
@@ -317,9 +317,9 @@ def test_what_makes_no_sense_is_left_out() -> None:
         [
             at(0.0),
             packet(0.0, 999, 0.5, 5.0),
-            PacketHeard(0.0, 7, "wifi", b"no packet"),
+            PacketLogged(0.0, 7, "wifi", b"no packet"),
             go_to(1.0, 5.0),
             at(2.0, 1.0),
         ]
     )
-    assert [it.theirs for it in shadow.decisions] == [Move(ELSEWHERE)]
+    assert [it.theirs for it in shadow.decisions] == [TheirMove(ELSEWHERE)]

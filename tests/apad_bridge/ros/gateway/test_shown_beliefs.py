@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import BatteryState, NavSatFix
 
-from apad_bridge.beliefs.belief import Belief, Clock, Source
+from apad_bridge.beliefs.belief import Belief, ClockBelief, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.state import MissionState
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits, diagnose
@@ -42,7 +42,7 @@ def carried(mode: Mode, charge: float) -> Belief:
         (0.01, 0.0, 0.0),
         (4.0, 0.5, 9.0),
         probabilities,
-        Clock(250.0, 0.0, 90_000.0, 0.0, 0.0),
+        ClockBelief(250.0, 0.0, 90_000.0, 0.0, 0.0),
         Source.PACKET | Source.SILENCE,
         29,
     )

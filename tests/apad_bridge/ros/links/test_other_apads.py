@@ -7,7 +7,7 @@ import math
 import pytest
 
 from apad_bridge.ros.links.other_apads import NavSts, OtherAPads
-from apad_bridge.vehicle.guards.orders import Body
+from apad_bridge.vehicle.guards.orders import BodyInWater
 
 
 def message(north_m: float, east_m: float) -> NavSts:
@@ -25,8 +25,8 @@ def test_the_newest_place_that_can_be_is_kept(bad: float) -> None:
     others._take(message(bad, 4.0), "apad2")
     others._take(message(7.0, 8.0), "apad3")
     assert set(others.bodies()) == {
-        Body("apad2", (3.0, 4.0), agent_id=None),
-        Body("apad3", (7.0, 8.0), agent_id=None),
+        BodyInWater("apad2", (3.0, 4.0), agent_id=None),
+        BodyInWater("apad3", (7.0, 8.0), agent_id=None),
     }
     assert others.dropped == {"apad2: a position out of range": 1}
     others.close()

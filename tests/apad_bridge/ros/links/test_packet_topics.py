@@ -18,8 +18,8 @@ from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     FLEET_TOLD_OF_DOCKS,
     MISSION_ALONE,
+    PacketOrigin,
     RelayedPacket,
-    Source,
 )
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, StatusPacket, decode
 from firmware_model.packets.codec import load_codec
@@ -71,25 +71,25 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
 def test_a_beacon_of_a_mission_alone_reaches_a_fleet_alone(graph: Graph) -> None:
     mission = PacketTopics([3, 4], MISSION_ALONE.peers)
     beacon = Beacon(EVERYONE, 77_000).encode()
-    mission.publish(RelayedPacket(Source.LOCAL_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 1_000))
+    mission.publish(RelayedPacket(PacketOrigin.LOCAL_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 1_000))
     ((topic, message),) = graph.published
     fleet = PacketTopics([3, 4], FLEET_ALONE.peers)
     assert topic == "musselbed/said"
     assert graph.subscribed == {"musselbed/heard", "musselbed/felt", "musselbed/said"}
     graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
     assert fleet.take(2_000) == [
-        RelayedPacket(Source.REMOTE_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 2_000)
+        RelayedPacket(PacketOrigin.REMOTE_SUPERVISOR, EVERYONE, Medium.SOUND, beacon, 2_000)
     ]
     assert not fleet.dropped
 
 
 def test_a_contact_of_a_missions_dock_reaches_a_fleet_that_no_aPad_tells(graph: Graph) -> None:
     mission = PacketTopics([3, 4], MISSION_ALONE.peers)
-    mission.publish(RelayedPacket(Source.LOCAL_DOCK, 3, None, b"[5,1,2]", 1_000))
+    mission.publish(RelayedPacket(PacketOrigin.LOCAL_DOCK, 3, None, b"[5,1,2]", 1_000))
     ((topic, message),) = graph.published
     fleet = PacketTopics([3, 4], FLEET_TOLD_OF_DOCKS.peers)
     graph.deliver(topic, agent=message.agent, medium=message.medium, data=message.data)
-    assert fleet.take(2_000) == [RelayedPacket(Source.REMOTE_DOCK, 3, None, b"[5,1,2]", 2_000)]
+    assert fleet.take(2_000) == [RelayedPacket(PacketOrigin.REMOTE_DOCK, 3, None, b"[5,1,2]", 2_000)]
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,7 @@ def test_legacy_orders_permit_simulated_amussels_to_surface(graph: Graph) -> Non
     for agent_id in (3, 4):
         graph.deliver(f"amussel{agent_id}/goto_surface", data=True)
     (packet,) = orders.take(2_000)
-    assert (packet.source, packet.agent_id, packet.medium) == (Source.LABORATORY, 3, Medium.SOUND)
+    assert (packet.source, packet.agent_id, packet.medium) == (PacketOrigin.LABORATORY, 3, Medium.SOUND)
     assert decode(packet.data) == CommandPacket(Kind.PERMISSION, 3)
     assert not orders.dropped
     graph.deliver("amussel3/goto_surface", data=False)

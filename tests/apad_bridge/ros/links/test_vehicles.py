@@ -8,7 +8,7 @@ import pytest
 
 from apad_bridge.ros.links import vehicles
 from apad_bridge.scenario.choices import Generation
-from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.guards.gate import plain_safety
@@ -19,7 +19,7 @@ def test_more_docks_than_a_live_apad_can_name_are_refused(
 ) -> None:
     monkeypatch.setattr(vehicles, "live_generation", lambda name, timeout_s: Generation.B)
     six = replace(pool, apad=replace(pool.apad, docks=6))
-    options = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
+    options = RunOptions(BenchPart.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
     with pytest.raises(
         VehicleNotReady, match=r"apad1 is of generation B, which can name 4 docks, and apad.docks is 6"
     ):

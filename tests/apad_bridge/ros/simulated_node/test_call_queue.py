@@ -7,7 +7,7 @@ import threading
 from contextlib import ExitStack
 from types import SimpleNamespace
 
-from apad_bridge.ros.simulated_node.generation_b import CallQueue
+from apad_bridge.ros.simulated_node.generation_b import ServiceCallQueue
 
 PATIENCE_S = 30.0
 
@@ -20,7 +20,7 @@ def test_a_call_whose_connection_closes_while_it_waits_never_runs_and_the_others
         began.release()  # a call asks when it has its place
         return blocks.is_set()
 
-    calls = CallQueue(blocked)
+    calls = ServiceCallQueue(blocked)
     with ExitStack() as stack:
         threads, ours = [], {}
         for name in ("first", "closed", "last"):
@@ -46,7 +46,7 @@ def test_a_call_whose_connection_closes_while_it_waits_never_runs_and_the_others
 
 
 def test_a_call_that_never_ends_keeps_nobody_waiting() -> None:
-    calls, ends, hangs = CallQueue(lambda: False), threading.Event(), threading.Event()
+    calls, ends, hangs = ServiceCallQueue(lambda: False), threading.Event(), threading.Event()
 
     def hang() -> None:
         calls.let_next()

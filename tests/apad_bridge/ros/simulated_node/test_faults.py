@@ -79,7 +79,7 @@ class WithA:
         """Sends a goal, of the core or of another party."""
         if self.vehicle.has_crashed:
             return
-        goal = shown_a.Goal(order.key, order.kind, order.north_m, order.east_m, order.name)
+        goal = shown_a.ActionGoal(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)
         self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self.vehicle.receive(goal, now_ms), now_ms)
@@ -95,9 +95,9 @@ class WithA:
 
     def _receive(self, shown: list[shown_a.Published], now_ms: int) -> None:
         codes = {
-            shown_a.Outcome.SUCCEEDED: GoalCode.SUCCEEDED,
-            shown_a.Outcome.PREEMPTED: GoalCode.PREEMPTED,
-            shown_a.Outcome.ABORTED: GoalCode.ABORTED,
+            shown_a.GoalOutcome.SUCCEEDED: GoalCode.SUCCEEDED,
+            shown_a.GoalOutcome.PREEMPTED: GoalCode.PREEMPTED,
+            shown_a.GoalOutcome.ABORTED: GoalCode.ABORTED,
         }
         for it in shown:
             match it:

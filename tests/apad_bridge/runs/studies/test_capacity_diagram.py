@@ -21,13 +21,13 @@ from apad_bridge.runs.studies.capacity_diagram import (
     phases_of,
 )
 from apad_bridge.runs.studies.models import Model, fly
-from apad_bridge.runs.studies.specification import Plan
+from apad_bridge.runs.studies.specification import StudyPlan
 
 LATE_H = 48
 """The last fifth of ten days."""
 
 
-def setting_of(plan: Plan, amussels: int, mean: float) -> int:
+def setting_of(plan: StudyPlan, amussels: int, mean: float) -> int:
     start = {"charge": [round(mean - 0.2, 6), round(mean + 0.2, 6)]}
     values = [dict(it.parameters) for it in plan.settings]
     return next(
@@ -72,7 +72,7 @@ def test_late_dead_hours_are_those_of_the_last_fifth() -> None:
     assert figures.dead_time_h > figures.dead_late_h
 
 
-def rows_of(plan: Plan, border: dict[int, float]) -> list[dict[str, Any]]:
+def rows_of(plan: StudyPlan, border: dict[int, float]) -> list[dict[str, Any]]:
     """Made-up rows: a fleet is held from its border on; no start holds a fleet that has none."""
     rows = []
     for index, setting in enumerate(plan.settings):
@@ -104,11 +104,11 @@ def test_the_command_prints_both_states_and_draws_them(
     plan = capacity_study(1)
     scenario = replace(plan.scenario(0, 0, 1), duration_s=600.0)
     flown = runner.fly_block  # one short flight gives every other figure of the rows
-    monkeypatch.setattr(Plan, "scenario", lambda *_: scenario)
+    monkeypatch.setattr(StudyPlan, "scenario", lambda *_: scenario)
     figures = flown(plan, 0, 1)[0]
     monkeypatch.undo()
 
-    def fly_study(plan: Plan, *arguments: Any) -> list[dict[str, Any]]:
+    def fly_study(plan: StudyPlan, *arguments: Any) -> list[dict[str, Any]]:
         tmp_path.joinpath("out").mkdir(exist_ok=True)
         return [{**figures, **row} for row in rows_of(plan, {9: 0.2, 12: 0.5})]
 

@@ -11,10 +11,10 @@ import pytest
 from apad_bridge.commands.main import main
 from apad_bridge.runs.studies import report, runner
 from apad_bridge.runs.studies.sleep_schedules import AMUSSELS, reason_of, schedules_of, sleep_study
-from apad_bridge.runs.studies.specification import Plan
+from apad_bridge.runs.studies.specification import StudyPlan
 
 
-def rows_of(plan: Plan, lost_above_samples: float) -> list[dict[str, Any]]:
+def rows_of(plan: StudyPlan, lost_above_samples: float) -> list[dict[str, Any]]:
     """Made-up rows: a schedule takes all its samples, and loses two aMussels where they are more than the limit."""
     rows = []
     for index, setting in enumerate(plan.settings):
@@ -63,7 +63,7 @@ def test_the_command_prints_the_schedules_and_the_reason(
 ) -> None:
     figures = runner.fly_block(_short_study(), 0, 1)[0]
 
-    def fly_study(plan: Plan, *arguments: Any) -> list[dict[str, Any]]:
+    def fly_study(plan: StudyPlan, *arguments: Any) -> list[dict[str, Any]]:
         tmp_path.joinpath("out").mkdir(exist_ok=True)
         return [{**figures, **row} for row in rows_of(plan, 600.0)]
 
@@ -77,7 +77,7 @@ def test_the_command_prints_the_schedules_and_the_reason(
     assert printed["schedules"][0]["alarm_s"] == 1800 and "lose none" in printed["reason"]
 
 
-def _short_study() -> Plan:
+def _short_study() -> StudyPlan:
     from scenario_files import POOL_FILE
 
     from apad_bridge.runs.studies.specification import plan_of

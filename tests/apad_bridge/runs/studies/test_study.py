@@ -25,7 +25,7 @@ from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.runner import JOURNAL, AnotherStudy, StudyFailed, fly_study
 from apad_bridge.runs.studies.specification import (
     STUDY_FILE,
-    Plan,
+    StudyPlan,
     load_study,
     plan_of,
     with_seeds,
@@ -45,7 +45,7 @@ STUDY = {
 }
 
 
-def plan(**changes: Any) -> Plan:
+def plan(**changes: Any) -> StudyPlan:
     return plan_of({**STUDY, **changes}, "test", Path("/"))
 
 

@@ -16,11 +16,11 @@ from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     PERCH,
     RELEASE,
+    ActionGoal,
     BatteryAndProgressPublished,
-    Goal,
     GoalEnded,
+    GoalOutcome,
     HeldPositionPublished,
-    Outcome,
     Published,
 )
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
@@ -37,19 +37,19 @@ def vehicle(start_ms: int = 0, fault: Fault = Fault.NONE) -> GenerationAVehicle:
     return made
 
 
-def go_to(key: str, north_m: float, east_m: float = EAST_M) -> Goal:
-    return Goal(key, GO_TO, north_m, east_m, "")
+def go_to(key: str, north_m: float, east_m: float = EAST_M) -> ActionGoal:
+    return ActionGoal(key, GO_TO, north_m, east_m, "")
 
 
-def perch(name: str) -> Goal:
-    return Goal(f"perch {name}", PERCH, 0.0, 0.0, name)
+def perch(name: str) -> ActionGoal:
+    return ActionGoal(f"perch {name}", PERCH, 0.0, 0.0, name)
 
 
-def release(name: str) -> Goal:
-    return Goal(f"release {name}", RELEASE, 0.0, 0.0, name)
+def release(name: str) -> ActionGoal:
+    return ActionGoal(f"release {name}", RELEASE, 0.0, 0.0, name)
 
 
-def ends(published: list[Published]) -> list[tuple[str, Outcome]]:
+def ends(published: list[Published]) -> list[tuple[str, GoalOutcome]]:
     return [(it.key, it.outcome) for it in published if isinstance(it, GoalEnded)]
 
 
@@ -62,7 +62,7 @@ def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius
     apad.receive(go_to("there", NORTH_M + 5), 0)
     published = apad.advance(30_000)
     (ended,) = [it for it in published if isinstance(it, GoalEnded)]
-    assert (ended.key, ended.outcome) == ("there", Outcome.SUCCEEDED)
+    assert (ended.key, ended.outcome) == ("there", GoalOutcome.SUCCEEDED)
     # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
     assert 9_000 < ended.at_ms < 12_500
 
@@ -84,7 +84,7 @@ def test_feedback_is_the_percentage_covered_and_negative_farther_away() -> None:
 def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving() -> None:
     apad = vehicle()
     apad.receive(go_to("there", NORTH_M + 5), 0)
-    assert ends(apad.cancel("there", 2_000)) == [("there", Outcome.PREEMPTED)]
+    assert ends(apad.cancel("there", 2_000)) == [("there", GoalOutcome.PREEMPTED)]
     published = apad.advance(30_000)
     assert ends(published) == []
     assert apad.pose.north_m == pytest.approx(NORTH_M + 5)
@@ -128,7 +128,7 @@ def test_a_goal_without_controllers_stays_active_and_the_next_go_to_turns_both_o
     assert apad.pose.north_m == pytest.approx(here_m)
     published = apad.receive(go_to("next", here_m + 5), 130_000) + apad.advance(160_000)
     assert apad.has_thrust
-    assert ends(published) == [("far", Outcome.PREEMPTED), ("next", Outcome.SUCCEEDED)]
+    assert ends(published) == [("far", GoalOutcome.PREEMPTED), ("next", GoalOutcome.SUCCEEDED)]
 
 
 def test_controllers_that_come_on_again_steer_to_the_old_reference_though_its_goal_is_cancelled() -> None:
@@ -150,7 +150,7 @@ def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock() -> None:
         (message,) = held(published)
         assert (message.name, message.at_ms) == (f"amussel{number}", 0)
         assert (message.north_m, message.east_m) == pytest.approx((NORTH_M + north_m, EAST_M + east_m))
-        assert ends(published) == [(f"perch amussel{number}", Outcome.SUCCEEDED)]
+        assert ends(published) == [(f"perch amussel{number}", GoalOutcome.SUCCEEDED)]
     apad.receive(release("amussel1"), 0)
     apad.receive(perch("amussel9"), 0)
     assert apad.held == ["amussel0", "amussel9", "amussel2", "amussel3"]
@@ -161,7 +161,7 @@ def test_a_fifth_perch_succeeds_and_does_nothing() -> None:
     for number in range(4):
         apad.receive(perch(f"amussel{number}"), 0)
     published = apad.receive(perch("amussel9"), 0)
-    assert ends(published) == [("perch amussel9", Outcome.SUCCEEDED)]
+    assert ends(published) == [("perch amussel9", GoalOutcome.SUCCEEDED)]
     assert "amussel9" not in {it.name for it in held(published + apad.advance(2_000))}
 
 
@@ -186,7 +186,7 @@ def test_a_release_has_a_last_message_and_a_result() -> None:
     apad.receive(perch("amussel1"), 0)
     published = apad.receive(release("amussel1"), 1_020)
     assert (held(published)[-1].at_ms, held(published)[-1].released) == (1_020, True)
-    assert ends(published) == [("release amussel1", Outcome.SUCCEEDED)]
+    assert ends(published) == [("release amussel1", GoalOutcome.SUCCEEDED)]
     assert held(apad.advance(3_000)) == []
 
 
@@ -194,7 +194,7 @@ def test_a_release_has_a_last_message_and_a_result() -> None:
 def test_a_release_of_what_is_not_held_is_aborted(name: str) -> None:
     apad = vehicle()
     apad.receive(perch("amussel1"), 0)
-    assert ends(apad.receive(release(name), 0)) == [(f"release {name}", Outcome.ABORTED)]
+    assert ends(apad.receive(release(name), 0)) == [(f"release {name}", GoalOutcome.ABORTED)]
     assert apad.held == ["amussel1"]
 
 
@@ -203,7 +203,7 @@ def test_a_silent_release_lets_go_without_a_message() -> None:
     apad.receive(perch("amussel1"), 0)
     assert apad.receive(release("amussel1"), 0) == []
     assert held(apad.advance(3_000)) == []
-    assert ends(apad.receive(perch("amussel2"), 3_000)) == [("perch amussel2", Outcome.SUCCEEDED)]
+    assert ends(apad.receive(perch("amussel2"), 3_000)) == [("perch amussel2", GoalOutcome.SUCCEEDED)]
 
 
 def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> None:
@@ -220,9 +220,9 @@ def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> 
 
 def test_a_goal_of_an_unknown_kind_is_active_until_pre_empted() -> None:
     apad = vehicle()
-    apad.receive(Goal("what", 7, 0.0, 0.0, ""), 0)
+    apad.receive(ActionGoal("what", 7, 0.0, 0.0, ""), 0)
     assert ends(apad.advance(60_000)) == []
-    assert ends(apad.receive(go_to("there", NORTH_M), 60_000)) == [("what", Outcome.PREEMPTED)]
+    assert ends(apad.receive(go_to("there", NORTH_M), 60_000)) == [("what", GoalOutcome.PREEMPTED)]
 
 
 def test_a_person_may_open_a_dock_but_not_close_one() -> None:
@@ -266,8 +266,8 @@ def test_its_battery_can_be_charged_and_drained_by_percent_points() -> None:
 def test_it_holds_as_many_as_it_has_docks(docks: int) -> None:
     apad = GenerationAVehicle(SimulatedAPad(replace(POOL.apad, docks=docks)), 0.5, 0.5)
     for number in range(docks + 1):
-        ended = apad.receive(Goal(f"{number}", PERCH, 0.0, 0.0, f"amussel{number}"), 0)
-        assert GoalEnded(0, f"{number}", Outcome.SUCCEEDED) in ended
+        ended = apad.receive(ActionGoal(f"{number}", PERCH, 0.0, 0.0, f"amussel{number}"), 0)
+        assert GoalEnded(0, f"{number}", GoalOutcome.SUCCEEDED) in ended
     assert apad.held == [f"amussel{number}" for number in range(docks)] and apad.free_docks == []
     with pytest.raises(ValueError, match=f"there is no dock {docks}"):
         apad.set_dock(docks, False, 0)

@@ -29,13 +29,13 @@ from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
     DockingOrder,
-    GoalSeen,
+    Go2pointGoalSeen,
     GoToOrder,
     ManualReceived,
     Order,
     PositionOrder,
+    PrimitiveStatus,
     ServiceAnswered,
-    Status,
     StatusReceived,
 )
 from apad_bridge.vehicle.generation_b.tasks import PILOT, REPLACED
@@ -85,10 +85,10 @@ class Apad:
             self.core.receive(ServiceAnswered(at_ms, call.number, refused), at_ms)
         return [call.order for call in calls]
 
-    def goes(self, at_ms: int, status: Status) -> None:
+    def goes(self, at_ms: int, status: PrimitiveStatus) -> None:
         self.core.receive(StatusReceived(at_ms, False, status), at_ms)
 
-    def docks(self, at_ms: int, status: Status) -> None:
+    def docks(self, at_ms: int, status: PrimitiveStatus) -> None:
         self.core.receive(StatusReceived(at_ms, True, status), at_ms)
 
     def tells(self, now_ms: int) -> list[LinkFact]:
@@ -101,10 +101,10 @@ def test_a_go_to_arrives_by_its_status_and_is_then_held() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
     assert apad.answers(0) == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
-    apad.goes(0, Status.RUNNING)
+    apad.goes(0, PrimitiveStatus.RUNNING)
     assert apad.tells(1_000) == []
     apad.is_at(9_000, 4.8, 6.0)
-    apad.goes(9_000, Status.DONE)
+    apad.goes(9_000, PrimitiveStatus.DONE)
     assert apad.tells(9_000) == [Arrived(9_000, 1)]
     # A primitive's end leaves the controllers off.
     assert apad.answers(9_000) == [PositionOrder(5.0, 6.0)]
@@ -135,17 +135,17 @@ def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
     apad.answers(0)
-    apad.goes(0, Status.RUNNING)
+    apad.goes(0, PrimitiveStatus.RUNNING)
     apad.core.command(GoTo(2, -5.0, -6.0, 0.5, 0.5), 1_000)
-    apad.goes(1_000, Status.RUNNING)
-    apad.goes(1_000, Status.PREEMPTED)
+    apad.goes(1_000, PrimitiveStatus.RUNNING)
+    apad.goes(1_000, PrimitiveStatus.PREEMPTED)
     apad.answers(1_000)
-    apad.goes(1_000, Status.PREEMPTED)
+    apad.goes(1_000, PrimitiveStatus.PREEMPTED)
     assert apad.tells(2_000) == []
-    apad.goes(2_000, Status.RUNNING)
+    apad.goes(2_000, PrimitiveStatus.RUNNING)
     assert apad.tells(10_000) == []
     apad.is_at(30_000, -5.0, -6.0)
-    apad.goes(30_000, Status.DONE)
+    apad.goes(30_000, PrimitiveStatus.DONE)
     assert apad.tells(30_000) == [Arrived(30_000, 2)]
 
 
@@ -153,7 +153,7 @@ def test_a_go_to_that_was_so_short_that_nobody_saw_it_run_has_arrived() -> None:
     apad = Apad()
     apad.core.command(GoTo(1, 2.1, 3.0, 0.5, 0.5), 0)
     apad.answers(0)
-    apad.goes(1_000, Status.DONE)
+    apad.goes(1_000, PrimitiveStatus.DONE)
     assert apad.tells(1_000) == [Arrived(1_000, 1)]
 
 
@@ -161,8 +161,8 @@ def test_a_go_to_that_the_vehicle_drops_fails_after_three_seconds() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
     apad.answers(0)
-    apad.goes(0, Status.RUNNING)
-    apad.goes(2_000, Status.PREEMPTED)
+    apad.goes(0, PrimitiveStatus.RUNNING)
+    apad.goes(2_000, PrimitiveStatus.PREEMPTED)
     assert apad.tells(4_999) == []
     assert apad.tells(5_000) == [
         CommandFailed(5_000, 1, "the aPad ended the go-to by itself: its status says PREEMPTED")
@@ -174,8 +174,8 @@ def test_a_go_to_said_to_be_done_far_from_its_goal_has_failed() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
     apad.answers(0)
-    apad.goes(0, Status.RUNNING)
-    apad.goes(2_000, Status.DONE)
+    apad.goes(0, PrimitiveStatus.RUNNING)
+    apad.goes(2_000, PrimitiveStatus.DONE)
     (failed,) = apad.tells(2_000)
     assert failed == CommandFailed(2_000, 1, "the aPad reports an arrival, 4.2 m from the goal")
 
@@ -237,26 +237,26 @@ def holding(still_running_ms: int = 0) -> Apad:
     apad = Apad()
     apad.core.command(Hold(1, 2.0, 3.0), 0)
     assert apad.answers(0) == [PositionOrder(2.0, 3.0)]
-    apad.goes(still_running_ms, Status.RUNNING)
-    apad.goes(1_000, Status.PREEMPTED)
+    apad.goes(still_running_ms, PrimitiveStatus.RUNNING)
+    apad.goes(1_000, PrimitiveStatus.PREEMPTED)
     assert apad.tells(1_000) == [] and apad.answers(1_000) == []
     return apad
 
 
 def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
     apad = holding()
-    apad.goes(11_000, Status.RUNNING)
-    apad.goes(12_000, Status.RUNNING)
+    apad.goes(11_000, PrimitiveStatus.RUNNING)
+    apad.goes(12_000, PrimitiveStatus.RUNNING)
     apad.is_at(30_000, 9.0, 3.0)
     assert apad.tells(30_000) == [] and apad.answers(30_000) == []
     assert apad.core.dropped["goto_status: another client sent the aPad away from its hold"] == 1
-    apad.goes(31_000, Status.DONE)
+    apad.goes(31_000, PrimitiveStatus.DONE)
     # That go-to has ended somewhere, and the controllers are off since.
     apad.is_at(31_000, 2.5, 3.0)
     assert apad.tells(31_000) == [] and apad.answers(31_000) == [PositionOrder(2.0, 3.0)]
     # Ordered every ten seconds at most; a go-to that still runs a moment later is a late status.
-    apad.goes(31_500, Status.RUNNING)
-    apad.goes(32_000, Status.PREEMPTED)
+    apad.goes(31_500, PrimitiveStatus.RUNNING)
+    apad.goes(32_000, PrimitiveStatus.PREEMPTED)
     assert apad.tells(60_000) == [] and apad.answers(60_000) == []
 
 
@@ -264,16 +264,16 @@ def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to() -> Non
     apad = Apad(takes_back=False)
     apad.core.command(THERE, 0)
     apad.answers(0)
-    apad.core.receive(GoalSeen(100, THERE.north_m, THERE.east_m, "/apad1/commander"), 100)
+    apad.core.receive(Go2pointGoalSeen(100, THERE.north_m, THERE.east_m, "/apad1/commander"), 100)
     assert apad.tells(1_000) == []
-    apad.core.receive(GoalSeen(2_000, 80.0, 6.0, "/apad1/commander"), 2_000)
+    apad.core.receive(Go2pointGoalSeen(2_000, 80.0, 6.0, "/apad1/commander"), 2_000)
     assert apad.tells(2_000) == [
         CommandFailed(2_000, THERE.command_id, REPLACED),
         GoalOfOthers(2_000, "/apad1/commander", 80.0, 6.0),
         CommandedByOthers(2_000, "/apad1/commander"),
     ]
-    apad.goes(3_000, Status.RUNNING)
-    apad.goes(9_000, Status.DONE)
+    apad.goes(3_000, PrimitiveStatus.RUNNING)
+    apad.goes(9_000, PrimitiveStatus.DONE)
     assert apad.tells(9_000) == [] and apad.answers(9_000) == []
 
 
@@ -283,21 +283,21 @@ def test_an_earlier_goal_of_ours_that_is_shown_late_is_nobody_elses() -> None:
     apad.answers(0)
     apad.core.command(Hold(2, 2.0, 3.0, pre_empts=True), 1_000)
     apad.answers(1_000)
-    apad.core.receive(GoalSeen(1_500, THERE.north_m, THERE.east_m, "/apad1/commander"), 1_500)
+    apad.core.receive(Go2pointGoalSeen(1_500, THERE.north_m, THERE.east_m, "/apad1/commander"), 1_500)
     assert apad.tells(2_000) == []
 
 
 @pytest.mark.parametrize("north_m", (math.nan, math.inf, 1e12))
 def test_a_goal_at_no_place_is_counted(north_m: float) -> None:
     apad = Apad(takes_back=False)
-    apad.core.receive(GoalSeen(1_000, north_m, 0.0, "/planner"), 1_000)
+    apad.core.receive(Go2pointGoalSeen(1_000, north_m, 0.0, "/planner"), 1_000)
     assert apad.tells(1_000) == []
     assert [it for it in apad.core.dropped if it.startswith("go2point/goal: ")]
 
 
 def test_a_go_to_of_anothers_that_never_ends_holds_nothing_up_for_ever() -> None:
     apad = holding()
-    apad.goes(2_000, Status.RUNNING)
+    apad.goes(2_000, PrimitiveStatus.RUNNING)
     apad.is_at(201_000, 2.0, 8.0)
     assert apad.tells(201_000) == [] and apad.answers(201_000) == []
     assert apad.tells(202_000) == [] and apad.answers(202_000) == [PositionOrder(2.0, 3.0)]
@@ -310,17 +310,17 @@ def test_a_go_to_of_ours_that_a_hold_pre_empts_is_nobody_elses() -> None:
 
 def test_a_docking_of_anothers_during_a_hold_is_let_end_and_then_held() -> None:
     apad = holding()
-    apad.docks(2_000, Status.RUNNING)
+    apad.docks(2_000, PrimitiveStatus.RUNNING)
     apad.is_at(40_000, 2.0, 8.0)
     assert apad.tells(40_000) == [] and apad.answers(40_000) == []
-    apad.docks(41_000, Status.DONE)
+    apad.docks(41_000, PrimitiveStatus.DONE)
     apad.is_at(41_000, 2.0, 4.0)
     assert apad.tells(41_000) == [] and apad.answers(41_000) == [PositionOrder(2.0, 3.0)]
 
 
 def test_a_docking_of_anothers_that_never_ends_holds_nothing_up_for_ever() -> None:
     apad = holding()
-    apad.docks(2_000, Status.RUNNING)
+    apad.docks(2_000, PrimitiveStatus.RUNNING)
     apad.is_at(201_000, 2.0, 8.0)
     assert apad.tells(201_000) == [] and apad.answers(201_000) == []
     assert apad.tells(202_000) == [] and apad.answers(202_000) == [PositionOrder(2.0, 3.0)]
@@ -351,21 +351,21 @@ def test_visual_docking_stands_off_orders_and_ends_by_its_status() -> None:
     apad = Apad()
     apad.core.command(GoTo(1, 2.0, 4.0, 0.5, 0.5), 0)
     apad.answers(0)
-    apad.goes(0, Status.RUNNING)
-    apad.goes(0, Status.DONE)
+    apad.goes(0, PrimitiveStatus.RUNNING)
+    apad.goes(0, PrimitiveStatus.DONE)
     apad.tells(0)
     apad.answers(0)
     apad.core.command(CloseDock(2, 2, 8), 1_000)
     (stand,) = apad.answers(1_000)
     # The aMussel is believed at (2, 4), the boat is west of it: two metres west, with dock 2, the stern, towards it.
     assert stand == PositionOrder(pytest.approx(2.0), pytest.approx(2.0), pytest.approx(-math.pi / 2))
-    apad.docks(1_000, Status.DONE)  # of an earlier docking
+    apad.docks(1_000, PrimitiveStatus.DONE)  # of an earlier docking
     apad.is_at(5_000, 2.0, 2.1, -1.5)
     assert apad.tells(5_000) == []
     assert apad.answers(5_000) == [BY_EYE]
-    apad.docks(5_000, Status.RUNNING)
+    apad.docks(5_000, PrimitiveStatus.RUNNING)
     assert apad.tells(60_000) == []
-    apad.docks(60_000, Status.DONE)
+    apad.docks(60_000, PrimitiveStatus.DONE)
     assert apad.tells(60_000) == [DockClosed(60_000, 2, 8)]
     assert apad.answers(60_000) == [PositionOrder(2.0, 2.1)]
 
@@ -382,7 +382,7 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     core.command(CloseDock(1, 2, 8), 0)
     call = core.take_calls()[0].order
     core.receive(ServiceAnswered(0, call.number, None), 0)
-    for at_ms, status in ((0, Status.RUNNING), (40_000, Status.DONE)):
+    for at_ms, status in ((0, PrimitiveStatus.RUNNING), (40_000, PrimitiveStatus.DONE)):
         core.receive(StatusReceived(at_ms, True, status), at_ms)
     core.advance(40_000)
     core.take_calls()
@@ -390,11 +390,11 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     call = core.take_calls()[0].order
     core.receive(ArmReceived(50_000, 2), 50_000)
     core.receive(ServiceAnswered(50_000, call.number, None), 50_000)
-    core.receive(StatusReceived(50_000, True, Status.RUNNING), 50_000)
+    core.receive(StatusReceived(50_000, True, PrimitiveStatus.RUNNING), 50_000)
     assert core.advance(60_000) == [DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
     core.command(GoTo(3, 5.0, 6.0, 0.5, 0.5), 60_000)
     assert core.take_calls() == []  # it still pulls back
-    core.receive(StatusReceived(85_000, True, Status.DONE), 85_000)
+    core.receive(StatusReceived(85_000, True, PrimitiveStatus.DONE), 85_000)
     assert core.advance(85_000) == []
     assert [it.order.order for it in core.take_calls()] == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
 
@@ -403,7 +403,7 @@ def test_a_search_that_finds_nothing_is_given_up() -> None:
     apad = Apad()
     apad.core.command(CloseDock(1, 2, 8), 0)
     assert apad.answers(0) == [BY_EYE]
-    apad.docks(0, Status.RUNNING)
+    apad.docks(0, PrimitiveStatus.RUNNING)
     assert apad.tells(89_000) == []
     assert apad.tells(90_000) == [
         CommandFailed(90_000, 1, "the aPad's docking did not come to an end within 90 s")
@@ -415,8 +415,8 @@ def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then() -> None:
     apad = Apad()
     apad.core.command(CloseDock(1, 2, 20), 0)
     apad.answers(0)
-    apad.docks(0, Status.RUNNING)
-    apad.docks(40_000, Status.DONE)
+    apad.docks(0, PrimitiveStatus.RUNNING)
+    apad.docks(40_000, PrimitiveStatus.DONE)
     assert apad.tells(40_000) == [DockClosed(40_000, 2, 20)]
     assert [it for it in apad.core.advance(41_000) if isinstance(it, Carried)] == []
     apad.core.command(CloseDock(2, 2, 7), 42_000)
@@ -426,21 +426,21 @@ def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then() -> None:
 def test_a_docking_by_hand_takes_the_simulated_amussel_that_is_there() -> None:
     apad = Apad({5: (2.2, 3.5), 6: (9.0, 9.0)})
     apad.core.receive(ArmReceived(0, 1), 0)
-    apad.docks(0, Status.RUNNING)
+    apad.docks(0, PrimitiveStatus.RUNNING)
     apad.core.receive(ArmReceived(40_000, None), 40_000)
-    apad.docks(40_000, Status.DONE)
+    apad.docks(40_000, PrimitiveStatus.DONE)
     assert apad.tells(40_000) == [DockClosed(40_000, 1, 5)]
     apad.core.receive(ArmReceived(50_000, 1), 50_000)
-    apad.docks(50_000, Status.RUNNING)
-    apad.docks(90_000, Status.DONE)
+    apad.docks(50_000, PrimitiveStatus.RUNNING)
+    apad.docks(90_000, PrimitiveStatus.DONE)
     assert apad.tells(90_000) == [DockOpened(90_000, 1, 5), LetGo(90_000, 5)]
 
 
 def test_a_docking_by_hand_far_from_all_is_counted() -> None:
     apad = Apad({6: (9.0, 9.0)})
     apad.core.receive(ArmReceived(0, 1), 0)
-    apad.docks(0, Status.RUNNING)
-    apad.docks(40_000, Status.DONE)
+    apad.docks(0, PrimitiveStatus.RUNNING)
+    apad.docks(40_000, PrimitiveStatus.DONE)
     assert apad.tells(40_000) == []
     assert apad.core.dropped == {"a docking by others: no simulated aMussel was near": 1}
 
@@ -449,9 +449,9 @@ def test_a_pilot_is_not_fought() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
     apad.answers(0)
-    apad.goes(0, Status.RUNNING)
+    apad.goes(0, PrimitiveStatus.RUNNING)
     apad.core.receive(ManualReceived(1_000, True), 1_000)
-    apad.goes(1_000, Status.PREEMPTED)
+    apad.goes(1_000, PrimitiveStatus.PREEMPTED)
     assert apad.tells(1_000) == [CommandFailed(1_000, 1, PILOT)]
     apad.core.command(GoTo(2, 7.0, 8.0, 0.5, 0.5), 2_000)
     assert apad.tells(20_000) == []
@@ -464,9 +464,9 @@ def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
     apad = Apad(takes_back=False)
     apad.core.command(THERE, 0)
     apad.answers(0)
-    apad.goes(0, Status.RUNNING)
+    apad.goes(0, PrimitiveStatus.RUNNING)
     apad.core.receive(ManualReceived(1_000, True), 1_000)
-    apad.goes(1_000, Status.PREEMPTED)
+    apad.goes(1_000, PrimitiveStatus.PREEMPTED)
     assert apad.tells(1_000) == [
         CommandFailed(1_000, 1, PILOT),
         PilotReported(1_000, True),
@@ -508,7 +508,7 @@ def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
     apad.answers(0)
-    apad.goes(0, Status.RUNNING)
+    apad.goes(0, PrimitiveStatus.RUNNING)
     for now_ms in range(1_000, 8_000, 1_000):
         assert apad.tells(now_ms) == []
     apad.is_at(8_000, 2.0, 3.0)

@@ -24,8 +24,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToLeft,
     GoToOrder,
     PositionOrder,
+    PrimitiveStatus,
     Published,
-    Status,
     StatusPublished,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
@@ -43,9 +43,9 @@ def vehicle(drift_m_s: tuple[float, float] = (0.0, 0.0), start_ms: int = 0) -> G
     return made
 
 
-def status_changes(published: list[Published], docking: bool = False) -> list[tuple[int, Status]]:
+def status_changes(published: list[Published], docking: bool = False) -> list[tuple[int, PrimitiveStatus]]:
     """Changes of a status, with their times."""
-    told: list[tuple[int, Status]] = []
+    told: list[tuple[int, PrimitiveStatus]] = []
     for it in published:
         if (
             isinstance(it, StatusPublished)
@@ -59,10 +59,10 @@ def status_changes(published: list[Published], docking: bool = False) -> list[tu
 def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics() -> None:
     apad = vehicle()
     published = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    assert status_changes(published) == [(0, Status.RUNNING)]
+    assert status_changes(published) == [(0, PrimitiveStatus.RUNNING)]
     published = apad.advance(30_000)
     (_, running), (done_ms, done) = status_changes(published)
-    assert (running, done) == (Status.RUNNING, Status.DONE)
+    assert (running, done) == (PrimitiveStatus.RUNNING, PrimitiveStatus.DONE)
     # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
     assert 9_000 < done_ms < 12_500
     assert [it.at_ms for it in published if isinstance(it, Finished)] == [done_ms]
@@ -94,7 +94,7 @@ def test_dynamic_positioning_holds_against_the_water_and_never_ends() -> None:
 def test_without_a_speed_or_a_radius_a_go_to_aborts(speed_m_s: float, radius_m: float) -> None:
     apad = vehicle()
     published = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, speed_m_s, radius_m), 0)
-    assert status_changes(published) == [(0, Status.RUNNING), (0, Status.IDLE)]
+    assert status_changes(published) == [(0, PrimitiveStatus.RUNNING), (0, PrimitiveStatus.IDLE)]
     apad.advance(10_000)
     assert apad.pose.north_m == NORTH_M
 
@@ -103,7 +103,7 @@ def test_a_new_order_pre_empts() -> None:
     apad = vehicle()
     apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
     published = apad.receive(PositionOrder(NORTH_M, EAST_M), 2_000)
-    assert status_changes(published)[-1] == (2_000, Status.PREEMPTED)
+    assert status_changes(published)[-1] == (2_000, PrimitiveStatus.PREEMPTED)
 
 
 def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
@@ -118,7 +118,7 @@ def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
     apad.advance(37_000)
     assert apad.pose.heading_rad == pytest.approx(3.0)  # 0.3 rad/s for 10 s
     published = apad.advance(1_000_000)
-    assert status_changes(published, docking=True) == [(38_000, Status.RUNNING)]
+    assert status_changes(published, docking=True) == [(38_000, PrimitiveStatus.RUNNING)]
 
 
 def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() -> None:
@@ -137,7 +137,7 @@ def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() 
     assert apad.stage is Stage.SERVOING  # (0.8, 0.9) is open
     apad.detect(0.0, 0.85, 37_000)
     published = apad.advance(37_100)
-    assert status_changes(published, docking=True)[-1][1] is Status.DONE
+    assert status_changes(published, docking=True)[-1][1] is PrimitiveStatus.DONE
     assert [it.arm.is_open for it in published if isinstance(it, ArmPublished)] == [(False,) * 4]
 
 
@@ -155,7 +155,7 @@ def test_undocking_pulls_back_for_8_s() -> None:
     apad = vehicle()
     apad.receive(UNDOCK, 0)
     published = apad.advance(35_000)
-    assert status_changes(published, docking=True)[-1] == (35_000, Status.DONE)
+    assert status_changes(published, docking=True)[-1] == (35_000, PrimitiveStatus.DONE)
     arms = [(it.at_ms, it.arm.is_open[0]) for it in published if isinstance(it, ArmPublished)]
     assert arms == [(27_000, True), (35_000, False)]
     # 0.3 m/s for 8 s, less the start from rest.
@@ -165,30 +165,34 @@ def test_undocking_pulls_back_for_8_s() -> None:
 def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile() -> None:
     apad = vehicle()
     apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    assert status_changes(apad.set_manual(True, 1_000))[-1][1] is Status.PREEMPTED
+    assert status_changes(apad.set_manual(True, 1_000))[-1][1] is PrimitiveStatus.PREEMPTED
     assert (
-        status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 2_000))[-1][1] is Status.PREEMPTED
+        status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 2_000))[-1][1]
+        is PrimitiveStatus.PREEMPTED
     )
     apad.set_manual(False, 3_000)
-    assert status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 3_000))[-1][1] is Status.RUNNING
+    assert (
+        status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 3_000))[-1][1]
+        is PrimitiveStatus.RUNNING
+    )
 
 
 def test_stop_mission_ends_what_is_under_way() -> None:
     apad = vehicle()
     apad.receive(DOCK, 0)
     published = apad.stop(5_000)
-    assert status_changes(published, docking=True)[-1] == (5_000, Status.PREEMPTED)
+    assert status_changes(published, docking=True)[-1] == (5_000, PrimitiveStatus.PREEMPTED)
     assert apad.stage is Stage.OFF
 
 
 def test_a_paused_mission_goes_on_where_it_was() -> None:
     apad = vehicle()
     apad.receive(GoToOrder(NORTH_M + 9, EAST_M, 0.5, 0.5), 0)
-    assert status_changes(apad.pause(4_000))[-1][1] is Status.PREEMPTED
+    assert status_changes(apad.pause(4_000))[-1][1] is PrimitiveStatus.PREEMPTED
     apad.advance(60_000)
     assert apad.pose.north_m < NORTH_M + 6  # coasting only
-    assert status_changes(apad.go_on(60_000))[-1][1] is Status.RUNNING
-    assert status_changes(apad.advance(90_000))[-1][1] is Status.DONE
+    assert status_changes(apad.go_on(60_000))[-1][1] is PrimitiveStatus.RUNNING
+    assert status_changes(apad.advance(90_000))[-1][1] is PrimitiveStatus.DONE
     apad.go_on(91_000)  # nothing is paused any more
     assert apad.stage is Stage.OFF
 
@@ -213,7 +217,7 @@ def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second() -
     assert apad.receive(order, 50)[0] == GoToBegun(50, order)
     published = apad.advance(30_000)
     (ended,) = [it for it in published if isinstance(it, GoToEnded)]
-    assert ended.status is Status.DONE and ended.pose.east_m == pytest.approx(EAST_M - 4, abs=0.5)
+    assert ended.status is PrimitiveStatus.DONE and ended.pose.east_m == pytest.approx(EAST_M - 4, abs=0.5)
     # West, and the rest of the way agrees with its own place.
     assert ended.left.bearing_rad == pytest.approx(-math.pi / 2)
     assert ended.left.distance_m == pytest.approx(ended.pose.east_m - (EAST_M - 4))
@@ -223,9 +227,16 @@ def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second() -
 
 @pytest.mark.parametrize(
     ("fault", "ends"),
-    [(Fault.LIES, [Status.DONE]), (Fault.DROPS, [Status.PREEMPTED]), (Fault.STUCK, []), (Fault.SILENT, [])],
+    [
+        (Fault.LIES, [PrimitiveStatus.DONE]),
+        (Fault.DROPS, [PrimitiveStatus.PREEMPTED]),
+        (Fault.STUCK, []),
+        (Fault.SILENT, []),
+    ],
 )
-def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(fault: Fault, ends: list[Status]) -> None:
+def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(
+    fault: Fault, ends: list[PrimitiveStatus]
+) -> None:
     apad = GenerationBVehicle(SimulatedAPad(POOL.apad), 0, fault)
     published = apad.receive(GoToOrder(NORTH_M + 2, EAST_M, 0.5, 0.5), 0) + apad.advance(20_000)
     assert [it.status for it in published if isinstance(it, GoToEnded)] == ends

@@ -36,7 +36,7 @@ from apad_bridge.vehicle.guards.guards import (
     SoundNumbers,
 )
 from apad_bridge.vehicle.guards.monitor import CanStopInWaters, KeepsClearOfAPads, Stopping
-from apad_bridge.vehicle.guards.orders import Body, GuardedOrder, Point, Situation, Surfacing
+from apad_bridge.vehicle.guards.orders import BodyInWater, GuardedOrder, Point, Surfacing, VehicleSituation
 from apad_bridge.vehicle.guards.position_watch import PositionLimits, PositionWatch
 
 # A U, open to the north, of 40 x 40 m with a gap of 20 x 20 m; and a zone of 4 x 4 m in its southern bar.
@@ -52,7 +52,7 @@ U = (
 )
 ZONE = ((8.0, 18.0), (12.0, 18.0), (12.0, 22.0), (8.0, 22.0))
 WATERS = FencedWaters(Fence(U, (ZONE,)), clearance_m=1.0)
-AT = Situation((5.0, 5.0), battery_fraction=1.0)
+AT = VehicleSituation((5.0, 5.0), battery_fraction=1.0)
 
 
 def going(north_m: float, east_m: float, speed_m_s: float = 0.5, radius_m: float = 0.5) -> GoTo:
@@ -153,7 +153,7 @@ def test_a_leg_is_neither_too_long_nor_too_fast_nor_too_slow() -> None:
 
 def test_the_battery_suffices_for_the_leg_and_the_way_home() -> None:
     guard = BatteryForHome((0.0, 0.0), 0.2, lambda begin, end, at_ms: 0.01 * math.dist(begin, end))
-    at = Situation((0.0, 10.0), battery_fraction=0.5)
+    at = VehicleSituation((0.0, 10.0), battery_fraction=0.5)
     assert guard.refusal(going(0.0, 20.0), at) == ""  # 10 m there and 20 m home: exactly half
     assert "holds 50.0 %, and the leg and the way home need 51.0 %" in guard.refusal(going(0.0, 20.5), at)
     assert guard.refusal(going(0.0, 5.0), replace(at, battery_fraction=0.01)) == ""  # towards home
@@ -163,22 +163,22 @@ def test_the_battery_suffices_for_the_leg_and_the_way_home() -> None:
 def test_a_way_keeps_clear_of_bodies_except_of_the_aMussel_it_goes_to() -> None:
     guard = ClearOfBodies(3.0)
     wanted, other, apad = (
-        Body("a", (0.0, 20.0), 1),
-        Body("b", (2.0, 10.0), 2),
-        Body("c", (0.0, 21.0), None),
+        BodyInWater("a", (0.0, 20.0), 1),
+        BodyInWater("b", (2.0, 10.0), 2),
+        BodyInWater("c", (0.0, 21.0), None),
     )
-    at = Situation((0.0, 0.0))
+    at = VehicleSituation((0.0, 0.0))
     assert guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted,))) == ""
     assert "passes b at 2.0 m" in guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted, other)))
     assert "passes c at 1.0 m" in guard.refusal(going(0.0, 20.0), replace(at, bodies=(wanted, apad)))
-    beside = Body("d", (1.0, 0.0), 4)
+    beside = BodyInWater("d", (1.0, 0.0), 4)
     assert guard.refusal(going(-10.0, 0.0), replace(at, bodies=(beside,))) == ""  # away from it
 
 
 def test_the_next_way_may_begin_at_the_aMussel_that_a_dock_has_just_taken() -> None:
     gate = Gate([ClearOfBodies(3.0)], PositionWatch(PositionLimits()))
     gate.observe([PoseReported(0, 0.03, 0.0, 0.0)])
-    gate.see_bodies((Body("aMussel 7", (0.0, 0.0), 7), Body("aMussel 8", (-4.0, 0.0), 8)))
+    gate.see_bodies((BodyInWater("aMussel 7", (0.0, 0.0), 7), BodyInWater("aMussel 8", (-4.0, 0.0), 8)))
     away = going(-8.0, 0.0)
     assert "passes aMussel 7 at 0.0 m" in _reason(gate, away)
     gate.observe([DockClosed(0, 2, 7)])
@@ -222,7 +222,7 @@ def test_no_guard_refuses_a_stop_and_an_arm_that_closes_is_none(
     """A hold where the vehicle is stops it inside the waters alone."""
     gate = Gate(ALL, PositionWatch(PositionLimits()), WATERS)
     gate.note_others(awaits)
-    gate.see_bodies((Body("beside", place_m, None),))
+    gate.see_bodies((BodyInWater("beside", place_m, None),))
     gate.observe(_pose_and_battery(place_m, battery))
     assert gate.refusal(Stop(1), 0) is None
     is_inside = WATERS.fault_of_place(place_m) == ""
@@ -259,8 +259,8 @@ def test_a_vehicle_comes_to_rest_before_it_is_too_near_to_another_apad(
 ) -> None:
     """At 1 m/s it makes a metre before an order acts, and another while it brakes with 0.5 m/s^2."""
     check = KeepsClearOfAPads(3.0, Stopping(0.5))
-    other = Body("apad2", (5.0, 0.0), agent_id=None)
-    situation = Situation(place, velocity, bodies=(other,))
+    other = BodyInWater("apad2", (5.0, 0.0), agent_id=None)
+    situation = VehicleSituation(place, velocity, bodies=(other,))
     assert (check.look(situation, None, 0) is not None) is is_held
     amussel = replace(other, agent_id=7)
     assert check.look(replace(situation, bodies=(amussel,)), None, 0) is None
@@ -282,11 +282,11 @@ def test_a_noisy_receiver_lets_no_healthy_vehicle_see_the_fence_ahead() -> None:
                 1_000 * n, north_m + noise.gauss(0.0, 0.5), 11.5 + noise.gauss(0.0, 0.5), 0.0, 1_000 * n
             )
         )
-        situation = Situation(
+        situation = VehicleSituation(
             watch.place_m,
             watch.velocity_m_s,
             watch.least_speed_m_s,
-            bodies=(Body("another aPad", (north_m, 0.0), None),),
+            bodies=(BodyInWater("another aPad", (north_m, 0.0), None),),
         )
         assert ahead.look(situation, None, 1_000 * n) is None
         assert others.look(situation, None, 1_000 * n) is None
@@ -311,5 +311,5 @@ def test_a_stop_s_way_ahead_is_that_of_the_allowed_speed_and_of_more_where_it_is
     away_m: float, speed_m_s: float, least_m_s: float, is_seen: bool
 ) -> None:
     waters = FencedWaters(Fence(((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)), ()), 1.0)
-    situation = Situation((50.0, 100.0 - away_m), (0.0, speed_m_s), least_m_s)
+    situation = VehicleSituation((50.0, 100.0 - away_m), (0.0, speed_m_s), least_m_s)
     assert (CanStopInWaters(waters, STOPPING, 0.8).look(situation, None, 0) is not None) is is_seen

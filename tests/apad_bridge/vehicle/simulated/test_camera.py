@@ -12,7 +12,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,
     PositionOrder,
-    Status,
+    PrimitiveStatus,
     StatusPublished,
     dock_direction_rad,
 )
@@ -66,7 +66,7 @@ def test_a_docking_by_the_fields_law_ends_at_the_amussel(
     apad.receive(DockingOrder(True, dock_index, 0.2, 0.3, 0.15, 0.2), 20_000)
     for now_ms in range(20_000, 140_000, 100):
         shown = apad.advance(now_ms)
-        done = [it for it in shown if isinstance(it, StatusPublished) and it.status is Status.DONE]
+        done = [it for it in shown if isinstance(it, StatusPublished) and it.status is PrimitiveStatus.DONE]
         if done:
             break
         pose = apad.pose
