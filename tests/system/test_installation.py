@@ -350,13 +350,14 @@ def test_a_package_without_a_pin_is_no_tampering(clone: Path, programs: Path, in
 
 def test_a_certificate_that_is_not_trusted_is_named(clone: Path, programs: Path, index: Path) -> None:
     pin(clone, b"")
-    certificate = index / "server.crt"
+    certificate, other = index / "server.crt", index / "other.crt"
     request = "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -addext subjectAltName=DNS:localhost"
-    subprocess.run(
-        [*request.split(), "-out", certificate, "-keyout", index / "server.key"],
-        check=True,
-        capture_output=True,
-    )
+    for it in (certificate, other):
+        subprocess.run(
+            [*request.split(), "-out", it, "-keyout", it.with_suffix(".key")],
+            check=True,
+            capture_output=True,
+        )
     with served(index, certificate) as port:
         address = f"https://localhost:{port}/simple"
         line = install_from(address, clone, programs)
@@ -364,6 +365,11 @@ def test_a_certificate_that_is_not_trusted_is_named(clone: Path, programs: Path,
         assert "set PIP_CERT" in line
         # The remedy that the line names.
         assert "is not the one pinned" in install_from(address, clone, programs, PIP_CERT=str(certificate))
+        # With REQUESTS_CA_BUNDLE it would be none.
+        elsewhere = {"PIP_CERT": str(certificate), "REQUESTS_CA_BUNDLE": str(other)}
+        assert "set REQUESTS_CA_BUNDLE to its certificate" in install_from(
+            address, clone, programs, **elsewhere
+        )
 
 
 def test_an_index_that_refuses_connections_is_named(clone: Path, programs: Path, index: Path) -> None:
