@@ -67,6 +67,7 @@ TWIN = {
     "sensor_noise": NOISE,
     "bias_deviation": 0.0005,
     "coil_deviation": 0.005,
+    "motor_deviation": 0.05,
     "unscheduled": 0.0,
     "fix_deviation_m": 0.5,
 }

@@ -54,8 +54,6 @@ _MISSED = 0.1
 receives none, assumes that the aMussel stayed below, and repeats the permission; it receives them when it has come."""
 _CAPACITY_DEVIATION = 0.1
 """Relative, between aMussels: a battery that holds less drains and charges faster."""
-_MOTOR_DEVIATION = 0.15
-"""The share of a motor run by which a whole way up or down differs: the run, its time and all that goes with it."""
 _AGEING_PER_DAY = 0.001
 _STEADY_CURRENT_S = 3600.0
 
@@ -110,7 +108,7 @@ def twin_parameters(
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
     return TwinParameters(
         scale=scale,
-        drain=_drain(board),
+        drain=_drain(board, model.motor_deviation),
         charger=_charger(board.charge, model.coil_deviation, 0.0 if untold else _CAPACITY_DEVIATION),
         sensor=Sensor(
             model.sensor_noise,
@@ -160,7 +158,7 @@ def readings_apart_ms(scale: TimeScale) -> int:
     return max(_READING_APART_MS, scale.agent_span(_MISSION_APART_MS))
 
 
-def _drain(board: BoardConfig) -> Drain:
+def _drain(board: BoardConfig, motor_deviation: float) -> Drain:
     firmware = board.whole
     if firmware is None:
         # Equation (1) for every state in the water; in a dock equation (2) covers everything.
@@ -187,7 +185,7 @@ def _drain(board: BoardConfig) -> Drain:
     return Drain(
         tuple(rates[mode] for mode in Mode),
         motor_run,
-        _MOTOR_DEVIATION * motor_run,
+        motor_deviation * motor_run,
         firmware.power.path / PATH_UNIT,
         listening=(rates[Mode.IDLE] - scheduled_per_min) * listening_ms / _MS_PER_MIN,
         release_wait=(draw_per_min(State.RELEASED) - scheduled_per_min) * release_wait_ms / _MS_PER_MIN,

@@ -28,6 +28,8 @@ from apad_bridge.beliefs.twin_state import (
     released,
     settled,
     spent_hypotheses,
+    surfaced_hypotheses,
+    way_variance,
 )
 from firmware_model.states import State
 
@@ -92,7 +94,7 @@ class HypothesisWeigher:
         drain = self.parameters.drain
         waited = drain.per_min[Mode.IDLE] * (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
         running = self._partial_motor_run() if state is State.SINKING else NOTHING
-        return Spent(1.0, waited + running.mean, drain.motor_deviation**2 + running.variance)
+        return Spent(1.0, waited + running.mean, way_variance(self.parameters) + running.variance)
 
     def _partial_motor_run(self) -> Spent:
         """The charge that running motors have taken so far, or will still take: uniform between 0 and one run."""
@@ -111,10 +113,10 @@ class HypothesisWeigher:
             run = self.parameters.drain.motor_run
             rows = [Spent(1.0, mean + run, variance + run**2)]
         else:
-            rows = paths(load)
+            rows = surfaced_hypotheses(twin_state, self.parameters)
             if mode is Mode.SURFACING:
                 _, left, its_variance = self._partial_motor_run()
-                rows = [Spent(p, mean - left, variance + its_variance) for p, mean, variance in rows]
+                rows = [Spent(p, mean - left, variance + its_variance) for p, mean, variance in paths(load)]
         total = math.fsum(row[0] for row in rows)
         if total < _NEGLIGIBLE**2:  # the packet states a mode that cannot be: only the total is known
             _, mean, variance = load.total()
@@ -134,15 +136,25 @@ class HypothesisWeigher:
         ]
 
     def corrected(
-        self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
+        self,
+        twin_state: TwinState,
+        schedule: Schedule,
+        hypotheses: list[Anchor],
+        reading: Reading,
+        *,
+        may_rest: bool = True,
     ) -> TwinState:
-        """Corrects by one filter for each hypothesis; skips the unlikely ones while a likely one explains the reading."""
+        """Corrects by one filter for each hypothesis; skips the unlikely ones while a likely one explains the reading.
+
+        A battery of which nothing is known may not rest at an end: the wide Gaussian that stands for its charge has a fifth
+        of its weight beyond each, and a reading near an end would then tell the sensor's bias.
+        """
         charges = (reading.primary, reading.secondary)
         sensor = self.parameters.sensor
         offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
         total = math.fsum(row.weight for row in hypotheses)
         learns = self.parameters.untold is not None
-        if learns:
+        if learns and may_rest:
             hypotheses = [part for row in hypotheses for part in charge.split_at_ends(row)]
         else:
             hypotheses = list(map(_clamped_if_outside, hypotheses))
@@ -174,7 +186,8 @@ class HypothesisWeigher:
         before = charge.moment_matched(
             charge_now(twin_state, self.parameters, spent_hypotheses(twin_state, self.parameters))
         )
-        return self.corrected(twin_state, schedule, [charge.doubted_state(self.parameters, before)], reading)
+        doubted = charge.doubted_state(self.parameters, before)
+        return self.corrected(twin_state, schedule, [doubted], reading, may_rest=False)
 
     def _widened(
         self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
@@ -216,7 +229,7 @@ class HypothesisWeigher:
         )
         if reading.state in _TRANSIENT:
             if reading.state is State.RELEASED:
-                return released(twin_state, self.parameters, schedule)
+                return released(twin_state, self.parameters, schedule, twin_state.at_ms - since_ms)
             spent = self._partial_motor_run() if reading.state is State.SINKING else NOTHING
             return settled(twin_state, self.parameters, schedule, spent)
         if reading.state is State.SURFACING:
@@ -256,6 +269,7 @@ def anchored(
         "since_ms": twin_state.at_ms,
         "from_secondary": (0.0, 0.0),
         "unobeyed": None,
+        "earlier": None,
         "pending": None,
     }
     return replace(twin_state, **(settled | changes))

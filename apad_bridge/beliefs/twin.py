@@ -38,6 +38,7 @@ from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin_belief import belief_from_state
 from apad_bridge.beliefs.twin_parameters import UNKNOWN, Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
+    HEARD_WITHIN_MS,
     Pending,
     TwinState,
     advanced,
@@ -45,10 +46,11 @@ from apad_bridge.beliefs.twin_state import (
     load_of_all,
     load_when_spent,
     obey_probability,
-    paths,
     released,
     shifted_to_clock,
     spent_hypotheses,
+    surfaced_hypotheses,
+    way_variance,
 )
 from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
 from firmware_model.packets import StatusPacket
@@ -64,8 +66,6 @@ _NEVER_SET_DEVIATIONS = 5.0
 _DOCK_VARIANCE_M2 = 1.0
 _JUMP = 0.1
 """A reading that no hypothesis explains, and that lies so far from the belief, makes its aMussel suspect."""
-_HEARD_WITHIN_MS = 2_000
-"""The mission time within which a permission is heard: the aPad acts once a second, and waits for a free channel."""
 _WAKE_STATES = (State.ACTIVE, State.PROCESSING)
 """Parts of a short wake, a minute each; a packet in the aMussel's timeslot comes after them."""
 
@@ -207,9 +207,12 @@ class Twin:
             obeyed = obey_probability(twin_state, self.parameters, twin_state.at_ms)
             if twin_state.unobeyed is None or obeyed >= LIKELY:
                 return twin_state
-            twin_state = replace(twin_state, load=twin_state.unobeyed[0], unobeyed=None, pending=None)
+            earlier = (load_when_spent(twin_state), twin_state.at_ms, obeyed)
+            twin_state = replace(
+                twin_state, load=twin_state.unobeyed[0], unobeyed=None, earlier=earlier, pending=None
+            )
         drain, at_ms, load = self.parameters.drain, twin_state.at_ms, load_of_all(twin_state, self.parameters)
-        runs_ms = self.parameters.scale.agent_span(_HEARD_WITHIN_MS) + self.parameters.motor_run_ms
+        runs_ms = self.parameters.scale.agent_span(HEARD_WITHIN_MS) + self.parameters.motor_run_ms
         return replace(
             twin_state,
             load=load,
@@ -217,7 +220,7 @@ class Twin:
             since_ms=at_ms,
             unobeyed=(load, at_ms),
             pending=Pending(
-                at_ms, at_ms + runs_ms, drain.motor_run, drain.motor_deviation**2, Mode.SURFACING
+                at_ms, at_ms + runs_ms, drain.motor_run, way_variance(self.parameters), Mode.SURFACING
             ),
         )
 
@@ -235,7 +238,7 @@ class Twin:
 
     def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
         """The present charge in [0, 1], as a few hypotheses, because a low charge stays far behind in a dock."""
-        rows = charge_now(twin_state, self.parameters, paths(load_when_spent(twin_state)))
+        rows = charge_now(twin_state, self.parameters, surfaced_hypotheses(twin_state, self.parameters))
         return charge.reduced([bounded(row, after_measuring=False) for row in rows])
 
     # Packets.
@@ -347,7 +350,8 @@ class Twin:
             stated_m=(packet.north_m, packet.east_m),
         )
         schedule = self._schedule(packet.agent_id)
-        twin_state = self._weigher.corrected(twin_state, schedule, [Anchor(1.0, mean, cov)], reading)
+        unknown = [Anchor(1.0, mean, cov)]
+        twin_state = self._weigher.corrected(twin_state, schedule, unknown, reading, may_rest=False)
         if self._checker is not None:
             offset, _ = parameters.sensor.offsets.get(reading.state, (0.0, 0.0))
             stated = Stated(twin_state.at_ms, reading.primary - offset, reading.mode in DOCKED)

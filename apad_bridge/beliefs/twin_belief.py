@@ -10,7 +10,14 @@ from apad_bridge.beliefs.charge_state import PRIMARY, RATE, SECONDARY
 from apad_bridge.beliefs.mixture import Gaussian, below, clamped
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import TwinParameters
-from apad_bridge.beliefs.twin_state import TwinState, in_dock, load_of_all, obey_probability, primary_parts
+from apad_bridge.beliefs.twin_state import (
+    TwinState,
+    earlier_probability,
+    in_dock,
+    load_of_all,
+    obey_probability,
+    primary_parts,
+)
 from firmware_model.states import State
 
 _CERTAIN = 1e-9
@@ -120,8 +127,11 @@ def _in_the_water(
     lost = empty * below((secondary,), 0.0) if empty > _CERTAIN else 0.0
     obeyed, pending = obey_probability(twin_state, parameters, twin_state.at_ms), twin_state.pending
     if twin_state.situation is not None:
-        probabilities[twin_state.situation] = obeyed * (1 - lost)
-        by_mode, share = (twin_state.unobeyed or (twin_state.load, 0))[0].by_mode, (1 - obeyed) * (1 - lost)
+        earlier = earlier_probability(twin_state, parameters) * (1 - lost)
+        newest = 1 - lost - earlier
+        probabilities[Mode.FLOATING] = earlier
+        probabilities[twin_state.situation] += obeyed * newest
+        by_mode, share = (twin_state.unobeyed or (twin_state.load, 0))[0].by_mode, (1 - obeyed) * newest
     else:
         by_mode, share = load_of_all(twin_state, parameters).by_mode, 1 - lost
         if pending is not None:

@@ -30,7 +30,7 @@ class Drain:
     motor_run: float
     """One run of the buoyancy motors, to surface or to sink."""
     motor_deviation: float
-    """Deviation of a whole way up or down: the run and all that goes with it."""
+    """Deviation of what the motors take for a whole way up or down."""
     in_dock: float
     """The share of the load that reaches a battery which is being charged."""
     listening: float = 0.0

@@ -27,6 +27,8 @@ _UNLIKELY = 1e-3
 _OBEY_PRIOR = 0.9
 """The probability that an aMussel received the permission to surface, before any packet from it. Where half of the packets
 are lost, an aPad that assumed 97 % searched in vain and served fewer."""
+HEARD_WITHIN_MS = 2_000
+"""The mission time within which an order is heard: the aPad acts once a second, and waits for a free channel."""
 _FAR_FROM_EMPTY = 0.4
 _LEAST_RATE = 0.1
 """A smaller estimate of the relative charging rate is no charger's."""
@@ -78,6 +80,9 @@ class TwinState:
     unobeyed: tuple[Load, int] | None = None
     """The load at `at_ms` in case the newest permission was not received, and the time of that permission. It is kept
     until a packet decides, also after an aMussel that obeyed would have sunk again."""
+    earlier: tuple[Load, int, float] | None = None
+    """The load at a time in case the aMussel obeyed the permission before the newest one, and floats since then; and how
+    probable that was at that time. The aPad repeats a permission where it hears nothing, which may be for its distance."""
     pending: Pending | None = None
     """The part that `load` does not contain yet."""
     seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -118,6 +123,7 @@ class TwinState:
             self.packet,
             self.from_secondary,
             unobeyed,
+            self.earlier,
             self.pending,
             self.seen,
             self.day,
@@ -238,6 +244,7 @@ def load_of_all(twin_state: TwinState, parameters: TwinParameters) -> Load:
 def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
     """The same state on a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
     by_ms, unobeyed, pending = agent_ms - twin_state.at_ms, twin_state.unobeyed, twin_state.pending
+    earlier = twin_state.earlier
     if pending is not None:
         pending = replace(pending, from_ms=pending.from_ms + by_ms, until_ms=pending.until_ms + by_ms)
     return replace(
@@ -247,6 +254,7 @@ def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
         since_ms=twin_state.since_ms + by_ms,
         measured_ms=twin_state.measured_ms + by_ms,
         unobeyed=None if unobeyed is None else (unobeyed[0], unobeyed[1] + by_ms),
+        earlier=None if earlier is None else (earlier[0], earlier[1] + by_ms, earlier[2]),
         pending=pending,
         packet=(-1, agent_ms),
         day=(),
@@ -257,7 +265,14 @@ def _afloat(twin_state: TwinState, parameters: TwinParameters, schedule: Schedul
     """Surfacing, then floating, until a dock catches it or it sinks again by itself; or it never heard the permission."""
     if obey_probability(twin_state, parameters, to_ms) < _UNLIKELY:
         assert twin_state.unobeyed is not None
-        stayed = replace(twin_state, load=twin_state.unobeyed[0], situation=None, unobeyed=None, pending=None)
+        stayed = replace(
+            twin_state,
+            load=twin_state.unobeyed[0],
+            situation=None,
+            unobeyed=None,
+            earlier=None,
+            pending=None,
+        )
         return advanced(stayed, parameters, schedule, to_ms)
     per_min, surfaced_ms = parameters.drain.per_min, twin_state.since_ms + parameters.sinking.surfacing_ms
     sinks_ms = surfaced_ms + parameters.board.float_timeout_ms
@@ -288,14 +303,57 @@ def obey_probability(twin_state: TwinState, parameters: TwinParameters, at_ms: i
     """
     if twin_state.unobeyed is None:
         return 1.0
-    calls = parameters.calls
-    up_ms = min(
-        at_ms - twin_state.unobeyed[1] - parameters.sinking.surfacing_ms, parameters.board.float_timeout_ms
-    )
+    unheard = _obeyed_unheard(twin_state.unobeyed[1], parameters, at_ms)
+    return unheard / (unheard + 1 - _OBEY_PRIOR)
+
+
+def _obeyed_unheard(permitted_ms: int, parameters: TwinParameters, at_ms: int) -> float:
+    """The probability that it received a permission, and was not heard from the surface since."""
+    calls, sinking = parameters.calls, parameters.sinking
+    up_ms = min(at_ms - permitted_ms - sinking.surfacing_ms, parameters.board.float_timeout_ms)
     if calls is None or up_ms < 0:
         return _OBEY_PRIOR
-    unheard = _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
-    return unheard / (unheard + 1 - _OBEY_PRIOR)
+    return _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
+
+
+def earlier_probability(twin_state: TwinState, parameters: TwinParameters) -> float:
+    """The probability that it obeyed the permission before the newest one, and so floats for longer."""
+    if twin_state.earlier is None or twin_state.unobeyed is None:
+        return 0.0
+    _, from_ms, probability = twin_state.earlier
+    at_ms, calls = twin_state.at_ms, parameters.calls
+    unheard = 1.0 if calls is None else calls.missed ** ((at_ms - from_ms) // calls.every_ms)
+    floats = probability * unheard
+    others = (1 - probability) * (
+        _obeyed_unheard(twin_state.unobeyed[1], parameters, at_ms) + 1 - _OBEY_PRIOR
+    )
+    return floats / (floats + others)
+
+
+def spent_since_earlier(twin_state: TwinState, parameters: TwinParameters) -> Spent:
+    """The charge spent if it obeyed the permission before the newest one."""
+    assert twin_state.earlier is not None
+    load, from_ms, _ = twin_state.earlier
+    _, mean, variance = load.total()
+    floated = parameters.drain.per_min[Mode.FLOATING] * (twin_state.at_ms - from_ms) / MS_PER_MIN
+    return Spent(1.0, mean + floated, variance)
+
+
+def surfaced_hypotheses(twin_state: TwinState, parameters: TwinParameters) -> list[Spent]:
+    """The charge that an aMussel at the surface has spent: it obeyed the newest permission, or the one before.
+
+    One that is up before the newest one can have brought it up obeyed the one before.
+    """
+    rows = paths(load_when_spent(twin_state))
+    earlier = earlier_probability(twin_state, parameters)
+    if not earlier:
+        return rows
+    before = spent_since_earlier(twin_state, parameters)
+    if twin_state.at_ms - twin_state.since_ms < parameters.sinking.surfacing_ms:
+        return [before]
+    newest = (1 - earlier) * obey_probability(twin_state, parameters, twin_state.at_ms)
+    share = earlier / (earlier + newest)
+    return [before._replace(probability=share), *(Spent((1 - share) * p, m, v) for p, m, v in rows)]
 
 
 def sinking(spent: Spent, parameters: TwinParameters) -> Spent:
@@ -303,18 +361,38 @@ def sinking(spent: Spent, parameters: TwinParameters) -> Spent:
     drain = parameters.drain
     awake = drain.per_min[Mode.IDLE] * parameters.sinking.sinking_ms / MS_PER_MIN
     mean = spent[1] + drain.motor_run + awake + drain.listening
-    return Spent(spent[0], mean, spent[2] + drain.motor_deviation**2)
+    return Spent(spent[0], mean, spent[2] + way_variance(parameters))
 
 
-def released(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule) -> TwinState:
-    """Released at `at_ms`, and soon to sink: it waits at the surface until it is clear, or until the wait is over."""
+def way_variance(parameters: TwinParameters) -> float:
+    """Of the charge that a way up or down takes: by its motors, and by the time at which it begins.
+
+    Within the time in which an order is heard it draws as on the bottom or as at the surface.
+    """
+    drain = parameters.drain
+    more_per_min = drain.per_min[Mode.FLOATING] - drain.per_min[Mode.ASLEEP]
+    more = more_per_min * parameters.scale.agent_span(HEARD_WITHIN_MS) / MS_PER_MIN
+    return drain.motor_deviation**2 + more**2 / 12
+
+
+def released(
+    twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, heard_after_ms: int | None = None
+) -> TwinState:
+    """Released at `at_ms`, or heard so long after it, and soon to sink.
+
+    The Wi-Fi of a board is off in a dock, so it does not hear at its release that it is clear. It waits at the surface
+    until the wait runs out, or until it is heard there and told.
+    """
     _, mean, variance = sinking(NOTHING, parameters)
-    wait, at_ms = parameters.drain.release_wait, twin_state.at_ms
-    until_ms = at_ms + parameters.board.release_wait_ms + parameters.motor_run_ms
-    mean += wait / 2 - missed_wakes(
-        schedule, at_ms, at_ms + parameters.board.release_wait_ms // 2 + _settling_ms(parameters)
-    )
-    pending = Pending(at_ms, until_ms, mean, variance + wait**2 / 12, Mode.FLOATING)
+    waits_ms, at_ms = parameters.board.release_wait_ms, twin_state.at_ms
+    left_ms, told_ms = waits_ms, waits_ms
+    if heard_after_ms is not None:
+        left_ms = min(max(0, waits_ms - heard_after_ms), parameters.scale.agent_span(HEARD_WITHIN_MS))
+        told_ms = left_ms // 2
+    per_ms = parameters.drain.release_wait / waits_ms if waits_ms else 0.0
+    mean += per_ms * told_ms - missed_wakes(schedule, at_ms, at_ms + told_ms + _settling_ms(parameters))
+    variance += 4 * (per_ms * (left_ms - told_ms)) ** 2 / 12
+    pending = Pending(at_ms, at_ms + left_ms + parameters.motor_run_ms, mean, variance, Mode.FLOATING)
     return replace(submerged(twin_state, parameters, schedule, NOTHING), pending=pending)
 
 
@@ -360,6 +438,7 @@ def submerged(
         situation=None,
         since_ms=twin_state.at_ms,
         unobeyed=None,
+        earlier=None,
         pending=None,
     )
 
@@ -417,9 +496,13 @@ def spent_hypotheses(twin_state: TwinState, parameters: TwinParameters) -> list[
         return rows
     obeyed = obey_probability(twin_state, parameters, twin_state.at_ms)
     stayed = paths(twin_state.unobeyed[0])
-    return [Spent(obeyed * p, mean, variance) for p, mean, variance in rows] + [
-        Spent((1 - obeyed) * p, mean, variance) for p, mean, variance in stayed
+    earlier = earlier_probability(twin_state, parameters)
+    rows = [Spent((1 - earlier) * obeyed * p, mean, variance) for p, mean, variance in rows] + [
+        Spent((1 - earlier) * (1 - obeyed) * p, mean, variance) for p, mean, variance in stayed
     ]
+    if earlier:
+        rows.append(spent_since_earlier(twin_state, parameters)._replace(probability=earlier))
+    return rows
 
 
 def paths(load: Load) -> list[Spent]:

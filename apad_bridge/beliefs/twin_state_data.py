@@ -25,6 +25,7 @@ Plain = dict[str, Any]
 def state_to_data(twin_state: TwinState) -> Plain:
     """The state in JSON's types: numbers unchanged, modes by name. Keys are the fields' names."""
     clock, unobeyed, pending = twin_state.clock, twin_state.unobeyed, twin_state.pending
+    earlier = twin_state.earlier
     return {
         "at_ms": twin_state.at_ms,
         "anchors": [[weight, _packed(mean), _packed(cov)] for weight, mean, cov in twin_state.anchors],
@@ -39,6 +40,7 @@ def state_to_data(twin_state: TwinState) -> Plain:
         "packet": twin_state.packet,
         "from_secondary": twin_state.from_secondary,
         "unobeyed": None if unobeyed is None else [_load_data(unobeyed[0]), unobeyed[1]],
+        "earlier": None if earlier is None else [_load_data(earlier[0]), *earlier[1:]],
         "seen": twin_state.seen,
         "pending": None if pending is None else [*astuple(pending)[:-1], pending.mode.name],
         "day": [None if heard is None else [heard[0].name, heard[1]] for heard in twin_state.day],
@@ -57,7 +59,7 @@ def state_from_data(data: Plain) -> TwinState:
     first, second = data["from_secondary"]
     asleep, idle, high = data["seen"]
     sequence, agent_ms = data["packet"]
-    stated_m, track, suspicion = data["stated_m"], data["track"], data["suspicion"]
+    stated_m, track, suspicion, earlier = data["stated_m"], data["track"], data["suspicion"], data["earlier"]
     return TwinState(
         at_ms=data["at_ms"],
         anchors=tuple(
@@ -75,6 +77,7 @@ def state_from_data(data: Plain) -> TwinState:
         packet=(sequence, agent_ms),
         from_secondary=(first, second),
         unobeyed=None if unobeyed is None else (_load_of(unobeyed[0]), unobeyed[1]),
+        earlier=None if earlier is None else (_load_of(earlier[0]), earlier[1], earlier[2]),
         pending=None if pending is None else _pending_of(pending),
         seen=(asleep, idle, high),
         day=tuple(None if heard is None else (Mode[heard[0]], heard[1]) for heard in data["day"]),

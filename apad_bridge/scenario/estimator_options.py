@@ -49,6 +49,8 @@ class TwinModel:
     """The fraction of hours in which an aMussel departs from its board's schedule."""
     coil_deviation: Annotated[float, Ge(0), Lt(0.5)] = 0.02
     """Deviation of the charging rate between dockings, relative, from the alignment of the coils."""
+    motor_deviation: Annotated[float, Ge(0), Lt(1)] = 0.15
+    """Deviation of what the motors take for a way up or down, relative to a run of theirs."""
     fix_deviation_m: Positive
     """Deviation of a packet's place along one axis."""
     current_deviation_m_s: NotNegative = 0.0
