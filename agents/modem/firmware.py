@@ -7,6 +7,10 @@ from enum import Enum
 
 from agents.modem.frames import ModemGeneration
 
+RELEASE = "001.006.000"
+BUILT = "2024-02-15T00:00:00"
+"""The manual's own date; the hour is not public."""
+
 
 class ModemFirmware(Enum):
     """V2 modems of 2016 to 2018; early V3; V3 with firmware 1.6.0, whose manual the rest of this package follows."""
@@ -18,11 +22,6 @@ class ModemFirmware(Enum):
     @property
     def generation(self) -> ModemGeneration:
         return ModemGeneration.V2 if self is ModemFirmware.V2 else ModemGeneration.V3
-
-
-RELEASE = "001.006.000"
-BUILT = "2024-02-15T00:00:00"
-"""The manual's own date; the hour is not public."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,8 @@ SOCKET_NAME = "nursery.sock"
 _CREDENTIALS = struct.Struct("iII")
 DESCRIPTORS_AT_ONCE = 200
 """The most descriptors in a message; the kernel's limit is 253."""
+WATCHDOG_FIRED = "its board's watchdog fired"
+"""The beginning of a death's reason that makes the watchdog the cause of the next boot, and not a brown-out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +82,6 @@ class Killed:
 @dataclass(frozen=True, slots=True)
 class Ended:
     """Every agent has ended, and the nursery ends."""
-
-
-WATCHDOG_FIRED = "its board's watchdog fired"
-"""The beginning of a death's reason that makes the watchdog the cause of the next boot, and not a brown-out."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,6 +48,8 @@ from firmware_model.power.rails import RAILS
 from firmware_model.sinking import Sinking
 
 _FIRMWARE = {ModemGeneration.V2: ModemFirmware.V2, ModemGeneration.V3: ModemFirmware.V3}
+LOST_IN_THE_AIR = "Wi-Fi: lost in the air"
+_START_MS = MissionMs(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +115,6 @@ class TruthSource(Protocol):
 
 Event = tuple[int, int, int, medium.Stimulus | AgentOutput]
 """(agent time, order within it, node, stimulus); a Heard is a Wi-Fi packet on its way to the aPad."""
-
-
-LOST_IN_THE_AIR = "Wi-Fi: lost in the air"
-_START_MS = MissionMs(0)
 
 
 class Sea:

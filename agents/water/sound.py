@@ -22,6 +22,8 @@ _STEP_US = 62.5
 """The step of the timer with which the modem measures a round trip."""
 SPHERICAL_DB = 20.0
 """Loss by spreading per tenfold distance in open water; 15 is the practical mean of shallow water, 10 cylindrical."""
+THORP_KHZ = (0.1, 50.0)
+"""The range of Thorp's formula."""
 
 
 def thorp_db_per_km(frequency_khz: float) -> float:
@@ -32,10 +34,6 @@ def thorp_db_per_km(frequency_khz: float) -> float:
     """
     squared = frequency_khz**2
     return 0.11 * squared / (1 + squared) + 44 * squared / (4100 + squared) + 2.75e-4 * squared + 0.003
-
-
-THORP_KHZ = (0.1, 50.0)
-"""The range of Thorp's formula."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,8 @@ from apad_bridge.beliefs.modes import Mode, mode_of
 from firmware_model.states import State
 from firmware_model.value import value
 
+EXACT = (0.0, 0.0, 0.0)
+
 
 class Source(IntFlag):
     """Information that a belief contains since the newest packet, that packet included."""
@@ -54,7 +56,6 @@ class CapacityLeft(NamedTuple):
 
 
 EXACT_CLOCK = ClockBelief()
-EXACT = (0.0, 0.0, 0.0)
 
 
 @value

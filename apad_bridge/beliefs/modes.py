@@ -8,6 +8,7 @@ from firmware_model.states import State
 
 LIKELY = 0.5
 """The limit of what is more probable than not. A belief that claims to be certain has only probabilities 0 and 1."""
+FULL_CHARGE = 0.999
 
 
 class Mode(IntEnum):
@@ -57,7 +58,6 @@ _OF_STATE: dict[State, Mode] = {
     State.LOST: Mode.LOST,
 }
 """Sampling, waiting for the timeslot and transmitting are the short wakes of a sleeping aMussel."""
-FULL_CHARGE = 0.999
 
 
 def mode_of(state: State, primary: float, secondary: float) -> Mode:

@@ -28,6 +28,8 @@ _MOST_CONNECTIONS = 256
 """An open page has one or two."""
 _NICE = 5
 """Above the supervisor's: a page may wait for its processor, and a tick of the flight may not."""
+SILENT_S = 5.0
+"""A connection that has sent no whole request after so many wall seconds is closed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +89,6 @@ def serve(
             serving.join()
     if failures:
         raise failures[0]
-
-
-SILENT_S = 5.0
-"""A connection that has sent no whole request after so many wall seconds is closed."""
 
 
 class _Bounded(H11Protocol):

@@ -29,6 +29,7 @@ REACTION_S = 3.0
 """A bad position has to end in a safe state within so long. The guards look at it five times a second."""
 _LOOK_S = LOOK_MS / 1000
 _TOO_LATE_S = 10.0
+QUAY_CHECK = "on the quay: does the joystick still work after OFF?"
 
 
 def red_keys(
@@ -171,9 +172,6 @@ def check_generation(apad: str, wanted: Generation, found: Sequence[Generation])
             f"apad.generation: {found[0].value}, or start the other software on the vehicle",
         )
     return ok(check, names if wanted is Generation.AUTO else wanted.value)
-
-
-QUAY_CHECK = "on the quay: does the joystick still work after OFF?"
 
 
 def check_off(apad: str, missing: Sequence[str], offered: Sequence[str], *, hardware_cut: bool) -> Finding:

@@ -14,6 +14,8 @@ SLOWER = 0.8
 """The share of its ordered speed that an aPad makes good: it starts, brakes, and meets currents that nobody told."""
 MARGIN_S = 60.0
 """For what was not foreseen."""
+LEAST_SERVICE = 0.2
+"""A service for less charge than this is taken as not worth its way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +56,6 @@ class EndBy:
         if sea is not None:
             return sea.seconds(from_m, to_m) / SLOWER
         return math.dist(from_m, to_m) / (SLOWER * self.speed_m_s)
-
-
-LEAST_SERVICE = 0.2
-"""A service for less charge than this is taken as not worth its way."""
 
 
 @dataclass(frozen=True, slots=True)

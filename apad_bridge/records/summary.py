@@ -36,6 +36,10 @@ _KEYS = (
     *("samples_taken", "dead_time_s", "final_charge_mean", "charge_gain_mean", "uptime_equal_charge"),
 )
 NO_TRUTH = "no truth was recorded: real aMussels, or another's fleet"
+_TRIES_OF_A_DOCK = 2
+"""Failed dockings of a dock that never closed, after which it counts as failed: a single one is a missed aMussel."""
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+_STOP, _TAKEN, _UNCONFIRMED = "a stop", "an override", "no confirmation"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +64,6 @@ class Ending:
     """The sequence numbers of samples that can no longer be uploaded, by aMussel."""
     latest_tick_s: float | None = None
     """The largest lateness of a tick, in seconds of the clock that it follows; None in virtual time."""
-
-
-_TRIES_OF_A_DOCK = 2
-"""Failed dockings of a dock that never closed, after which it counts as failed: a single one is a missed aMussel."""
-_NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 class FailureCounts:
@@ -195,7 +194,6 @@ class Interruptions:
             self._spans_ms.append((self._since_ms, at_ms))
 
 
-_STOP, _TAKEN, _UNCONFIRMED = "a stop", "an override", "no confirmation"
 _WHOLE = frozenset({EndReason.MISSION_TIME, EndReason.APAD_BATTERY, EndReason.END_BY, EndReason.SCRIPT_ENDED})
 
 

@@ -11,27 +11,6 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic_core import ErrorDetails
 
-
-def explain(schema: type, details: ErrorDetails, path: Path) -> str:
-    """Returns `path.to.key: what is wrong there` for a mapping of the dataclass `schema`; `path` is where in it."""
-    where = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
-    where = f"{where}: " if where else ""
-    if details["type"] == "unexpected_keyword_argument":
-        return f"{where}{explain_unknown_key(schema, path)}"
-    if details["type"] == "missing":
-        return f"{where}this key is missing"
-    message = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-    message = message.replace("must be an object", "must be a mapping").replace("String should", "must")
-    if isinstance(details["input"], dict | list):
-        return f"{where}{message}"
-    return f"{where}{message}, not {abbreviated(details['input'])}"
-
-
-def abbreviated(value: Any) -> str:
-    text = repr(value) if isinstance(value, str) else json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 Path = Sequence[str | int]
 
 # Endings that name a unit, longest first, so that `_m_s` is not read as `_s`: the schema's own and common others.
@@ -83,6 +62,26 @@ _UNITS = {
     "v": "volts",
     "w": "watts",
 }
+
+
+def explain(schema: type, details: ErrorDetails, path: Path) -> str:
+    """Returns `path.to.key: what is wrong there` for a mapping of the dataclass `schema`; `path` is where in it."""
+    where = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
+    where = f"{where}: " if where else ""
+    if details["type"] == "unexpected_keyword_argument":
+        return f"{where}{explain_unknown_key(schema, path)}"
+    if details["type"] == "missing":
+        return f"{where}this key is missing"
+    message = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    message = message.replace("must be an object", "must be a mapping").replace("String should", "must")
+    if isinstance(details["input"], dict | list):
+        return f"{where}{message}"
+    return f"{where}{message}, not {abbreviated(details['input'])}"
+
+
+def abbreviated(value: Any) -> str:
+    text = repr(value) if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def keys_at(schema: type, path: Path) -> list[str]:

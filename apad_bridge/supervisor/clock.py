@@ -9,6 +9,9 @@ from typing import Protocol
 
 from agents.time_scale import MissionMs
 
+POLL_PERIOD_S = 0.03
+"""Wall seconds between two such calls: a device on a serial line does not wait for a tick."""
+
 
 class StopFlag(Protocol):
     """A stop sign as a waiting thread sees it."""
@@ -53,9 +56,6 @@ class ClockLost(TimeoutError):
 
 OnTimeReached = Callable[[MissionMs], None]
 """Called with a mission time that has come, between two ticks."""
-
-POLL_PERIOD_S = 0.03
-"""Wall seconds between two such calls: a device on a serial line does not wait for a tick."""
 
 
 class Pace(Protocol):

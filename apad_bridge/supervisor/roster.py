@@ -28,6 +28,9 @@ from firmware_model.power.charge import grains
 if TYPE_CHECKING:
     from apad_bridge.beliefs.fleet import FleetBeliefs
 
+ANSWER_S = 10.0
+"""A tick comes once a mission second. After so long without one, a request is answered without it."""
+
 
 class Trigger(StrEnum):
     HAND_OVER = "hand over"
@@ -95,10 +98,6 @@ class RosterRequests(Protocol):
     def answer(self, request: RosterRequest, refusal: str | None) -> None:
         """Answers a request with the reason for its refusal; None when it was done."""
         ...
-
-
-ANSWER_S = 10.0
-"""A tick comes once a mission second. After so long without one, a request is answered without it."""
 
 
 class _Asked:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 from apad_bridge.scenario.schema import PAPER_DOCKS
 
+_PUBLISHED_M = ((-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1))
+
 
 @dataclass(frozen=True, slots=True)
 class DockPlaces:
@@ -62,9 +64,6 @@ class Capabilities:
     """A go-to carries speed and victory radius. Without them, both are settings of the vehicle."""
     moves_arms: bool
     """It has an order that moves a dock's arm and catches nothing."""
-
-
-_PUBLISHED_M = ((-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1))
 
 
 def published_docks(count: int) -> DockPlaces:

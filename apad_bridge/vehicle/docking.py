@@ -60,6 +60,9 @@ from apad_bridge.vehicle.primitives import (
     UndockMussel,
 )
 
+PROGRESS_M = 0.5
+STALL_S = 60.0
+
 
 class DockingPhase(Enum):
     IDLE = auto()
@@ -117,9 +120,6 @@ TABLE: dict[tuple[DockingPhase, DockingEvent], Effect] = {
 }
 
 
-PROGRESS_M = 0.5
-
-
 class GoToProgress:
     """Watches a go-to, which is stalled at `deadline_ms`: `stall_ms` after its last progress of `PROGRESS_M`.
 
@@ -161,7 +161,6 @@ class GoToProgress:
 
 Action = VehicleCommand | Outcome
 _SIMULATED = of_simulated_apad()
-STALL_S = 60.0
 
 
 DistanceM = Callable[[int, float, float], float | None]

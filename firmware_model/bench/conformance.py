@@ -41,6 +41,8 @@ _LONGEST_TOLD = 64
 """The letters of an event in a table of two histories."""
 _CHARGE = 1 / 255
 """The charges that two packets tell may differ by a step of the shortest one."""
+_NEAR_AN_EDGE = ("1ms", "49ms", "50ms", "51ms")
+"""Waits that come so near to a debounce that firmware which takes time may decide otherwise."""
 
 
 class RequirementSource(StrEnum):
@@ -353,8 +355,6 @@ _WHOLE_TOKENS = (
     f"wifi:{CommandPacket(Kind.BACK_UP_LOG, 1).encode().hex()}",
 )
 _WHOLE_BOARDS = (Whole(), Whole("field"), Whole("never"), Whole("field", 0.3, last_resort=LastResort.CALL))
-_NEAR_AN_EDGE = ("1ms", "49ms", "50ms", "51ms")
-"""Waits that come so near to a debounce that firmware which takes time may decide otherwise."""
 
 
 def random_cases(count: int, seed: int, takes_time: bool = False, is_whole: bool = False) -> Iterator[Case]:

@@ -34,6 +34,10 @@ _UP = "3s permission 70s"
 """It floats."""
 _DOCKED = f"{_UP} rises 10min"
 _RELEASED = f"{_DOCKED} falls 1s"
+_LEVEL_MS = 40_000
+"""The tolerance of what a level of charge causes after 3 h and more: 0.3 % of that time."""
+_UPLOADED = "1h permission 70s rises 10min"
+"""Docked, a report and an upload after the words before it."""
 
 
 def _sound(command: Command) -> str:
@@ -53,8 +57,6 @@ _HUNDRED_SAMPLES = f"3s {_EACH_MINUTE} 100min permission 70s rises"
 """Docked with 100 samples at 101 min 13 s; the next report is at 102 min."""
 _REPORTING = f"{_HUNDRED_SAMPLES} 48s"
 """At 102 min 1 s, a second after the report."""
-_LEVEL_MS = 40_000
-"""The tolerance of what a level of charge causes after 3 h and more: 0.3 % of that time."""
 _CALLS = Whole("hourly", 0.21, last_resort=LastResort.CALL)
 _SURFACES = Whole("hourly", 0.21, last_resort=LastResort.SURFACE)
 
@@ -558,8 +560,6 @@ _LOG = [
         f"3s {_EACH_MINUTE} 45h permission 70s rises 5min",
     ),
 ]
-_UPLOADED = "1h permission 70s rises 10min"
-"""Docked, a report and an upload after the words before it."""
 _FAULTS = [
     _case(
         "a-silent-sensor",

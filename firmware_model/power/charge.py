@@ -23,6 +23,7 @@ FULL: int = 10**_DECIMALS * _MS_PER_MIN
 """Grains in a battery at 1.0, that is 4200 mV."""
 EMPTY_MV = 3600
 FULL_MV = 4200
+_FOREVER = 1 << 62
 
 
 def grains(fraction: float) -> int:
@@ -62,7 +63,6 @@ class Battery:
 
 
 Segments = tuple[tuple[int, int], ...]
-_FOREVER = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,9 @@ from apad_bridge.scenario.starts import Start
 
 _GOLDEN = 0.618033988749895
 """The step between hues on the circle of 1: any number of hues stay apart."""
+_MOST_CELLS = 80
+"""The most cells; a larger area gets the next coarser cell."""
+_CELLS_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +102,6 @@ def colour(number: int) -> tuple[int, int, int]:
 def hexadecimal(number: int) -> str:
     """The colour of this number as #rrggbb."""
     return "#{:02x}{:02x}{:02x}".format(*colour(number))
-
-
-_MOST_CELLS = 80
-"""The most cells; a larger area gets the next coarser cell."""
-_CELLS_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
 @dataclass(frozen=True, slots=True)

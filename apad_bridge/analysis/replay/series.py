@@ -37,6 +37,7 @@ Counts = tuple[int, int, int, int]
 _TICK_MS = 1000
 _EMPTY = 0.0005
 """A charge below it is written as 0.0 %."""
+_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity")
 
 
 class ColourStatus(IntEnum):
@@ -358,7 +359,6 @@ class _Sampler:
         }
 
 
-_OFTEN_EMPTY = ("believed", "low", "high", "taken", "acknowledged", "heard", "capacity")
 COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "secondary", "state")
 """An aMussel's columns, by their names on the page."""
 

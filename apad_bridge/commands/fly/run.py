@@ -25,6 +25,8 @@ _BESIDE = (
 """The services that a run may have beside it: the argument of each, and what was asked for by it."""
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of another master"""
+_NAMESPACE = re.compile(r"/?|/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?", re.ASCII)
+_REMAPPING = re.compile(r"[/~]?[A-Za-z][\w/]*:=[/~]?[A-Za-z][\w/]*")
 
 
 def add_parser(commands: Any) -> None:
@@ -66,10 +68,6 @@ def add_manual_argument(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="plan nothing: the aPad obeys rosservice call /musselbed/NAME/go_to_point, dock and others",
     )
-
-
-_NAMESPACE = re.compile(r"/?|/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?", re.ASCII)
-_REMAPPING = re.compile(r"[/~]?[A-Za-z][\w/]*:=[/~]?[A-Za-z][\w/]*")
 
 
 def add_apad_argument(parser: argparse.ArgumentParser) -> None:

@@ -56,6 +56,10 @@ _STATUS = ("header.stamp", "status_list")
 _GOAL = ("goal_id.id", "goal.id", "goal.pose.position.x", "goal.pose.position.y")
 _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
 _STATIC = ("header.stamp", "position.north", "position.east", "status")
+ANSWER_S = 0.25
+"""Wall seconds that `advance` waits for the answer of a dock's mechanism commanded at the same tick."""
+ANSWER_ON_OUR_CLOCK_S = 5.0
+"""Longer on our own clock: waiting costs nothing there, and a busy machine decides as an idle one."""
 
 
 class Subscribers(LegacySubscribers):
@@ -115,12 +119,6 @@ class Subscribers(LegacySubscribers):
             except ValueError:
                 self._inbox.drop("a goal's status of no known code")
         return tuple(known)
-
-
-ANSWER_S = 0.25
-"""Wall seconds that `advance` waits for the answer of a dock's mechanism commanded at the same tick."""
-ANSWER_ON_OUR_CLOCK_S = 5.0
-"""Longer on our own clock: waiting costs nothing there, and a busy machine decides as an idle one."""
 
 
 class GenerationALink(LegacyLink[GenerationACore]):

@@ -76,6 +76,9 @@ _OPEN = 0.5
 """`dock_out` is 1.0 for an arm that stands open, and 0.0."""
 _DATA = ("data",)
 _GOAL = ("goal.T2.point.x", "goal.T2.point.y")
+_SETTLE_S = 0.003
+"""On our own clock: messages published before the tick's last `stateRef` have reached this machine by then, and are read
+within this time."""
 
 
 class Subscribers(LegacySubscribers):
@@ -131,9 +134,6 @@ SERVICES: dict[Primitive, Any] = {
     Primitive.POSITION: DynamicPositioningPrimitiveService,
     Primitive.DOCKING: DockingPrimitiveService,
 }
-_SETTLE_S = 0.003
-"""On our own clock: messages published before the tick's last `stateRef` have reached this machine by then, and are read
-within this time."""
 
 
 class GenerationBLink(LegacyLink[GenerationBCore]):

@@ -23,6 +23,7 @@ SERVO_MS = 27_000
 """Docking and undocking first stand still for so long in their own callback, while the boat drifts."""
 DETECTION_MS = 1_000
 """The primitive ignores older detections and searches."""
+SIMPLE_VICTORY_RADIUS_M = 1.5
 
 
 def dock_direction_rad(dock_index: int) -> float:
@@ -171,7 +172,6 @@ Received = (
 # radius of a go-to, and ignores the enabled axes, full actuation, depth, altitude, and the topics for references of
 # heading or speed.
 
-SIMPLE_VICTORY_RADIUS_M = 1.5
 _DOCKING = DockingOrder(True, 0, 0.2, 0.3, 0.15, 0.2)
 """A simple docking names no rates. Assumed, because the laboratory's own are not public."""
 

@@ -22,6 +22,21 @@ from apad_bridge.vehicle.generation_b.messages import (
 
 GRACE_MS = 3_000
 """A vehicle that took an order and does not run it for so long has dropped it."""
+NEAR_M = 1.0
+"""Beyond the victory radius. Farther away than that, a reported end of a go-to is not believed."""
+SILENT_MS = 3_000
+"""So long in the victory radius, without a message on `goto_status`, counts as arrival."""
+ASTRAY_M = 3.0
+"""A vehicle that should hold and is this far away does not hold."""
+ASTRAY_MS = 10_000
+"""The shortest time between two orders of the same hold."""
+STAND_OFF_M = 2.0
+"""From here the camera can see an aMussel; it cannot see an aMussel against the hull."""
+STAND_OFF_MS = 30_000
+"""The longest time for standing off; then the docking begins from the vehicle's present position."""
+_THERE_M, _THERE_RAD = 0.3, 0.2
+_FAR_M = 10.0
+"""Only a goal of the last go-to within this distance counts as the aMussel's place."""
 
 
 class StatusWatch:
@@ -57,12 +72,6 @@ class StatusWatch:
         if self._idle_since_ms is None or now_ms - self._idle_since_ms < GRACE_MS or self._last is None:
             return None
         return f"its status says {self._last.name}"
-
-
-NEAR_M = 1.0
-"""Beyond the victory radius. Farther away than that, a reported end of a go-to is not believed."""
-SILENT_MS = 3_000
-"""So long in the victory radius, without a message on `goto_status`, counts as arrival."""
 
 
 class GoToTask:
@@ -107,12 +116,6 @@ class GoToTask:
         elif self._near_since_ms is None:
             self._near_since_ms = now_ms
         return self._near_since_ms is not None and now_ms - self._near_since_ms >= SILENT_MS
-
-
-ASTRAY_M = 3.0
-"""A vehicle that should hold and is this far away does not hold."""
-ASTRAY_MS = 10_000
-"""The shortest time between two orders of the same hold."""
 
 
 @dataclass(slots=True)
@@ -171,15 +174,6 @@ class HoldTask:
 def hold_task_of(command: Hold, now_ms: int) -> HoldTask:
     order = PositionOrder(command.north_m, command.east_m, command.heading_rad, command.pre_empts)
     return HoldTask(order, now_ms, command)
-
-
-STAND_OFF_M = 2.0
-"""From here the camera can see an aMussel; it cannot see an aMussel against the hull."""
-STAND_OFF_MS = 30_000
-"""The longest time for standing off; then the docking begins from the vehicle's present position."""
-_THERE_M, _THERE_RAD = 0.3, 0.2
-_FAR_M = 10.0
-"""Only a goal of the last go-to within this distance counts as the aMussel's place."""
 
 
 class ServoTask:

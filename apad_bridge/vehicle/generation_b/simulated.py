@@ -46,6 +46,9 @@ from apad_bridge.vehicle.simulated_stack import SimulatedStack
 from apad_bridge.vehicle.stack_messages import PosePublished
 
 CLOSE_ENOUGH = (0.8, 0.9)
+SLOW_PERIOD_MS = 1000
+"""Period of battery and statuses; a changed status goes out at once, too."""
+_WANDERS_MS = 5_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +77,8 @@ def servoing(order: DockingOrder, seen: Detection | None, now_ms: int) -> Steer 
     return Steer(surge_m_s, towards_rad, order.max_yaw_rate_rad_s * math.tanh(seen.horizontal))
 
 
-SLOW_PERIOD_MS = 1000
-"""Period of battery and statuses; a changed status goes out at once, too."""
 _AT_ONCE = {Fault.DROPS: PrimitiveStatus.PREEMPTED, Fault.LIES: PrimitiveStatus.DONE}
 """The status with which a go-to ends as soon as it begins."""
-_WANDERS_MS = 5_000
 
 
 class Stage(Enum):

@@ -42,6 +42,11 @@ from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, Serv
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Readings
 
+REPLACED = "another client's goal replaced it"
+"""The reason of a go-to of ours that another client has ended."""
+NOTHING_THERE = "the aPad reports a docking, but the aMussel is not there"
+PILOT = "a pilot steers the aPad"
+
 
 class ExternalDocking:
     """Follows dockings that nobody here ordered: a person's, or another planner's. They name no aMussel.
@@ -78,12 +83,6 @@ class ExternalDocking:
             self.dropped["docking by hand: no arm was seen to open"] += 1
             return None
         return DockReport(at_ms, None, self._dock, self._dock not in held)
-
-
-REPLACED = "another client's goal replaced it"
-"""The reason of a go-to of ours that another client has ended."""
-NOTHING_THERE = "the aPad reports a docking, but the aMussel is not there"
-PILOT = "a pilot steers the aPad"
 
 
 class Tasks:

@@ -22,6 +22,11 @@ from apad_bridge.vehicle.guards.orders import (
 )
 from apad_bridge.vehicle.guards.waters import Waters
 
+SAME_M = 0.5
+"""A goal so near to the nearest place inside the fence is that place."""
+AT_GOAL_M = 3.0
+"""A go-to that ends so near to an aMussel goes to it."""
+
 
 class Guard(Protocol):
     @property
@@ -67,10 +72,6 @@ class PersonsWord:
 
     def refusal(self, order: GuardedOrder, situation: VehicleSituation) -> str:
         return situation.awaits_person
-
-
-SAME_M = 0.5
-"""A goal so near to the nearest place inside the fence is that place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,10 +178,6 @@ class BatteryForHome:
             f"the aPad's battery holds {100 * situation.battery_fraction:.1f} %, and the leg and the way home need "
             f"{100 * needed:.1f} %"
         )
-
-
-AT_GOAL_M = 3.0
-"""A go-to that ends so near to an aMussel goes to it."""
 
 
 @dataclass(frozen=True, slots=True)

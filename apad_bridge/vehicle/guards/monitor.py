@@ -14,6 +14,11 @@ from apad_bridge.vehicle.guards.waters import Waters
 
 PROGRESS_M = 0.5
 """A go-to that gets nearer by so much makes progress."""
+DELAY_S = 1.0
+"""An order takes a tick to act."""
+LEAST_WAIT_S = 10.0
+EXPECTED_WAITS = 5
+"""No progress is told after so many times the time that `PROGRESS_M` should take, and never before `LEAST_WAIT_S`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +84,6 @@ class IsInWaters:
         if situation.place_m is None or not (fault := self.waters.fault_of_place(situation.place_m)):
             return None
         return MonitorFinding(self.cause, self.reaction, f"the aPad at {fault}")
-
-
-DELAY_S = 1.0
-"""An order takes a tick to act."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,11 +208,6 @@ class EndsInTime:
         return MonitorFinding(
             self.cause, Reaction.HOLD, f"the go-to did not end within {self.duration_s:g} s"
         )
-
-
-LEAST_WAIT_S = 10.0
-EXPECTED_WAITS = 5
-"""No progress is told after so many times the time that `PROGRESS_M` should take, and never before `LEAST_WAIT_S`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,11 @@ from dataclasses import dataclass
 from apad_bridge.vehicle.commands import GoTo, Hold, PilotLeft, Stop, VehicleCommand
 
 Point = tuple[float, float]
+HERE_M = 0.05
+"""A hold no farther than this from the newest position moves nothing."""
+NEAR_HERE_M = 3.0
+"""A refused hold no farther than this, and two seconds of the vehicle's way, is meant as a stop: it becomes a hold here."""
+_STOP_DELAY_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +60,6 @@ class VehicleSituation:
     @property
     def speed_m_s(self) -> float:
         return math.hypot(*self.velocity_m_s)
-
-
-HERE_M = 0.05
-"""A hold no farther than this from the newest position moves nothing."""
-NEAR_HERE_M = 3.0
-"""A refused hold no farther than this, and two seconds of the vehicle's way, is meant as a stop: it becomes a hold here."""
-_STOP_DELAY_S = 2.0
 
 
 def goal_of(order: GuardedOrder) -> Point | None:

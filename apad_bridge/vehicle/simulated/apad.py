@@ -36,6 +36,8 @@ from apad_bridge.vehicle.simulated.power import HullBattery, Ledger
 from apad_bridge.vehicle.simulated.thrusters import Forces
 
 ARRIVAL_SAMPLES = 1000 // STEP_MS
+REPORT_MS = 1000
+BATTERY_EMPTY = "the aPad's battery is empty"
 
 
 class ArrivalWatch:
@@ -58,8 +60,6 @@ class ArrivalWatch:
 
 MotionCommand = GoTo | Hold | Coast | Steer
 """The commands that move the vehicle; one at a time."""
-REPORT_MS = 1000
-BATTERY_EMPTY = "the aPad's battery is empty"
 
 
 class SimulatedAPad:

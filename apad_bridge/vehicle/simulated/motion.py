@@ -33,6 +33,13 @@ from apad_bridge.vehicle.simulated.kinematics import (
 )
 from apad_bridge.vehicle.simulated.thrusters import NO_FORCES, allocate, electrical_w
 
+_TURNING_DISTANCE_M = 0.1
+"""Nearer than this the bow keeps its heading: a bearing to a point underneath means nothing."""
+_COASTING_ENDS_M_S = 0.02
+"""Quadratic drag alone never stops a vehicle; waves would hide a speed below this."""
+_LEAST_RESERVE = 0.05
+"""The part of the thrust with which a flow that takes all of it is still fought: no plan needs infinite time."""
+
 
 @dataclass(frozen=True, slots=True)
 class Coast:
@@ -46,14 +53,6 @@ class Steer:
     speed_m_s: float
     direction_rad: float
     yaw_rate_rad_s: float
-
-
-_TURNING_DISTANCE_M = 0.1
-"""Nearer than this the bow keeps its heading: a bearing to a point underneath means nothing."""
-_COASTING_ENDS_M_S = 0.02
-"""Quadratic drag alone never stops a vehicle; waves would hide a speed below this."""
-_LEAST_RESERVE = 0.05
-"""The part of the thrust with which a flow that takes all of it is still fought: no plan needs infinite time."""
 
 
 class Motion:
