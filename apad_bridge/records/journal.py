@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from agents.time_scale import MissionMs
 from apad_bridge.events.event import Event
@@ -32,6 +33,7 @@ __all__ = [
     "read_journal",
 ]
 
+Kind = TypeVar("Kind", bound=Event)
 FORMAT_VERSION = 2
 _BEGINS_S = 30.0
 """Wall seconds: agents, a master and an aPad start before the first line is written."""
@@ -53,6 +55,13 @@ class JournalContents:
     def last_ms(self) -> MissionMs:
         """The newest mission time that a line names; 0 for an empty journal."""
         return MissionMs(max((line["t"] for line in self.lines), default=0))
+
+    def events(self, *kinds: type[Kind]) -> Iterator[tuple[MissionMs, Kind]]:
+        """The events of these classes, each with its mission time, in the journal's order."""
+        wanted = {it.kind: it for it in kinds}
+        for line in self.lines:
+            if (kind := wanted.get(line["kind"])) is not None:
+                yield MissionMs(line["t"]), kind.of(line)
 
     def first(self, kind: str) -> Line | None:
         return next((line for line in self.lines if line["kind"] == kind), None)

@@ -23,7 +23,13 @@ from apad_bridge.events.fleet import (
     Stimulated,
     TookOn,
 )
-from apad_bridge.events.mission import PRE_EMPTED, DockSwitched, MissionChanged, PrimitiveChanged
+from apad_bridge.events.mission import (
+    PRE_EMPTED,
+    DockSwitched,
+    MissionChanged,
+    PrimitiveChanged,
+    PrimitivePhase,
+)
 from apad_bridge.events.run import KnowledgeRestored, RunEnded
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.mission.state import MissionState
@@ -34,7 +40,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scenario.timed_faults import TimedFault, injection
+from apad_bridge.scenario.timed_faults import injection
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
 from apad_bridge.supervisor.fault_injection import Ongoing
 from apad_bridge.supervisor.roster import PresenceChange, Presences
@@ -60,16 +66,17 @@ def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
 def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> ResumePoint:
     """The newest mission snapshot, and the time with the gap granted; PeerFailed when the run has ended."""
     state, fraction = MissionState(), None
-    for line in journal.lines:
-        if line["kind"] == MissionChanged.kind:
-            state = MissionState.from_json(line["snapshot"])
-        elif line["kind"] == DockSwitched.kind:
-            docked = after_report(state.docked, line["dock"], line["agent"], closed=line["closed"])
-            state = replace(state, docked=docked)
-        elif line["kind"] == APadMoved.kind and fraction is None:
-            fraction = line["battery"]
-        elif line["kind"] == RunEnded.kind:
-            raise PeerFailed("this run has ended: nothing to resume")
+    for _, event in journal.events(MissionChanged, DockSwitched, APadMoved, RunEnded):
+        match event:
+            case MissionChanged():
+                state = MissionState.from_json(event.snapshot)
+            case DockSwitched():
+                docked = after_report(state.docked, event.dock, event.agent, closed=event.closed)
+                state = replace(state, docked=docked)
+            case APadMoved() if fraction is None:
+                fraction = event.battery
+            case RunEnded():
+                raise PeerFailed("this run has ended: nothing to resume")
     # Ticks are at whole seconds; the journal's last line may lie between two ticks.
     now_ms = MissionMs((journal.last_ms + gap_ms) // 1000 * 1000)
     return ResumePoint(now_ms, state, epoch, fraction, first_failure(journal))
@@ -78,38 +85,34 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
 def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
     """The failure that a docking port had latched, from the journal, which does not keep the primitive's id: it is 0."""
     latched: PrimitiveFailed | None = None
-    for line in journal.lines:
-        if line["kind"] != PrimitiveChanged.kind:
-            continue
-        if line["phase"] == "succeeded" and line["name"] != PRIMITIVE_NAMES[HoldPosition]:
+    for at_ms, it in journal.events(PrimitiveChanged):
+        if it.phase is PrimitivePhase.SUCCEEDED and it.name != PRIMITIVE_NAMES[HoldPosition]:
             latched = None
-        elif line["phase"] == "failed" and line["reason"] != PRE_EMPTED and latched is None:
-            latched = PrimitiveFailed(line["t"], 0, line["reason"])
+        elif it.phase is PrimitivePhase.FAILED and it.reason != PRE_EMPTED and latched is None:
+            latched = PrimitiveFailed(at_ms, 0, it.reason or "")
     return latched
 
 
 def presence_changes(journal: JournalContents) -> Iterator[PresenceChange]:
     """The changes of aMussels to real, retired or simulated, in the order in which they happened."""
-    for line in journal.lines:
-        if line["kind"] == PresenceChanged.kind:
-            yield PresenceChange(line["t"], line["id"], Presence(line["is"]), line["by"])
+    for at_ms, it in journal.events(PresenceChanged):
+        yield PresenceChange(at_ms, it.id, it.is_, it.by)
 
 
 def ongoing_faults(journal: JournalContents) -> list[Ongoing]:
     """The faults that had begun and not ended, in the order in which they began."""
     begun: list[Ongoing] = []
-    for line in journal.lines:
-        if line["kind"] == FaultBegan.kind and line.get("until_ms", 0) > line["t"] and "refused" not in line:
-            fault, agent_id = TimedFault(line["fault"]), line.get("id")
-            asked = injection(fault, agent_id, line.get("value"), (line["until_ms"] - line["t"]) / 1000)
-            begun.append(Ongoing(asked, line["until_ms"]))
-        elif line["kind"] == FaultEnded.kind:
-            ended = (line["fault"], line.get("id"))
-            begun = [
-                it
-                for it in begun
-                if (it.injection.fault, it.injection.agent_id) != ended or it.until_ms > line["t"]
-            ]
+    for at_ms, event in journal.events(FaultBegan, FaultEnded):
+        match event:
+            case FaultBegan(refused=None, until_ms=until_ms) if until_ms is not None and until_ms > at_ms:
+                asked = injection(event.fault, event.id, event.value, (until_ms - at_ms) / 1000)
+                begun.append(Ongoing(asked, until_ms))
+            case FaultEnded(id=agent_id, fault=fault):
+                begun = [
+                    it
+                    for it in begun
+                    if (it.injection.fault, it.injection.agent_id) != (fault, agent_id) or it.until_ms > at_ms
+                ]
     return begun
 
 
@@ -120,10 +123,9 @@ def undelivered(journal: JournalContents, granted_ms: Mapping[int, int]) -> list
     that has lived to `granted_ms`, in agent time, has received all with an earlier stamp.
     """
     return [
-        Undelivered(line["id"], line["agent_ms"], from_json(line["wire"]))
-        for line in journal.lines
-        if line["kind"] == Stimulated.kind
-        and line["agent_ms"] >= granted_ms.get(line["id"], line["agent_ms"] + 1)
+        Undelivered(it.id, it.agent_ms, from_json(it.wire))
+        for _, it in journal.events(Stimulated)
+        if it.agent_ms >= granted_ms.get(it.id, it.agent_ms + 1)
     ]
 
 
@@ -231,11 +233,12 @@ def resume_run(
 
 def restore_allocation(learned: LearnedState, journal: JournalContents) -> None:
     """Restores the aMussels that the former supervisor of the run served, from its journal."""
-    for line in journal.lines:
-        if line["kind"] == TookOn.kind:
-            learned.allocation.take(line["id"])
-        elif line["kind"] == HandedOn.kind:
-            learned.allocation.give(line["id"])
+    for _, event in journal.events(TookOn, HandedOn):
+        match event:
+            case TookOn(id=agent_id):
+                learned.allocation.take(agent_id)
+            case HandedOn(id=agent_id):
+                learned.allocation.give(agent_id)
     for agent_id in learned.allocation.served_for_others:
         learned.beliefs.admit(agent_id, None)
 

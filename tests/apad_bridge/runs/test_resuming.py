@@ -13,9 +13,11 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import Presence, PresenceChanged
-from apad_bridge.events.mission import Phase
-from apad_bridge.events.run import EndReason
+from apad_bridge.events.mission import DockSwitched, MissionChanged, Phase
+from apad_bridge.events.run import EndReason, RunEnded
+from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.records.journal import JournalContents, read_journal
@@ -53,18 +55,30 @@ def journal(*lines: dict[str, Any]) -> JournalContents:
     return JournalContents(json.loads(json.dumps(list(lines))), 0)
 
 
-SNAPSHOT = {"t": 41_000, "kind": "mission", "snapshot": STATE.to_json()}
+def line(at_ms: int, event: Event) -> dict[str, Any]:
+    return {"t": at_ms, "kind": event.kind, **event.data}
+
+
+def snapshot(at_ms: int, state: MissionState) -> dict[str, Any]:
+    return line(at_ms, MissionChanged(state.phase, state.to_json()))
+
+
+def apad_with(battery: float) -> APadMoved:
+    return APadMoved(1.0, 2.0, 0.0, 16.0, battery, "none", [-1, -1, -1, -1])
+
+
+SNAPSHOT = snapshot(41_000, STATE)
 
 
 def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> None:
     found = find_resume_point(
         journal(
-            {"t": 1000, "kind": "apad", "battery": 0.9},
-            {"t": 1000, "kind": "mission", "snapshot": MissionState().to_json()},
+            line(1000, apad_with(0.9)),
+            snapshot(1000, MissionState()),
             SNAPSHOT,
-            {"t": 44_000, "kind": "dock", "dock": 1, "agent": 7, "closed": True},
-            {"t": 44_500, "kind": "dock", "dock": 0, "agent": 5, "closed": False},
-            {"t": 44_900, "kind": "apad", "battery": 0.8},
+            line(44_000, DockSwitched(1, 7, closed=True)),
+            line(44_500, DockSwitched(0, 5, closed=False)),
+            line(44_900, apad_with(0.8)),
         ),
         epoch=2,
         gap_ms=0,
@@ -76,7 +90,7 @@ def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> No
 
 def test_a_run_that_has_ended_is_not_gone_on_with() -> None:
     with pytest.raises(PeerFailed, match="has ended"):
-        find_resume_point(journal(SNAPSHOT, {"t": 50_000, "kind": "end"}), 2, 0)
+        find_resume_point(journal(SNAPSHOT, line(50_000, RunEnded("mission time"))), 2, 0)
 
 
 def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: Path) -> None:
