@@ -12,7 +12,6 @@ from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import TwinParameters
 from apad_bridge.beliefs.twin_state import (
     TwinState,
-    earlier_probability,
     in_dock,
     load_of_all,
     obey_probability,
@@ -127,11 +126,9 @@ def _in_the_water(
     lost = empty * below((secondary,), 0.0) if empty > _CERTAIN else 0.0
     obeyed, pending = obey_probability(twin_state, parameters, twin_state.at_ms), twin_state.pending
     if twin_state.situation is not None:
-        earlier = earlier_probability(twin_state, parameters) * (1 - lost)
-        newest = 1 - lost - earlier
-        probabilities[Mode.FLOATING] = earlier
-        probabilities[twin_state.situation] += obeyed * newest
-        by_mode, share = (twin_state.unobeyed or (twin_state.load, 0))[0].by_mode, (1 - obeyed) * newest
+        # Modes leave `earlier` out: where most permissions are lost, an aPad that counts on it searches for nobody.
+        probabilities[twin_state.situation] = obeyed * (1 - lost)
+        by_mode, share = (twin_state.unobeyed or (twin_state.load, 0))[0].by_mode, (1 - obeyed) * (1 - lost)
     else:
         by_mode, share = load_of_all(twin_state, parameters).by_mode, 1 - lost
         if pending is not None:
