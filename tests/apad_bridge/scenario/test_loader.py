@@ -318,12 +318,12 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "collection: cautious",
             "collection: greedy-redeploy",
             "mission.collection: strategy 'greedy-redeploy' (from musselbed itself) is no collect strategy: "
-            "that needs `plans = StepKind.COLLECT` and a method `plan`",
+            "it needs `plans = StepKind.COLLECT` and a method `plan(self, situation, batch)`",
         ),
         (
             "redeployment: greedy-redeploy",
             "redeployment: home",
-            "mission.redeployment: unknown strategy 'home'; known: greedy-redeploy",
+            "mission.redeployment: unknown strategy 'home'; known: greedy-redeploy; one of your own is FILE.py:Class",
         ),
         ("theta: 30", "theta: 30\ntheta: 31", "line 7, column 1: the key 'theta' is given twice"),
         (
