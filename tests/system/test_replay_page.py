@@ -459,6 +459,36 @@ def test_the_address_shows_the_same_moment_to_somebody_else(page: Path, browser:
     assert shown(dom)["mission-clock"] == "00:00:10" and 'id="one-now">3: active' in dom
 
 
+@pytest.mark.parametrize("width", [390, 800, 1400])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_fits_a_screen_follows_the_system_and_cuts_no_time(
+    page: Path, browser: webdriver.Chrome, width: int, scheme: str
+) -> None:
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width == 390}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    theme = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [theme]})
+    try:
+        load_page(browser, page.as_uri())
+        sides = "const page = document.documentElement; return [page.scrollWidth, page.clientWidth]"
+        content, room = browser.execute_script(sides)
+        assert content == room > width - 20  # beside a scroll bar
+        look = "return getComputedStyle(document.body).backgroundColor.match(/\\d+/g).slice(0, 3).map(Number)"
+        background = browser.execute_script(look)
+        assert max(background) < 64 if scheme == "dark" else min(background) > 192
+        # A chart's last time stands about the end of its axis, and half of it beyond.
+        room, half = browser.execute_script("""
+          const ctx = document.createElement("canvas").getContext("2d");
+          ctx.font = FONT;
+          const beyond = ({plot}) => plot.width - (plot.bbox.left + plot.bbox.width) / uPlot.pxRatio;
+          return [Math.min(...[...charts.values()].map(beyond)), ctx.measureText("00:00:00").width / 2];
+        """)
+        assert room >= half > 10
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
 def test_high_contrast_is_7_to_1_or_more(page: Path, browser: webdriver.Chrome) -> None:
     """WCAG 2.1, 1.4.6, of texts and of the colours that carry a meaning, against the card and the page."""
     look = """

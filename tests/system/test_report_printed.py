@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import base64
+import io
 import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browsers import chromium, load_page
+from PIL import Image
 from scenario_files import POOL_FILE
 from selenium import webdriver
+from selenium.webdriver.common.by import By
 
 from apad_bridge.commands.main import main
 
@@ -79,3 +83,18 @@ def test_on_a_phone_a_wide_table_scrolls_by_itself(page: Path, browser: webdrive
     # So does a figure, whose least text of 8 points on a drawing 7.1 inches wide is then no smaller than 10 pixels.
     widths = browser.execute_script("return [...document.images].map((it) => it.clientWidth)")
     assert widths and all(it / 7.1 * 8 / 72 >= 10 for it in widths)
+
+
+@pytest.mark.parametrize(
+    ("media", "scheme", "is_dark"),
+    [("screen", "light", False), ("screen", "dark", True), ("print", "dark", False)],
+)
+def test_drawings_are_dark_on_a_dark_screen_and_white_on_paper(
+    page: Path, browser: webdriver.Chrome, media: str, scheme: str, is_dark: bool
+) -> None:
+    theme = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": [theme]})
+    load_page(browser, page.as_uri())
+    drawing = Image.open(io.BytesIO(browser.find_element(By.TAG_NAME, "img").screenshot_as_png))
+    white = np.asarray(drawing.convert("L"))[3, 3]
+    assert white < 64 if is_dark else white > 240

@@ -167,7 +167,8 @@ svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: 
 .pair {{display: flex; flex-wrap: wrap; gap: 0 3em}}
 @media (max-width: 720px) {{svg {{max-width: none}}
   td, th {{font-size: 12px; padding-right: .5em}} td:first-child {{white-space: normal}}}}
-@media screen and (prefers-color-scheme: dark) {{:root {{color-scheme: dark}} body {{background: #12171d; color: #e6ebf1}}}}
+@media screen and (prefers-color-scheme: dark) {{:root {{color-scheme: dark}} body {{background: #12171d; color: #e6ebf1}}
+  svg {{filter: invert(.92) hue-rotate(180deg)}}}} /* drawings are white: dark here, with their own hues */
 </style></head>
 <body>
 {body}
