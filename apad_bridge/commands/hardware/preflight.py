@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import subprocess
 import sys
 import tempfile
@@ -36,14 +35,16 @@ from apad_bridge.commands.prepare.preflight_checks import (
 )
 from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, run_check
 from apad_bridge.doctor.preflight import check_lookout, check_stop, red_keys
-from apad_bridge.records.run_directory import PRIVATE
+from apad_bridge.events.persons import ScriptTold
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting import PROVE_STOP
+from apad_bridge.scripting import PROVE_STOP, STOP_PROVEN
 
 _PROOF_S = 300
 _STYLES = {
@@ -231,8 +232,11 @@ def _prove_stop(scenario: Scenario, options: RunOptions, name: str, accept: Sequ
             return check_stop(
                 apad, lines[-1] if lines else f"the trial ended with exit code {flown.returncode}"
             )
-        said = [it for it in json.loads(flown.stdout).get("events", []) if "came to rest" in it]
-    return check_stop(apad, None, said[-1] if said else "it came to rest")
+        journal = read_journal(RunDirectory(Path(folder) / "run").journal)
+    told = [event for _, event in journal.events(ScriptTold)]
+    if not any(it.what == STOP_PROVEN for it in told):
+        return check_stop(apad, "the trial ended before it had proven the stop")
+    return check_stop(apad, None, next((it.said for it in reversed(told) if it.said), ""))
 
 
 def _prove_docks(scenario: Scenario, options: RunOptions, apad: str) -> list[Finding]:
