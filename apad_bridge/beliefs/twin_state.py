@@ -365,7 +365,7 @@ def sinking(spent: Spent, parameters: TwinParameters) -> Spent:
 
 
 def way_variance(parameters: TwinParameters) -> float:
-    """Of the charge that a way up or down takes: by its motors, and by the time at which it begins.
+    """The variance of the charge that a way up or down takes: by its motors, and by the time at which it begins.
 
     Within the time in which an order is heard it draws as on the bottom or as at the surface.
     """
