@@ -55,8 +55,8 @@ MISSION_S = 36_000
 """Four rounds of charge and more for most aMussels: 300 h of agent time."""
 SHORT_S = 1800
 """The short tier flies a population on which the twins were tuned: the others are kept for the judgement."""
-TUNED_ON = (3401, 3402, 3403)
-JUDGED_ON = (734901, 734902, 734903, 734904)
+TUNED_ON = (3401, 3402, 3403, 917001, 917002, 917003, 917004)
+JUDGED_ON = (917005, 917006)
 """Drawn and written down before any of them was flown."""
 HEARD = (1.0, 0.3, 0.1)
 SAMPLED_MS = 10_000
