@@ -74,7 +74,7 @@ _VARIABLE = "MUSSELBED_FAULT_TRY"
 _GONE_S = 10.0
 """The time that a run's processes have to be gone, once its command has ended."""
 _END_S = 240.0
-"""The longest time that a command may take; it takes some seconds, and a busy machine longer."""
+"""The longest time that a command may take to begin or to end: some seconds, and minutes on a busy machine."""
 _KILLS_WITH_LEAKS = 14
 _UPTIME_POINTS = 1.0
 """Percent points of uptime that deaths with restarts may cost."""
@@ -240,7 +240,7 @@ class Try:
                 terminal.run_for(min(0.05, left_s))
             time.sleep(min(0.02, left_s))
 
-    def wait_for(self, look: Callable[[], Found | None], what: str, timeout_s: float = 60.0) -> Found:
+    def wait_for(self, look: Callable[[], Found | None], what: str, timeout_s: float = _END_S) -> Found:
         """The first answer of `look` that is not None; TimeoutError when there is none in time."""
         until_s = time.monotonic() + timeout_s
         while (found := look()) is None:

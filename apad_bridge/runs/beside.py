@@ -8,17 +8,21 @@ graph, so no other can take its place: a run ends with its master, and one that 
 
 from __future__ import annotations
 
+import queue
 import signal
 import threading
 import time
+import xmlrpc.client
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from enum import Enum, auto
+from http.client import HTTPException
 from pathlib import Path
+from xml.parsers.expat import ExpatError
 
 from agents.hosting.link_protocol import readable
-from apad_bridge.doctor.network import ConnectionRefused, Unreachable, call_for_reply
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.exits import UserError
 from apad_bridge.supervisor.control import Act, Request, answer_of, listens
@@ -34,8 +38,8 @@ _AGAIN_S = 0.5
 """The time before a start that follows a death; twice as long after each further one."""
 _BY = "musselbed"
 _MASTER_LOOK_S = 2.0
-_MASTER_FAILED = 2
-"""The master stands still when this number of looks in a row had no answer: a busy machine may take seconds for one."""
+_MASTER_STILL_S = 15.0
+"""A busy machine may take seconds for an answer of the master's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,46 +132,67 @@ class _Notes:
 
 @contextmanager
 def watched_master(
-    uri: str, directory: Path, tell: Callable[[str], None], period_s: float = _MASTER_LOOK_S
+    uri: str,
+    directory: Path,
+    tell: Callable[[str], None],
+    period_s: float = _MASTER_LOOK_S,
+    still_s: float = _MASTER_STILL_S,
 ) -> Iterator[None]:
     """While entered, tells that the run's own master stands still, and that it answers again.
 
-    A master that has ended is none of this: the run ends with it, and names it.
+    A master that has ended is none of this: the run ends with it, and names it. One question waits for its answer however
+    long that takes. Each further one would wait in the master's queue, which is short, and keep nodes from it.
     """
-    notes, is_ending = _Notes(directory, tell), threading.Event()
+    notes, came = _Notes(directory, tell), queue.SimpleQueue[_Came]()
 
     def watch() -> None:
-        failed = 0
-        while not is_ending.wait(period_s):
+        while _next(came, period_s) is None:
             notes.write()
-            why = why_no_answer(uri)
-            if why is None:
-                if failed >= _MASTER_FAILED:
-                    notes.note("the run's own ROS master answers again")
-                failed = 0
-                continue
-            failed += 1
-            if failed == _MASTER_FAILED and not is_ending.is_set():
-                notes.note(f"the run's own ROS master stands still, so no ROS tool finds the run: {why}")
+            threading.Thread(target=_ask, args=(uri, came), daemon=True).start()
+            found, is_told = _next(came, still_s), False
+            while found is None:
+                if not is_told:
+                    notes.note(
+                        "the run's own ROS master stands still, so no ROS tool finds the run: "
+                        f"{uri} has not answered for {still_s:g} s"
+                    )
+                is_told = True
+                notes.write()
+                found = _next(came, period_s)
+            if found is _Came.END:
+                return
+            if is_told and found is _Came.ANSWER:
+                notes.note("the run's own ROS master answers again")
 
     watching = threading.Thread(target=watch, name="watch of the run's own master", daemon=True)
     watching.start()
     try:
         yield
     finally:
-        is_ending.set()
+        came.put(_Came.END)
         watching.join(_END_S)
 
 
-def why_no_answer(uri: str) -> str | None:
-    """None where the master answers, and where nothing listens there any more."""
-    try:
-        call_for_reply(uri, "getPid")
-    except ConnectionRefused:
-        return None
-    except Unreachable as error:
-        return str(error)
+class _Came(Enum):
+    ANSWER = auto()
+    NO_MASTER = auto()
+    END = auto()
+
+
+def _next(came: queue.SimpleQueue[_Came], timeout_s: float) -> _Came | None:
+    with suppress(queue.Empty):
+        return came.get(timeout=timeout_s)
     return None
+
+
+def _ask(uri: str, came: queue.SimpleQueue[_Came]) -> None:
+    try:
+        with xmlrpc.client.ServerProxy(uri) as master:
+            master.getPid("/musselbed")
+    except (OSError, HTTPException, ExpatError, xmlrpc.client.Error):
+        came.put(_Came.NO_MASTER)
+    else:
+        came.put(_Came.ANSWER)
 
 
 class _Watch:
