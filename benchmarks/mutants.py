@@ -5,7 +5,7 @@ this one alone). Cases were added for what the first route found, and a few for 
 chosen before a run, from places that no other route has judged, and no case was added for it. `caught` ones fail a case
 of `musselbed mu conform`. `differing` ones only differ in a case that cites our own choice, and `by_chance` ones in a
 random script alone. `equivalent` ones show nothing outside, for the reason in `EQUIVALENT`, or because the compiler makes
-the same machine code; `survivors` are missed. Firmware that asks for ever is caught after the 8 s that a turn may take.
+the same machine code; `survivors` are missed. Firmware that asks for ever is caught after the minute that a turn may take.
 """
 
 from __future__ import annotations
@@ -87,6 +87,8 @@ BOARDS = {
 _TEXT = "only a text for people: nothing outside follows from a refused trigger"
 _NO_STATE = "a state that outside equals the other one: both take the same triggers"
 _SMALL = "below every tolerance"
+_TIE = "of two equal values either"
+_ORDER = "the two do not depend on each other"
 EQUIVALENT = {
     ("if (by == SURFACING_TIMED_OUT)", "if (by != SURFACING_TIMED_OUT)"): _TEXT,
     (
@@ -107,7 +109,7 @@ EQUIVALENT = {
     (
         "return (int32_t)(settled - chatters) < 0 ? settled : chatters;",
         "return (int32_t)(settled - chatters) < 1 ? settled : chatters;",
-    ): "of two equal times either",
+    ): _TIE,
     (
         "#define IN(state) (1u << (state))",
         "#define IN(state) (2u << (state))",
@@ -132,6 +134,78 @@ EQUIVALENT = {
         "if (board.state == OFF || board.state == BOOTING)",
         "if (board.state == OFF && board.state == BOOTING)",
     ): _TEXT,
+    (
+        "} else if (event.kind == MU_ALARM) {",
+        "} if (event.kind == MU_ALARM) {",
+    ): "a reset has the charger's port, whose level was read just before",
+    (
+        "pin.high_ticks = 0; pin_certain(more_high ? more_high > 0 : pin.high);",
+        "pin_certain(more_high ? more_high > 0 : pin.high); pin.high_ticks = 0;",
+    ): _ORDER,
+    (
+        "pin_certain(more_high ? more_high > 0 : pin.high);",
+        "pin_certain(more_high ? more_high >= 0 : pin.high);",
+    ): "it is not 0 there",
+    (
+        "certain(more_high ? more_high > 0 : pin.high);",
+        "certain(more_high ? more_high >= 0 : pin.high);",
+    ): "it is not 0 there",
+    ("pin.flipped = now; pin.settling = true;", "pin.settling = true; pin.flipped = now;"): _ORDER,
+    ("pin.counted = now; pin.seen = level;", "pin.seen = level; pin.counted = now;"): _ORDER,
+    ("pin.seen = level; pin.flipped = now;", "pin.flipped = now; pin.seen = level;"): _ORDER,
+    ("pin.unsettled = now; pin.high_ticks = 0;", "pin.high_ticks = 0; pin.unsettled = now;"): _ORDER,
+    ("next_check += CHECK_TICKS; check_pin();", "check_pin(); next_check += CHECK_TICKS;"): _ORDER,
+    (
+        "pin.seen = pin.high = mu_level(MU_CHARGER); apply(POWER_CAME_ON);",
+        "apply(POWER_CAME_ON); pin.seen = pin.high = mu_level(MU_CHARGER);",
+    ): "a level that seems new settles in the boot, and is the known one",
+    (
+        "next_check = (mu_now() / CHECK_TICKS + 1) * CHECK_TICKS;",
+        "next_check = (mu_now() / CHECK_TICKS) * CHECK_TICKS;",
+    ): "one more look, at the reset, finds the level that was read just before",
+    (
+        "if (board.has_deadline && (int32_t)(board.deadline - at) < 0)",
+        "if (board.has_deadline && (int32_t)(board.deadline - at) <= 0)",
+    ): _TIE,
+    (
+        "return (int32_t)(settled - chatters) < 0 ? settled : chatters;",
+        "return (int32_t)(settled - chatters) <= 0 ? settled : chatters;",
+    ): _TIE,
+    (
+        "mu_pin(way, true); mu_pin(way, false); /* the driver ends a run by itself */",
+        "mu_pin(way, false); /* the driver ends a run by itself */ mu_pin(way, true);",
+    ): "a motor runs at the rising edge, which comes in both orders",
+    ("if (by == SURFACING_TIMED_OUT)", "if (!(by == SURFACING_TIMED_OUT))"): _TEXT,
+    ("char text[64];", "char text[640];"): _TEXT,
+    (
+        "board.clear_to_sink = false; apply(CHARGE_EDGE_ROSE);",
+        "apply(CHARGE_EDGE_ROSE); board.clear_to_sink = false;",
+    ): _ORDER,
+    (
+        "} else if (COMMANDS[n].trigger < 0) {",
+        "} else if (COMMANDS[n].trigger <= 0) {",
+    ): "no command has the first trigger, that of the power",
+    (
+        "if (pin.settling && (int32_t)(pin_due() - at) < 0)",
+        "if (pin.settling && (int32_t)(pin_due() - at) <= 0)",
+    ): _TIE,
+    ("{BATTERY_EMPTIED, IN(ACTIVE), EMPTY},", "{BATTERY_EMPTIED, IN(SURFACING), EMPTY},"): _NO_STATE,
+    (
+        "if (board.state == OFF || board.state == BOOTING)",
+        "if (board.state == BOOTING || board.state == BOOTING)",
+    ): "no pin changes before the power comes on",
+    (
+        "return log_state.oldest > log_state.acknowledged ? log_state.oldest : log_state.acknowledged;",
+        "return log_state.oldest >= log_state.acknowledged ? log_state.oldest : log_state.acknowledged;",
+    ): _TIE,
+    (
+        "ends_at(at > board.stays_down_until ? at : board.stays_down_until, LAST_RESORT_SURFACE);",
+        "ends_at(at >= board.stays_down_until ? at : board.stays_down_until, LAST_RESORT_SURFACE);",
+    ): _TIE,
+    (
+        "else if (board.state == REPORTING)",
+        "if (board.state == REPORTING)",
+    ): "a board that reports has Wi-Fi",
 }
 """Changes that nothing outside of the board can show, each with its reason."""
 
@@ -216,18 +290,18 @@ def _judge_mutants(board: Board, route: str, folder: Path, tries: int) -> dict[s
 
 
 def _chosen(board: Board, chosen: str, folder: Path, tries: int) -> Iterator[Change]:
-    """Yields `tries` changes of a route that compile, and that no route before it has.
+    """Yields `tries` changes of a route that compile, and that are not among the first of a route before it.
 
     `mutant` in the folder is the program with the one just yielded.
     """
     before: set[Change] = set()
     for name, route in ROUTES.items():
-        changes = (it for it in route.changes(board) if it not in before)
-        compiling = islice((it for it in changes if _compiled(board, folder, it, route.warnings)), tries)
         if name == chosen:
-            yield from compiling
+            changes = (it for it in route.changes(board) if it not in before)
+            yield from islice((it for it in changes if _compiled(board, folder, it, route.warnings)), tries)
             return
-        before |= set(compiling)
+        # Twice as many as it tries: some do not compile.
+        before |= set(islice(route.changes(board), 2 * tries))
 
 
 def _is_same_code(board: Board, folder: Path, change: Change) -> bool:
@@ -248,7 +322,7 @@ def _compiled(
     others = sorted(it for it in path.parent.glob("*.c") if it != path) if board.is_whole else []
     sources = map(str, (folder / path.name, *others, NATIVE / "musselbed.c"))
     command = [*_CC, str(folder / program), *options, *sources]
-    return subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 0
+    return subprocess.run(command, capture_output=True, timeout=600, check=False).returncode == 0
 
 
 def _first_failed(program: Path, cases: Iterable[Case], ours: dict[Case, RigHistory]) -> Case | None:

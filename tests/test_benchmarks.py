@@ -250,7 +250,7 @@ def test_a_held_out_mutant_has_a_mistake_of_another_kind_than_the_first_ones(tmp
         ("return from - 1;", "return from;"),
         ("return from - 1;", "return 1 - from;"),
         ("colour = GREEN;", "colour = BLUE;"),
-        ("colour = GREEN;\n    done = 10;", "done = 10;\n    colour = GREEN;"),
+        ("colour = GREEN; done = 10;", "done = 10; colour = GREEN;"),
     }
     assert not held_out & {it.key for it in first_changes(files)}
     (swapped,) = [it for it in held_out_changes(files, ()) if it.key[1] == "spray(until, from);"]

@@ -46,6 +46,7 @@ from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
+    from agents.mussel.board_link import BoardLink
     from agents.mussel.defects import Defects
     from agents.mussel.failing_flash import FailingFlash
     from agents.mussel.logbook import Logbook
@@ -153,20 +154,23 @@ class Agent:
 
     def _make_firmware(self, hardware: Any) -> FirmwareLike:
         # Imported here: few agents have another program than ours.
-        from agents.mussel.port_firmware import PortFirmware, link_to
+        from agents.mussel.port_firmware import PortFirmware
 
         config, seed = self.config, self.config.water.seed
         if self._world is None:
-            self._others = PortFirmware(lambda: link_to(config.firmware), config.board, hardware, seed)
+            self._others = PortFirmware(self._link, config.board, hardware, seed)
             return self._others
         from agents.mussel.whole_port_firmware import WholePortFirmware
 
         modem = 2 if config.reports.modem is ModemGeneration.V2 else 3
-        self._others = whole = WholePortFirmware(
-            lambda: link_to(config.firmware), config.board, hardware, seed, self._world, modem
-        )
+        self._others = whole = WholePortFirmware(self._link, config.board, hardware, seed, self._world, modem)
         self._ask_for_report = whole.report
         return self._others
+
+    def _link(self) -> BoardLink:
+        from agents.mussel.port_firmware import link_to
+
+        return link_to(self.config.firmware)
 
     def close(self) -> None:
         """Ends the link to somebody's firmware, if its board has one."""

@@ -10,9 +10,11 @@ from typing import Any
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.modem.frames import ModemGeneration
 from agents.mussel.agent import Agent, AgentConfig
+from agents.mussel.board_link import BENCH_TIMEOUT_S, BoardLink
 from agents.mussel.body import BodyConfig
 from agents.mussel.defects import BoardPart
 from agents.mussel.outputs import Output, SoundSent, WifiSent
+from agents.mussel.port_firmware import link_to
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
     BuoyancyJammed,
@@ -129,6 +131,9 @@ class _ObservedAgent(Agent):
     def _make_firmware(self, hardware: Any) -> FirmwareLike:
         made = super()._make_firmware(hardware)
         return CostlyFirmware(made, self._cost_ms, self._seed) if self._cost_ms else made
+
+    def _link(self) -> BoardLink:
+        return link_to(self.config.firmware, BENCH_TIMEOUT_S)
 
     def _run_buoyancy(self, run: RunBuoyancy, now_ms: int) -> list[Output]:
         self.runs.append(run)

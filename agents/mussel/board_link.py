@@ -9,6 +9,8 @@ from firmware_model.port_frames import Frame, ToBoard
 
 TURN_TIMEOUT_S = 8.0
 """The wall time that a turn may take. It is shorter than the patience of the fleet's watchdog with an agent."""
+BENCH_TIMEOUT_S = 60.0
+"""The same on a bench, where no fleet waits: a machine that is too slow for a while is no fault of the firmware."""
 SERIAL_BAUD = 115_200
 SERIAL = "serial:"
 """The beginning of a serial line's name, where the name of a program may stand, too."""

@@ -101,8 +101,8 @@ class Change:
 
     @property
     def key(self) -> tuple[str, str]:
-        """The change without its place."""
-        return self.old.strip(), self.new.strip()
+        """The change without its place, each text in one line."""
+        return " ".join(self.old.split()), " ".join(self.new.split())
 
     def applied(self) -> str:
         """The whole file with this change."""

@@ -617,6 +617,7 @@ _ORDERS = {
     Kind.PERMISSION: Trigger.PERMISSION_HEARD,
     Kind.RELEASE: Trigger.CLEAR_TO_SINK,
     Kind.SINK: Trigger.SINK_TOLD,
+    Kind.PING: Trigger.PING_HEARD,
 }
 _TABLE = [
     *(

@@ -601,6 +601,12 @@ _FAULTS = [
         f"3s {_EACH_MINUTE} 172min supply:10 {_UPLOADED}",
     ),
     _case(
+        "torn-twice-at-a-page-s-edge",
+        Source.PACKETS,
+        "a page whose first records are torn goes on with the next one",
+        f"3s {_EACH_MINUTE} 172min writes:10 2min writes:0 5min brown_out 5min {_UPLOADED}",
+    ),
+    _case(
         "written-at-a-page-s-edge",
         RequirementSource.PACKETS,
         "a record that a reset left whole keeps its sequence",
