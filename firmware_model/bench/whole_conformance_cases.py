@@ -602,7 +602,7 @@ _FAULTS = [
     ),
     _case(
         "torn-twice-at-a-page-s-edge",
-        Source.PACKETS,
+        RequirementSource.PACKETS,
         "a page whose first records are torn goes on with the next one",
         f"3s {_EACH_MINUTE} 172min writes:10 2min writes:0 5min brown_out 5min {_UPLOADED}",
     ),
