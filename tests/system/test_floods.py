@@ -196,6 +196,8 @@ def test_a_master_that_stands_still_is_told_and_so_is_its_return(tmp_path: Path)
     with flown(tmp_path) as run:
         with xmlrpc.client.ServerProxy(run.master) as master:
             _, _, pid = master.getPid("/test")  # type: ignore[misc]
+        # Before its first tick the supervisor registers its services, and would wait for the master.
+        wait_until(lambda: read_journal(run.path / "journal.jsonl").last_ms > 0)
         with standing_still(pid):
             wait_until(lambda: noted(run.path, "remark"))
             flown_ms = read_journal(run.path / "journal.jsonl").last_ms
