@@ -192,22 +192,25 @@ def test_what_serves_beside_a_run_is_started_again_when_it_dies_and_that_is_told
 
 
 def test_a_master_that_stands_still_is_told_and_so_is_its_return(tmp_path: Path) -> None:
-    """No tool finds the run meanwhile, and the flight goes on."""
+    """No tool finds the run meanwhile, and its simulated aPad waits. The flight goes on when the master answers."""
+
+    def said(words: str) -> int:
+        return " ".join((tmp_path / "said").read_text().split()).count(words)
+
     with flown(tmp_path) as run:
         with xmlrpc.client.ServerProxy(run.master) as master:
             _, _, pid = master.getPid("/test")  # type: ignore[misc]
         # Before its first tick the supervisor registers its services, and would wait for the master.
         wait_until(lambda: read_journal(run.path / "journal.jsonl").last_ms > 0)
         with standing_still(pid):
-            wait_until(lambda: noted(run.path, "remark"))
-            flown_ms = read_journal(run.path / "journal.jsonl").last_ms
-            wait_until(lambda: read_journal(run.path / "journal.jsonl").last_ms > flown_ms + 5_000)
+            wait_until(lambda: said("ROS master stands still"))
         wait_until(lambda: len(noted(run.path, "remark")) == 2)
         still, again = (it["text"] for it in noted(run.path, "remark"))
         assert still.startswith("the run's own ROS master stands still, so no ROS tool finds the run: ")
         assert again == "the run's own ROS master answers again"
-    said = " ".join((tmp_path / "said").read_text().split())
-    assert said.count("ROS master stands still") == said.count("ROS master answers again") == 1
+        flown_ms = read_journal(run.path / "journal.jsonl").last_ms
+        wait_until(lambda: read_journal(run.path / "journal.jsonl").last_ms > flown_ms + 5_000)
+    assert said("ROS master stands still") == said("ROS master answers again") == 1
 
 
 def serving(page: str) -> int:
