@@ -280,16 +280,19 @@ def _print_table_two(
 
 def _print_schedules(console: Console, schedules: Sequence[ScheduleOutcome], reason: str) -> None:
     title = "schedules of sleep, the recommended one first: means over the configurations"
+    # In lines, so that a screen of 80 columns cuts no number.
     headings = (
-        "wake every min",
-        "sensors s",
-        "processing s",
+        "wake\nevery\nmin",
+        "sen-\nsors\ns",
+        "pro-\ncess\ns",
         "lost",
-        "samples taken",
-        "longest gap h",
-        "dead h",
+        "samples\ntaken",
+        "longest\ngap h",
+        "dead\nh",
+        "way\nplan-\nned m",
+        "docks\nsus-\ntain",
     )
-    table = _table(title, [*headings, "way planned m", "sustained"])
+    table = _table(title, headings)
     for it in schedules:
         table.add_row(
             *(f"{it.alarm_s / 60:g}", f"{it.sample_s:g}", f"{it.processing_s:g}", f"{it.amussels_lost:.2f}"),

@@ -7,10 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
+from apad_bridge.commands.compare import study
 from apad_bridge.commands.main import main
 from apad_bridge.runs.studies import report, runner
-from apad_bridge.runs.studies.sleep_schedules import AMUSSELS, reason_of, schedules_of, sleep_study
+from apad_bridge.runs.studies.sleep_schedules import (
+    AMUSSELS,
+    ScheduleOutcome,
+    reason_of,
+    schedules_of,
+    sleep_study,
+)
 from apad_bridge.runs.studies.specification import StudyPlan
 
 
@@ -90,3 +98,11 @@ def _short_study() -> StudyPlan:
         "parameters": {"duration_s": [60.0]},
     }
     return plan_of(study, "test", Path("/"))
+
+
+def test_a_screen_of_80_columns_cuts_no_number_and_no_heading(capsys: pytest.CaptureFixture[str]) -> None:
+    schedule = ScheduleOutcome(3600, 60, 240, 24.1, 0.25, 1_105_123.0, 123.4, 1103.2, 12345.0)
+    study._print_schedules(Console(width=80), [schedule], "a reason")
+    printed = capsys.readouterr().out
+    assert "…" not in printed
+    assert {"60", "240", "0.25", "1105123", "123.4", "1103.2", "12345", "24.1"} <= set(printed.split())
