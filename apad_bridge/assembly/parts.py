@@ -224,7 +224,7 @@ def supervisor(
 
 
 def _knows_no_distance(agent_id: int, north_m: float, east_m: float) -> None:
-    """Those of a supervisor that nobody flies."""
+    """Returns None: a supervisor that nobody flies knows no aMussel's true place."""
 
 
 def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionState | None) -> EnergyExchange:
