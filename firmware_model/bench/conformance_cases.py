@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource
-from firmware_model.bench.wrong_packets import UNKNOWN_LAYOUTS, by_sound, checked, damages
+from firmware_model.bench.wrong_packets import UNKNOWN_LAYOUTS, by_sound, damages
 from firmware_model.packets import (
     EVERYONE,
     Beacon,
@@ -17,6 +17,7 @@ from firmware_model.packets import (
     StatusPacket,
     Threshold,
 )
+from firmware_model.packets.wire import sealed
 from firmware_model.states import TABLE, State, Trigger
 
 _UP = "3s permission 70s"
@@ -236,7 +237,7 @@ _PACKETS = [
         "every-kind",
         RequirementSource.PACKETS,
         "an unknown kind is dropped",
-        f"3s {by_sound([checked(bytes([1, kind, 1, 0])) for kind in range(13, 256)])} 3min",
+        f"3s {by_sound([sealed(bytes([1, kind, 1, 0])) for kind in range(13, 256)])} 3min",
     ),
     Case(
         "every-layout",
@@ -255,7 +256,7 @@ _PACKETS = [
         "another-version",
         RequirementSource.PACKETS,
         "an unknown version is dropped",
-        f"3s sound:{checked(bytes([9, Kind.PERMISSION, 1, 0])).hex()} 3min",
+        f"3s sound:{sealed(bytes([9, Kind.PERMISSION, 1, 0])).hex()} 3min",
     ),
     Case(
         "a-beacon",

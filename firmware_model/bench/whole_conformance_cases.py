@@ -10,7 +10,6 @@ from firmware_model.bench.wrong_packets import (
     OTHER_VERSIONS,
     UNKNOWN_LAYOUTS,
     by_sound,
-    checked,
     damages,
 )
 from firmware_model.config import LastResort
@@ -27,6 +26,7 @@ from firmware_model.packets import (
     SlotAssignment,
     Threshold,
 )
+from firmware_model.packets.wire import sealed
 from firmware_model.states import TABLE, State, Trigger
 
 _NEVER, _HOURLY, _FIELD = Whole("never"), Whole("hourly"), Whole("field")
@@ -960,7 +960,7 @@ _PACKETS = [
             f"a-level-of-number-{which}",
             RequirementSource.PACKETS,
             "a threshold is one of three",
-            f"3s sound:{checked(bytes([2, 9, 1, 0, which, 255, 200])).hex()} {_UPLOADED}",
+            f"3s sound:{sealed(bytes([2, 9, 1, 0, which, 255, 200])).hex()} {_UPLOADED}",
             Whole("field", 0.5, low_level=0.5),
             0.502,
         )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from binascii import crc_hqx
-
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -16,11 +14,7 @@ from firmware_model.packets import (
     SlotAssignment,
     Threshold,
 )
-
-
-def checked(body: bytes) -> bytes:
-    """A body with the check of docs/packets.md: CRC-16/CCITT, little-endian."""
-    return body + crc_hqx(body, 0xFFFF).to_bytes(2, "little")
+from firmware_model.packets.wire import sealed
 
 
 def damages(packet: bytes) -> list[bytes]:
@@ -46,14 +40,14 @@ EVERY_COMMAND: tuple[Command, ...] = (
 """One of each layout, for aMussel 1."""
 _LAYOUTS = {(it[0], it[1], len(it)) for it in (command.encode() for command in EVERY_COMMAND)}
 UNKNOWN_LAYOUTS = [
-    checked(bytes([version, kind, 1, 0]) + bytes(size - 6))
+    sealed(bytes([version, kind, 1, 0]) + bytes(size - 6))
     for version in range(4)
     for kind in range(16)
     for size in sorted({size for _, _, size in _LAYOUTS})
     if (version, kind, size) not in _LAYOUTS
 ]
 """Packets for aMussel 1 with the right check, whose version, kind and size do not belong together."""
-OTHER_VERSIONS = [checked(b"\x09" + it.encode()[1:-2]) for it in EVERY_COMMAND]
+OTHER_VERSIONS = [sealed(b"\x09" + it.encode()[1:-2]) for it in EVERY_COMMAND]
 """Each command in another version."""
 
 
