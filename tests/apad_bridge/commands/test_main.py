@@ -55,6 +55,31 @@ def test_a_help_or_a_mistake_loads_neither_a_flight_nor_a_large_library(words: l
 
 
 @pytest.mark.parametrize(
+    ("library", "words", "told"),
+    [
+        ("imcpy", ["imc", "RUN"], "imcpy is not installed (there is none for Python 3.14)"),
+        ("imcpy", ["run", str(POOL_FILE), "--imc"], "imcpy is not installed (there is none for Python 3.14)"),
+        ("foxglove", ["foxglove"], "foxglove-sdk is not installed"),
+        ("pyarrow", ["study", "table-two"], "pyarrow, which writes the results, is missing"),
+    ],
+)
+def test_a_library_that_lacks_is_told_in_one_line(library: str, words: list[str], told: str) -> None:
+    """A Python for which a library has no wheel runs all other commands; `musselbed --help` lists them."""
+    code = (
+        f"import sys\nsys.modules[{library!r}] = None\nfrom apad_bridge.commands.main import main\n"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert told in line and "launch_scripts/install" in line
+    listed = subprocess.run(
+        [sys.executable, "-c", code, "--help"], capture_output=True, text=True, timeout=60
+    )
+    assert listed.returncode == 0, listed.stderr
+
+
+@pytest.mark.parametrize(
     ("words", "told"),
     [
         (["study", str(POOL_FILE)], "this is a scenario: name it under `scenarios` in a study"),
