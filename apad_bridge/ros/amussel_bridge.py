@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Self
@@ -24,6 +25,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
 from apad_bridge.ros.system.handshakes import bound_handshakes
+from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
 from apad_bridge.vehicle.errors import PeerFailed
@@ -35,6 +37,8 @@ use_generated_messages()
 from musselbed_msgs.msg import FleetClaim  # noqa: E402
 
 _POLL_S = 0.03
+_NO_MISSIONS_TIME = MissionMs(0)
+"""A bridge begins and ends when it likes, and knows no mission's time. The stamps of its messages are the master's."""
 _SKIPPED = "bytes of the modem that belong to no answer"
 
 Tell = Callable[[str, str], None]
@@ -56,7 +60,7 @@ class AMusselBridge:
         self._topics = PacketTopics(ids, [PacketOrigin.REMOTE_SUPERVISOR])
         self._claims = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
         self._claim = FleetClaim(node=rospy.get_name(), real=True, lease_s=LEASE_S, ids=sorted(ids))
-        self._claim.since = genpy.Time.from_sec(rospy.get_time())
+        self._claim.since = genpy.Time.from_sec(time.time())
         self._claimed_ms = -round(1000 * PERIOD_S)
 
     @classmethod
@@ -100,7 +104,7 @@ class AMusselBridge:
         for result in results:
             match result:
                 case PacketReceived(_, packet):
-                    self._hear(packet, now_ms)
+                    self._hear(packet)
                 case Sent():
                     self.counts["sent to aMussels"] += 1
                 case PacketDropped(_, reason):
@@ -108,7 +112,7 @@ class AMusselBridge:
                 case Reported(_, what):
                     self._tell("modem", what)
 
-    def _hear(self, packet: RoutedPacket, now_ms: MissionMs) -> None:
+    def _hear(self, packet: RoutedPacket) -> None:
         read = self._codec.decode(packet.data)
         if packet.direction is not PacketDirection.FROM_AMUSSEL:
             self._drop("heard: another bridge's packet to an aMussel")
@@ -120,8 +124,11 @@ class AMusselBridge:
             self._drop("heard: the header names another aMussel than the packet")
         else:
             self.counts["heard from aMussels"] += 1
+            follow_master(_NO_MISSIONS_TIME)
             self._topics.publish(
-                RelayedPacket(PacketOrigin.LOCAL_AMUSSEL, packet.agent_id, Medium.SOUND, packet.data, now_ms)
+                RelayedPacket(
+                    PacketOrigin.LOCAL_AMUSSEL, packet.agent_id, Medium.SOUND, packet.data, _NO_MISSIONS_TIME
+                )
             )
 
     def _drop(self, reason: str, count: int = 1) -> None:

@@ -25,7 +25,16 @@ def main() -> None:
     rospy.init_node("mission", disable_signals=True)
     said = rospy.Publisher("/musselbed/said", Packet, queue_size=10)
     rospy.Subscriber(
-        "/musselbed/heard", Packet, lambda it: show("heard", it.agent, it.medium, bytes(it.data).hex())
+        "/musselbed/heard",
+        Packet,
+        lambda it: show(
+            "heard",
+            it.agent,
+            it.medium,
+            bytes(it.data).hex(),
+            it.mission_time_ms,
+            it.header.stamp.to_sec() - rospy.get_time(),
+        ),
     )
     rospy.Subscriber(
         "/musselbed/claims", FleetClaim, lambda it: show("claim", it.node, it.real, list(it.ids))
