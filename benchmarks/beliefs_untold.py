@@ -54,9 +54,9 @@ SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
 MISSION_S = 36_000
 """Four rounds of charge and more for most aMussels: 300 h of agent time."""
 SHORT_S = 1800
-"""The short tier flies a population on which the twins were tuned: the others are kept for the judgement."""
-TUNED_ON = (3401, 3402, 3403, 917001, 917002, 917003, 917004)
-JUDGED_ON = (917005, 917006)
+"""The short tier flies a population that the twins were tuned on or judged by: others are kept for the judgement."""
+SEEN = (3401, 3402, 3403, 917001, 917002, 917003, 917004, 917005, 917006)
+JUDGED_ON = (917007, 917008, 917009, 917010)
 """Drawn and written down before any of them was flown."""
 HEARD = (1.0, 0.3, 0.1)
 SAMPLED_MS = 10_000
@@ -296,7 +296,7 @@ def measure(seeds: tuple[int, ...] = JUDGED_ON, short: bool = False) -> dict[str
     many aMussels' ageing was estimated within 0.05 when their fourth round began, and the greatest error then. `suspects`:
     the number by case, and the scores of the liar.
     """
-    seeds, mission_s = (TUNED_ON[:1], SHORT_S) if short else (seeds, MISSION_S)
+    seeds, mission_s = (SEEN[:1], SHORT_S) if short else (seeds, MISSION_S)
     jobs = [
         (seed, heard, boards)
         for boards in (Boards.UNTOLD, Boards.AS_TOLD)
