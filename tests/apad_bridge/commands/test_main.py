@@ -102,4 +102,4 @@ def test_a_file_of_another_kind_is_named_as_what_it_is(
 def test_a_wrong_choice_lists_the_choices(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(words)
-    assert re.search(r"invalid choice: '(xlsx|tape)' \(choose from '\w+', ", capsys.readouterr().err)
+    assert re.search(r"invalid choice: '(xlsx|tape)' \(choose from '?\w+'?, ", capsys.readouterr().err)
