@@ -13,13 +13,13 @@ class MasterGone(Event):
     kind = "master_gone"
     when = "another party's ROS master does not answer"
     counted = Uncounted("the machine's network, by the wall clock")
-    category = Category.TROUBLE
+    category = Category.ALARM
 
     uri: Annotated[str, Meaning("its address")]
     why: Annotated[str, Meaning("the symptom")]
 
     def text(self) -> str:
-        return "the ROS master is gone"
+        return f"the ROS master does not answer, and connections go on without it: {self.why}"
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class MasterBack(Event):
     registered: Annotated[int, Meaning("topics and services")]
 
     def text(self) -> str:
-        return "the ROS master is back"
+        return f"the ROS master answers again after {self.gone_s:.0f} s"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import pytest
-from killing import kill_9
+from killing import kill_9, standing_still
 from scenario_files import POOL_FILE, silent_in_its_dock
 
 from apad_bridge.doctor.graph import Graph
@@ -403,6 +403,9 @@ def test_after_a_masters_restart_everything_is_registered_again(
     watcher = start_on(uri, "watch_a_master")
     assert watcher.stdout is not None and line_of(watcher.stdout) == "ready\n"
     before = Graph.read(uri)
+    with standing_still(master.pid):  # it takes connections, and answers none
+        assert json.loads(line_of(watcher.stdout))[0] == "master_gone"
+    assert json.loads(line_of(watcher.stdout))[0] == "master_back"
     master.kill()
     assert json.loads(line_of(watcher.stdout))[0] == "master_gone"
     restart()

@@ -27,6 +27,7 @@ def main() -> None:
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     while not ended.wait(0.05):
         for event in watch.take():
+            rospy.logwarn("a thread of the flight's says something, too")
             print(json.dumps([event.kind, event.data]), flush=True)
     watch.close()
     gateway.close()

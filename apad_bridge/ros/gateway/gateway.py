@@ -24,6 +24,7 @@ from typing import Any
 
 import rosgraph
 import rospy
+from rospy.impl.paramserver import get_param_server_cache
 
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.time_scale import MissionMs, TimeScale
@@ -61,6 +62,7 @@ from musselbed_msgs.msg import Forecast as ForecastMessage  # noqa: E402
 from underwater_msgs.msg import MediumTransmission  # noqa: E402
 
 _FLEET_QUEUE = 10
+_LOGS_WITHOUT_TOPICS = "/rosout_disable_topics_generation"
 _EVENT_QUEUE = 1000
 """Events are not repeated: a slow reader should still receive those of a whole mission."""
 
@@ -104,6 +106,8 @@ def open_gateway(
             log_level=rospy.WARN,
             xmlrpc_port=xmlrpc_port,
         )
+        # While it is not set, rospy asks the master for it at each line of a node's log, and waits where that stands still.
+        get_param_server_cache().set(_LOGS_WITHOUT_TOPICS, rospy.get_param(_LOGS_WITHOUT_TOPICS, False))
     except OSError as error:
         raise GatewayFailed(
             f"no ROS master answers at {master_uri} ({error}): is it running, and is ROS_MASTER_URI right?"

@@ -135,5 +135,5 @@ class MasterWatch:
         return len(calls)
 
     def _report(self, event: MasterGone | MasterBack) -> None:
-        rospy.logwarn("%s: %s", event.kind, event.data)
         self._events.put(event, always=True)
+        rospy.logwarn("%s: %s", event.kind, event.data)
