@@ -11,10 +11,13 @@ No renderer shows such a comment. The marks are:
 
 from __future__ import annotations
 
+import configparser
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from firmware_model.packets.codec import GROUP
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -27,6 +30,19 @@ def file_of(page: Path, name: str) -> str:
     found = [block.text for block in blocks(page) if (block.mark, block.argument) == ("file", name)]
     assert len(found) == 1, f"{page.name} shows {name} {len(found)} times"
     return found[0]
+
+
+def install_codec(site: Path) -> None:
+    """Writes the package with a codec that docs/extending.md shows, as pip leaves it behind."""
+    page = ROOT / "docs" / "extending.md"
+    setup = configparser.ConfigParser()
+    setup.read_string(file_of(page, "setup.cfg"))
+    name, version = setup["metadata"]["name"], setup["metadata"]["version"]
+    info = site / f"{name}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    (info / "entry_points.txt").write_text(f"[{GROUP}]{setup['options.entry_points'][GROUP]}\n")
+    (site / f"{setup['options']['py_modules']}.py").write_text(file_of(page, "lab_codec.py"))
 
 
 @dataclass(frozen=True)

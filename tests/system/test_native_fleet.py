@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 import yaml
+from doc_blocks import install_codec
 from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -244,15 +245,7 @@ def test_a_flight_of_other_boards_has_the_journal_of_ours(
     shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
     perl = program.endswith(".pl")
     shutil.copy(NATIVE / program if perl else compiled(tmp_path_factory, program), tmp_path / "board")
-    journals = []
-    for run_name, firmware in (("ours", None), ("native", {"executable": "board"})):
-        data["fleet"]["firmware"] = firmware
-        (tmp_path / f"{run_name}.yaml").write_text(yaml.safe_dump(data))
-        run = [sys.executable, str(MUSSELBED), "run", str(tmp_path / f"{run_name}.yaml"), "--time", "asap"]
-        out = tmp_path / run_name
-        subprocess.run([*run, "--out", str(out)], check=True, timeout=PATIENCE_S, capture_output=True)
-        journals.append((out / "journal.jsonl").read_bytes())
-    ours, native = journals
+    ours, native = journals(tmp_path, data)
     assert native == ours
     assert sum(json.loads(it)["kind"] == "truth" for it in ours.splitlines()) > least_truths
     samples = [
@@ -261,6 +254,60 @@ def test_a_flight_of_other_boards_has_the_journal_of_ours(
     ]
     assert samples[0] == samples[1]
     assert bool(samples[1]) == name.startswith("C, whole")
+
+
+def journals(directory: Path, data: dict[str, Any], site: Path | None = None) -> Iterator[bytes]:
+    """The journals of this scenario with our boards, and with `board` in the directory; `site` has further packages."""
+    path = (
+        {} if site is None else {"PYTHONPATH": os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")])}
+    )
+    for run_name, firmware in (("ours", None), ("native", {"executable": "board"})):
+        data["fleet"]["firmware"] = firmware
+        (directory / f"{run_name}.yaml").write_text(yaml.safe_dump(data))
+        out = directory / run_name
+        run = [sys.executable, str(MUSSELBED), "run", str(directory / f"{run_name}.yaml"), "--time", "asap"]
+        subprocess.run(
+            [*run, "--out", str(out)],
+            check=True,
+            timeout=PATIENCE_S,
+            capture_output=True,
+            env={**os.environ, **path},
+        )
+        yield (out / "journal.jsonl").read_bytes()
+
+
+OF_LINES = (
+    """\
+    return if length $data != 6 or crc(substr $data, 0, -2) != unpack 'v', substr $data, -2;
+    my ($version, $kind, $id) = unpack 'CCv', $data;
+""",
+    """\
+    my ($body, $name, $id, $check) = $data =~ /^\\$(COMMAND,(\\w+),(\\d+))\\*([0-9A-F]{2})$/ or return;
+    my $sum = 0;
+    $sum ^= $_ for unpack 'C*', $body;
+    return if $sum != hex $check;
+    my ($version, $kind) = split /[.]/, {PERMISSION => '1.2', RELEASE => '1.3', SINK => '2.6'}->{$name} // return;
+""",
+)
+"""The Perl board's look at a packet, and that of a board whose packets are the lines of docs/extending.md."""
+
+
+def test_firmware_with_packets_of_its_own_flies_by_its_codec(tmp_path: Path) -> None:
+    """Lines of text are all that this board understands; its laboratory's codec is a package of its own."""
+    old, new = OF_LINES
+    program = (NATIVE / "worst_case.pl").read_text()
+    assert program.count(old) == 1
+    (tmp_path / "board").write_text(program.replace(old, new))
+    (tmp_path / "board").chmod(0o755)
+    install_codec(tmp_path / "site")
+    shutil.copy(SCENARIO.with_suffix(".csv"), tmp_path)
+    data = yaml.safe_load(SCENARIO.read_text())
+    data["duration_s"] = 600
+    data.setdefault("hearing", {})["codec"] = "lines"
+    ours, native = journals(tmp_path, data, tmp_path / "site")
+    assert native == ours
+    states = {it.get("state") for it in map(json.loads, native.splitlines()) if it["kind"] == "truth"}
+    assert {"SURFACING", "CHARGING", "SINKING"} <= states
 
 
 def test_a_flight_over_ros_has_the_journal_of_our_boards(tmp_path: Path, board: Path) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import configparser
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from doc_blocks import file_of
+from doc_blocks import install_codec
 from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
@@ -22,30 +21,17 @@ from apad_bridge.mission.events import WifiHeard
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
-from firmware_model.packets.codec import GROUP, Codec, load_codec
+from firmware_model.packets.codec import Codec, load_codec
 from firmware_model.states import State
 
-ROOT = Path(__file__).parents[3]
-DOCUMENT = ROOT / "docs" / "extending.md"
 STATUS = StatusPacket(7, 9, State.FLOATING, 0.5, 1.0, -3.25, 12.5, 0.0, 1_800_000)
 STATUS_LINE = b"$STATUS,7,9,FLOATING,0.50000,1.00000,-3.25,12.50,0.00,1800000*"
-
-
-def documented(name: str) -> str:
-    return file_of(DOCUMENT, name)
 
 
 @pytest.fixture
 def lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Codec:
     """The documented package, as pip leaves it behind."""
-    setup = configparser.ConfigParser()
-    setup.read_string(documented("setup.cfg"))
-    name, version = setup["metadata"]["name"], setup["metadata"]["version"]
-    info = tmp_path / f"{name}-{version}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-    (info / "entry_points.txt").write_text(f"[{GROUP}]{setup['options.entry_points'][GROUP]}\n")
-    (tmp_path / f"{setup['options']['py_modules']}.py").write_text(documented("lab_codec.py"))
+    install_codec(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     return load_codec("lines")
 
