@@ -17,6 +17,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit, exit_of_all
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.timed_faults import Faults
 
 
 def report(
@@ -44,7 +45,14 @@ def report(
         is_counted = summary["uptime_paper"] is not None
         failed = len(summary["failed_docks"])
         bounds = bounds_of([scenario], summary["mission_s"], failed) if is_counted else None
-        print_table(console, scenario.name, flown_by, summary, bounds)
+        print_table(
+            console,
+            scenario.name,
+            flown_by,
+            summary,
+            bounds,
+            has_faults=scenario.faults not in (None, Faults()),
+        )
         if is_virtual:
             line = f"Digest of decisions and happenings: {summary['digest']}   (the same on every machine)"
             console.print(line, highlight=False, soft_wrap=True)

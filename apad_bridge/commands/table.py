@@ -26,11 +26,21 @@ _MOST_CAUSES = 5
 
 
 def print_table(
-    console: Console, name: str, collection: str, summary: dict[str, Any], bounds: Bounds | None = None
+    console: Console,
+    name: str,
+    collection: str,
+    summary: dict[str, Any],
+    bounds: Bounds | None = None,
+    *,
+    has_faults: bool = False,
 ) -> None:
-    """Prints the row, the paper's row if it compares, the other figures, the bounds of any strategy, and the failures."""
+    """Prints the row, the paper's row if it compares, the other figures, the bounds of any strategy, and the failures.
+
+    `has_faults` is true where the scenario injects faults: the paper's flights had none.
+    """
     why_none = interruption(summary)
-    title = "a row of the paper's Table II" if why_none is None else "no row of the paper's Table II"
+    is_row = why_none is None and not has_faults
+    title = "a row of the paper's Table II" if is_row else "no row of the paper's Table II"
     table = Table(title=f"{name}: {title}")
     for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
         table.add_column(column, justify="left" if not column else "right")
@@ -43,7 +53,7 @@ def print_table(
         table.row_count > 0
         and (paper := _PAPER.get((name, collection))) is not None
         and _is_as_shipped(summary)
-        and why_none is None
+        and is_row
     ):
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     if table.row_count > 0:

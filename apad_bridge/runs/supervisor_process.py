@@ -28,6 +28,7 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.gateway.run_services import run_offered
+from apad_bridge.ros.system.master_watch import forget_silent_master
 from apad_bridge.ros.system.ros_pace import StampedByMaster
 from apad_bridge.ros.system.ros_time import await_master, stamp_ms
 from apad_bridge.ros.system.route import why_gone
@@ -89,6 +90,7 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
                     context = _under_control(stack, context, run, calls)
                     stack.enter_context(run_offered(run.path, run.config.scenario.apad.name))
                 run = _begin_with_others(run, context)
+            stack.callback(forget_silent_master, run.options.master_uri)
             summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.

@@ -408,7 +408,7 @@ def test_after_a_masters_restart_everything_is_registered_again(
     assert json.loads(line_of(watcher.stdout))[0] == "master_back"
     master.kill()
     assert json.loads(line_of(watcher.stdout))[0] == "master_gone"
-    restart()
+    master = restart()
     kind, data = json.loads(line_of(watcher.stdout))
     after = Graph.read(uri)
     assert kind == "master_back" and data["registered"] > 10
@@ -417,6 +417,9 @@ def test_after_a_masters_restart_everything_is_registered_again(
         assert ours and ours <= set(getattr(after, part))
     with latched(environment, "/words", "std_msgs/String", "data: again"):
         assert json.loads(line_of(watcher.stdout)) == ["heard", "again"]
+    with standing_still(master.pid):  # the node ends without it
+        watcher.communicate("", timeout=PATIENCE_S)
+        assert watcher.returncode == 0
 
 
 def test_a_dock_made_by_anothers_planner_reaches_the_aMussels_charge_edge(

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 from agents.time_scale import TimeScale
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.system.master_watch import MasterWatch
+from apad_bridge.ros.system.master_watch import MasterWatch, forget_silent_master
 
 
 def main() -> None:
@@ -29,6 +29,7 @@ def main() -> None:
         for event in watch.take():
             rospy.logwarn("a thread of the flight's says something, too")
             print(json.dumps([event.kind, event.data]), flush=True)
+    forget_silent_master(rosgraph.get_master_uri())
     watch.close()
     gateway.close()
 

@@ -33,8 +33,27 @@ PERIOD_S = 1.0
 _CALL_S = 5.0
 _AT_ONCE = 200
 """Registrations in one call to the master."""
+_LEAVE_S = 1.0
+"""A run that a person ended is over within five seconds."""
 _LONGEST_RETRY_S = 30.0
 """The longest time between two tries to connect to a publisher whose connection ended: it may have been killed."""
+
+
+def forget_silent_master(master_uri: str) -> None:
+    """The first step of the end of a node: where the master does not answer, the other steps leave it out.
+
+    rospy tells the master of each topic and service that it leaves, and would wait there for one that stands still. Such a
+    master names our node until somebody calls `rosnode cleanup`.
+    """
+    try:
+        with xmlrpc.client.ServerProxy(master_uri, transport=Timed(_LEAVE_S)) as master:
+            master.getPid(rospy.get_name())
+    except (OSError, HTTPException, xmlrpc.client.Error):
+        listeners = get_registration_listeners()
+        for it in listeners.listeners:
+            if isinstance(it, RegManager):
+                it.master_uri = None  # its last call, at the node's end
+        listeners.clear()
 
 
 class MasterWatch:
@@ -64,7 +83,8 @@ class MasterWatch:
 
     def close(self) -> None:
         self._ended.set()
-        self._thread.join(2 * _CALL_S)
+        if get_registration_listeners().listeners:  # else the thread may wait for a master that stands still
+            self._thread.join(2 * _CALL_S)
 
     def _watch(self) -> None:
         while not self._ended.wait(self._period_s) and not rospy.is_shutdown():

@@ -32,6 +32,7 @@ from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_resolved
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
 
 ROOT = Path(__file__).parents[3]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
@@ -255,6 +256,22 @@ def test_a_run_that_was_stopped_or_failed_is_no_row_of_the_papers_table(
     shown = capsys.readouterr().out
     assert "no row of the paper's Table II" in shown and "a row of" not in shown
     assert f"Interrupted: {why}." in shown
+
+
+def test_a_flight_with_faults_of_its_scenario_is_no_row_of_the_papers_table(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Two jammed docks raise the uptime by 2 points: aMussels stay in the water, and empty themselves."""
+    scenario, jammed = (
+        load(ROOT / POOL),
+        Faults(at=(FaultAt(fault=TimedFault.DOCK_JAMMED, at_s=0.0, value=1.0),)),
+    )
+    for faults, title in ((None, ": a row of"), (Faults(), ": a row of"), (jammed, ": no row of")):
+        report(
+            replace(scenario, faults=faults), "cautious", RunDirectory(Path("run")), SUMMARY, as_json=False
+        )
+        shown = capsys.readouterr().out
+        assert title in shown and ("(paper)" in shown) is (faults is not jammed)
 
 
 def test_docks_in_which_nothing_could_be_docked_sustain_nobody(
