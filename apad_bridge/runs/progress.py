@@ -6,7 +6,6 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from types import TracebackType
 from typing import Any
 
@@ -29,7 +28,9 @@ _LINE_EVERY_MS = 300_000
 _REFRESH_HZ = 8
 _MOST_NAMED = 8
 _SILENT_S = 2.0
-"""The longest time without a word."""
+"""The longest time without a first word."""
+_AGAIN_S = 30.0
+"""The time between two lines about the same work."""
 
 
 class FlightProgress:
@@ -125,7 +126,7 @@ class WorkProgress:
     """Shows what a command works on where nothing can be counted, with the time that it takes. A context manager.
 
     At a terminal the text stands there with a clock, and goes when the work is done. Elsewhere a text is a line once its
-    work has taken `_SILENT_S`. It writes to stderr; a `quiet` one shows nothing.
+    work has taken `_SILENT_S`, and another one every `_AGAIN_S`. It writes to stderr; a `quiet` one shows nothing.
     """
 
     def __init__(self, quiet: bool = False) -> None:
@@ -134,6 +135,9 @@ class WorkProgress:
         self._progress = Progress(
             *columns, console=self._console, transient=True, disable=quiet or not self._console.is_terminal
         )
+        self._lock = threading.Lock()
+        self._step = 0
+        """Counts the steps, and their ends: a line about work that is done begins no other."""
         self._timer: threading.Timer | None = None
 
     def __enter__(self) -> WorkProgress:
@@ -150,17 +154,31 @@ class WorkProgress:
         if not self._progress.disable:
             self._progress.add_task(text)
         elif not self._console.quiet:
-            line = partial(self._console.print, f"{text} ...", highlight=False, soft_wrap=True)
-            self._timer = threading.Timer(_SILENT_S, line)
+            self._step += 1
+            self._tell_after(_SILENT_S, f"{text} ...", self._step)
+
+    def _tell_after(self, pause_s: float, line: str, step: int, so_far_s: float = 0.0) -> None:
+        def tell() -> None:
+            after_s = so_far_s + pause_s
+            shown = line if so_far_s == 0 else f"{line} {after_s:.0f} s"
+            self._console.print(shown, highlight=False, soft_wrap=True)
+            self._tell_after(_AGAIN_S, line, step, after_s)
+
+        with self._lock:
+            if step != self._step:
+                return
+            self._timer = threading.Timer(pause_s, tell)
             self._timer.daemon = True
             self._timer.start()
 
     def _end_step(self) -> None:
         for task in self._progress.tasks:
             self._progress.remove_task(task.id)
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        with self._lock:
+            self._step += 1
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
 
 
 def _doing(status: RunStatus) -> str:
