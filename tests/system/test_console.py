@@ -207,7 +207,8 @@ def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Ch
         wait_until(lambda: seconds(browser) > resumed_s + 10)
 
         wait_until(lambda: is_aborted(browser))
-        wait_until(lambda: text(browser, "warning") == "The run has ended: a call: abort by console.")
+        wait_until(lambda: text(browser, "warning").startswith("The run has ended"))
+        assert text(browser, "warning") == "The run has ended: a call: abort by console."
         # The journal's last line comes before the summary.
         wait_until((run_dir / "summary.json").exists)
         summary = json.loads((run_dir / "summary.json").read_text())
