@@ -1,9 +1,11 @@
-"""Published instances: fifty fleets with bounds and best known plans, in benchmarks/instances, with a checker of plans.
+"""Published instances: fifty fleets and ten small ones, with bounds and plans, in benchmarks/instances, with a checker.
 
 Each instance is drawn by its number: area, fleet, docks, start charges, motors and horizon. Its numbers are those of a
 scenario, so its bounds are those that `musselbed capacity` prints for that scenario. A family of rules is flown on each, in
 the checker's world: collect the nearest, the lowest, or a blend of both, one by one or in batches, from a threshold up to
-a charge. The best of their plans is kept as the best known one. It is no optimum.
+a charge. Two others share nothing with them: routes with prizes by PyVRP (plan_study/route.py), and for the small instances
+an exact search (plan_study/exact.py). The best of all plans is kept as the best known one. It is no optimum. For a small
+instance no plan whose waits are whole minutes is better.
 
 It writes the files anew, and keeps a plan from elsewhere that has a better score.
 """
@@ -11,8 +13,9 @@ It writes the files anew, and keeps a plan from elsewhere that has a better scor
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from itertools import product
 from math import dist
 from pathlib import Path
@@ -28,12 +31,16 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from benchmarks.instances.check import World, scored
+from benchmarks.plan_study import route
+from benchmarks.plan_study.exact import ExactSearch
 from benchmarks.rows import told
 
 HERE = Path(__file__).parent
 FOLDER = HERE / "instances"
 POOL = HERE.parent / "launch_scripts/scenarios/pool-12.yaml"
-COUNT, SHORT_COUNT = 50, 1
+COUNT, SMALL_COUNT = 50, 10
+"""The small ones have the numbers after those of the fifty."""
+SHORT = (1, COUNT + 1)
 AREAS_M = {
     "line": (200.0, 1.0),
     "two clusters": (100.0, 10.0),
@@ -42,6 +49,9 @@ AREAS_M = {
     "200 x 200 m": (200.0, 200.0),
 }
 FULL = 0.99
+EXACT_WAIT_S = 60.0
+_EXACT_AT_MOST_S = 300.0
+"""Processor time for an instance."""
 _PATIENCE_S = 1.0
 """A rule that waits for a charge looks again after so long."""
 
@@ -74,23 +84,28 @@ def rules(docks: int) -> Iterator[Rule]:
 
 def scenario_of(number: int) -> tuple[str, Scenario]:
     """The area and the scenario from which the instance with this number is made. It has no two clusters yet."""
-    random = Random(f"instance {number}")
+    is_small, random = number > COUNT, Random(f"instance {number}")
     area = random.choice(list(AREAS_M))
     north_m, east_m = AREAS_M[area]
     data = resolve(load(POOL))
     data["seed"] = number
-    data["duration_s"] = float(random.choice((2400, 4800, 9600)))
+    data["duration_s"] = float(random.choice((480, 600) if is_small else (2400, 4800, 9600)))
     data["area"] |= {
         "polygon_m": [[0.0, 0.0], [north_m, 0.0], [north_m, east_m], [0.0, east_m]],
         "chart": None,
     }
-    data["apad"] |= {"start_m": [north_m / 2, east_m / 2], "profile": None, "docks": random.choice((2, 4))}
+    data["apad"] |= {
+        "start_m": [north_m / 2, east_m / 2],
+        "profile": None,
+        "docks": random.choice((1, 2) if is_small else (2, 4)),
+    }
     data["mission"]["batch"] = data["apad"]["docks"]
     data["board"] |= {"motor_run_charge": random.choice((0.0, 0.0225)), "profile": None}
-    low, high = random.choice(((0.6, 1.0), (0.3, 0.9), (0.2, 0.5)))
+    # A small instance is over within hours, so its charges matter only if they are low.
+    low, high = random.choice(((0.05, 0.2), (0.1, 0.4)) if is_small else ((0.6, 1.0), (0.3, 0.9), (0.2, 0.5)))
     data["fleet"] |= {
         "agent_ids": [],
-        "count": random.choice((8, 12, 20)),
+        "count": random.choice((4, 5, 6) if is_small else (8, 12, 20)),
         "start": {"charge": [low, high]},
     }
     return area, from_data(data, f"instance {number}")
@@ -172,7 +187,7 @@ def _chosen(world: World, pool: list[int], rule: Rule) -> int:
     return min(pool, key=cost)
 
 
-def _merged(steps: list[list[Any]]) -> list[list[Any]]:
+def _merged(steps: Sequence[Sequence[Any]]) -> list[list[Any]]:
     """The same steps, with waits in a row as one."""
     merged: list[list[Any]] = []
     for kind, value in steps:
@@ -184,25 +199,31 @@ def _merged(steps: list[list[Any]]) -> list[list[Any]]:
 
 
 def measure(short: bool = False) -> dict[str, Any]:
-    """Writes the instances and their best known plans; a row for each."""
-    rows = [_row(number) for number in range(1, (SHORT_COUNT if short else COUNT) + 1)]
-    return {"rows": rows}
+    """Writes the instances and their best known plans; a row for each. Without PyVRP no route is planned."""
+    numbers = SHORT if short else range(1, COUNT + SMALL_COUNT + 1)
+    return {"rows": [_row(number) for number in numbers]}
 
 
 def _row(number: int) -> dict[str, Any]:
     instance = instance_of(number)
     name = instance["name"]
-    best_score, best = float("-inf"), {}
-    for rule in rules(instance["docks"]):
-        world = flown(instance, rule)
-        plan = {"instance": name, "by": rule.name, "steps": _merged(world.steps)}
-        if (score := scored(instance, plan)["score"]) > best_score:
-            best_score, best = score, plan
-    kept = FOLDER / f"{name}-best.json"
-    if kept.exists() and scored(instance, before := json.loads(kept.read_text()))["score"] >= best_score:
-        best = before
-    else:
-        kept.write_text(json.dumps(best) + "\n")
+    plans = {
+        "rules": _best(instance, ((rule.name, flown(instance, rule)) for rule in rules(instance["docks"])))
+    }
+    if find_spec("pyvrp") is not None:
+        plans["route"] = _best(instance, ((it.name, route.flown(instance, it)) for it in route.all_rounds()))
+    kept, is_proven = FOLDER / f"{name}-best.json", None
+    if kept.exists():
+        plans["kept"] = json.loads(kept.read_text())
+    scores = {by: scored(instance, plan)["score"] for by, plan in plans.items()}
+    if number > COUNT:
+        search = ExactSearch(instance, EXACT_WAIT_S, max(scores.values()))
+        is_proven = search.search(_EXACT_AT_MOST_S)
+        if search.plan is not None:
+            plans["exact"] = _plan(instance, f"branch and bound, waits of {EXACT_WAIT_S:g} s", search.plan)
+            scores["exact"] = scored(instance, plans["exact"])["score"]
+    best = plans[max(scores, key=lambda by: scores[by])]
+    kept.write_text(json.dumps(best) + "\n")
     (FOLDER / f"{name}.json").write_text(json.dumps(instance) + "\n")
     about = {key: instance[key] for key in ("name", "area", "docks", "motor_run", "horizon_s")}
     return told(
@@ -212,17 +233,44 @@ def _row(number: int) -> dict[str, Any]:
             "bound": instance["bound_percent"],
             **scored(instance, best),
             "by": best["by"],
+            **{by: scores.get(by) for by in ("rules", "route", "exact")},
+            "is_proven": is_proven,
         }
     )
 
 
+def _best(instance: Instance, ends: Iterator[tuple[str, World]]) -> dict[str, Any]:
+    """The plan with the greatest score, of missions with their names."""
+    plans = (_plan(instance, name, world.steps) for name, world in ends)
+    return max(plans, key=lambda plan: float(scored(instance, plan)["score"]))
+
+
+def _plan(instance: Instance, by: str, steps: Sequence[Sequence[Any]]) -> dict[str, Any]:
+    return {"instance": instance["name"], "by": by, "steps": _merged(steps)}
+
+
 def show(result: dict[str, Any], console: Console) -> None:
     table = Table(title="Best known plans of the published instances")
-    for heading in ("instance", "area", "aMussels", "docks", "score", "bound", "uptime %", "metres", "by"):
+    headings = (
+        "instance",
+        "area",
+        "aMussels",
+        "docks",
+        "score",
+        "bound",
+        "rules",
+        "route",
+        "exact",
+        "metres",
+        "by",
+    )
+    for heading in headings:
         table.add_column(heading)
     for it in result["rows"]:
         table.add_row(
             *(it["name"], it["area"], str(it["amussels"]), str(it["docks"]), f"{it['score']:.2f}"),
-            *(f"{it['bound']:.2f}", f"{it['uptime_percent']:.2f}", f"{it['metres']:.0f}", it["by"]),
+            f"{it['bound']:.2f}",
+            *("" if it[by] is None else f"{it[by]:.2f}" for by in ("rules", "route", "exact")),
+            *(f"{it['metres']:.0f}", it["by"]),
         )
     console.print(table)
