@@ -27,7 +27,7 @@ from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedepl
 from apad_bridge.planning.rollout import FairRollout, Rollout
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.planning.triage import ByLoad, Triage
+from apad_bridge.planning.triage import ByLoad, Core, Triage
 
 GROUP = "musselbed.strategies"
 
@@ -45,6 +45,7 @@ _BUILT_IN: dict[str, Callable[[], Any]] = {
 _SCALED: dict[str, Callable[[Scales], Any]] = {
     "blend": Blend,
     "by-load": ByLoad,
+    "core": Core,
     "charge-groups": ChargeGroups,
     "exact": Exact,
     "rollout": Rollout,

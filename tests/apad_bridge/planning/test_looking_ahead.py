@@ -20,7 +20,7 @@ from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.projection import Projection
 from apad_bridge.planning.rollout import HORIZON_DISCHARGES, MOST_PROJECTED, Rollout
 from apad_bridge.planning.solution import StepKind, check_solution
-from apad_bridge.planning.triage import ByLoad, Triage, is_overloaded
+from apad_bridge.planning.triage import ByLoad, Core, Triage, is_overloaded
 from apad_bridge.scenario.loader import load
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 
@@ -94,6 +94,15 @@ def test_every_plan_can_be_flown_and_fills_the_batch(situation: Situation, batch
     plan = registry.collection(name, CostScales(1.0, 100.0)).plan(situation, batch)
     check_solution(plan, situation, StepKind.COLLECT)
     assert len(plan.steps) == min(batch, len(situation.candidates), len(situation.free_docks))
+
+
+@settings(max_examples=60, deadline=None)
+@given(fleets(), st.integers(1, 4))
+def test_every_plan_of_the_core_can_be_flown_in_overload(situation: Situation, batch: int) -> None:
+    model = replace(MODEL, docks=1)
+    plan = Core(CostScales(1.0, 100.0)).plan(replace(situation, model=model), batch)
+    check_solution(plan, situation, StepKind.COLLECT)
+    assert len(plan.steps) <= min(batch, len(situation.candidates), len(situation.free_docks))
 
 
 @settings(max_examples=60, deadline=None)
@@ -257,7 +266,57 @@ def test_triage_passes_nobody_over_for_longer_than_its_floor(strategy: Triage, d
     assert first == [2, 1]
 
 
-@pytest.mark.parametrize("name", LOOKING_AHEAD)
+CORE = Core(CostScales(distance_per_m=1.0, energy_per_charge=50.0))
+ONE_DOCK = replace(MODEL, docks=1)
+"""It sustains three aMussels."""
+
+
+def collected(candidates: list[Candidate], others: list[Candidate], count: int = 1) -> list[int]:
+    situation = Situation(0, 0, tuple(candidates), (0,), tuple(others), ONE_DOCK)
+    return [step.agent_id for step in CORE.plan(situation, count).steps]
+
+
+def test_the_core_is_by_load_without_heavy_overload() -> None:
+    by_load = ByLoad(CostScales(distance_per_m=1.0, energy_per_charge=50.0))
+    for count, is_heavy in ((12, False), (28, False), (29, True)):
+        far = tuple(swimming(k, 300 - 10 * k, 10, 0.5 if k % 2 else 0.0) for k in range(1, count + 1))
+        situation = replace(fleet_of(12), candidates=far)
+        assert (CORE.plan(situation, 4) != by_load.plan(situation, 4)) is is_heavy
+
+
+def test_in_heavy_overload_the_core_refuses_the_empty_while_enough_are_alive() -> None:
+    empty = [swimming(k, k, 0, 0.0) for k in range(1, 6)]
+    alive = [swimming(k, k, 0, 0.9) for k in (11, 12, 13)]
+    assert collected(empty, alive) == []
+    assert collected(empty, alive[:2]) == [5]  # the nearest to those that are alive
+    docked = replace(alive[2], dock_index=1)
+    assert collected(empty, [*alive[:2], docked]) == []
+
+
+def test_in_heavy_overload_the_core_is_those_near_to_each_other() -> None:
+    served = {"is_served": True}
+    near = [replace(swimming(k, 50 + k, 50, 0.5), **served) for k in (1, 2, 3)]
+    apart = [replace(swimming(10 + k, 40 * k, -40 * k, 0.5), **served) for k in range(4)]
+    assert collected([*near, *apart], []) == [1]  # and not aMussel 10, at the aPad's own place
+    # Nobody of the core waits: one that was never served is, if it is on the fast part of the curve.
+    charged = [replace(it, charge=0.9) for it in near]
+    assert collected(apart, charged) == []
+    fresh = [replace(apart[0], charge=0.58, is_served=False), replace(apart[1], charge=0.57, is_served=False)]
+    assert collected(fresh, [*charged, *apart[2:]]) == [11]
+
+
+def test_the_core_serves_one_that_was_left_out_after_a_time_that_grows_with_the_overload() -> None:
+    alive = [swimming(k, k, 0, 0.9) for k in (11, 12, 13)]
+    late_s = 20 / MODEL.drain_per_s
+
+    def first(left_out: int) -> list[int]:
+        empty = [swimming(k, k, 0, 0.0, late_s if k == 1 else 0.0) for k in range(1, 1 + left_out)]
+        return collected(empty, alive)
+
+    assert first(4) == [1] and first(9) == []
+
+
+@pytest.mark.parametrize("name", (*LOOKING_AHEAD, "core"))
 def test_without_a_model_a_strategy_that_looks_ahead_says_so(name: str) -> None:
     with pytest.raises(ValueError, match="energy model"):
         registry.collection(name).plan(Situation(0, 0, (swimming(1, 0, 0, 0.5),), (0,)), 1)
