@@ -89,6 +89,10 @@ class Graph:
                     raise
                 time.sleep(_AGAIN_S)
 
+    def living_publishers(self, topic: str) -> list[str]:
+        """Leaves out those whose process has ended without a word to the master."""
+        return _living(self.uri, self.publishers.get(topic, []))[0]
+
     @property
     def nodes(self) -> list[str]:
         parts = (self.publishers, self.subscribers, self.services)

@@ -137,7 +137,7 @@ def _check_position(apad: WatchedAPad) -> Finding:
         WATCHED_S,
         min(apad.guards.jump_m, MOST_JUMP_M),
         2 * apad.scenario.apad.max_speed_m_s,
-        apad.graph.publishers.get(apad.topic("position"), []),
+        apad.graph.living_publishers(apad.topic("position")),
     )
 
 

@@ -63,6 +63,14 @@ def test_a_master_is_read() -> None:
     assert found.types == {"/chatter": "std_msgs/String"}
 
 
+def test_a_node_that_was_killed_publishes_nothing_though_the_master_names_it(closed: str) -> None:
+    """A second publisher of an aPad's position, which no person may override, would keep it from every start."""
+    with answering(lookupNode=lambda _, node: [1, "", closed if node == "/killed" else master]) as master:
+        found = a_graph(master, position=["/killed", "/vehicle"])
+        assert found.living_publishers("/position") == ["/vehicle"]
+        assert found.living_publishers("/nobodys") == []
+
+
 @pytest.mark.parametrize("uri", ["", "localhost:11311", "http://:11311", "http://127.0.0.1:no"])
 def test_what_is_no_address_is_said(uri: str) -> None:
     with pytest.raises(Unreachable, match="no address"):
