@@ -28,6 +28,7 @@ from apad_bridge.assembly.capacity import (
     bounds_of,
     rates_of,
     sustained_by_balance,
+    uptime_with_closing,
     uptime_with_services,
 )
 from apad_bridge.runs.studies.figures import Figures
@@ -159,6 +160,12 @@ def held_against(scenario: Scenario, bounds: Bounds, flown: Figures) -> list[Hel
     tick = 1 / scenario.duration_s
     found = [
         Held("uptime", flown.uptime_paper_mean, bounds.uptime_percent, 100 * tick),
+        Held(
+            "uptime with the closing of docks",
+            flown.uptime_paper_mean,
+            uptime_with_closing(scenario),
+            100 * tick,
+        ),
         Held("active aMussels", flown.active_mean, bounds.active, count * tick),
         Held(
             "uptime with so many services",

@@ -84,6 +84,8 @@ class Rates:
     """The greatest gain a minute away: in the dock, on the ways and in a closing dock, less what these draw; at least 0."""
     down_min: float
     """The minutes of a way down."""
+    charge_held: float
+    """The greatest gain a minute in which a service takes its dock: to close a virtual one, and to charge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,12 +240,18 @@ def rates_of(scenario: Scenario) -> list[Rates]:
         gain = max(_best_gain(per_min, max(0.0, up + down)), _gain_from_empty(board, sinking_cost))
         unspent = max(0.0, down) + _wake_of(board, ids)
         away_min = (sinking.surfacing_ms + sinking.sinking_ms) / _MS_PER_MIN + _closing_min(scenario, start)
-        down_min = sinking.sinking_ms / _MS_PER_MIN
+        down_min, closing_min = sinking.sinking_ms / _MS_PER_MIN, _closing_min(scenario, start)
+        gain_held = max(
+            _best_gain(per_min, max(0.0, up + down), closing_min),
+            _gain_from_empty(board, sinking_cost, closing_min),
+        )
         gain_away = max(
             _best_gain(per_min, max(0.0, up + down) + drain * away_min, away_min),
             _gain_from_empty(board, sinking_cost + drain * down_min, away_min),
         )
-        found.append(Rates(start.primary + unspent, drain, gain, _full_min(per_min), gain_away, down_min))
+        found.append(
+            Rates(start.primary + unspent, drain, gain, _full_min(per_min), gain_away, down_min, gain_held)
+        )
     return found
 
 
@@ -387,6 +395,26 @@ def uptime_with_services(scenario: Scenario, services: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if at_work(middle) < len(fleet) * minutes - middle else (low, middle)
     return 100 * min(at_work(high), len(fleet) * minutes - low) / (len(fleet) * minutes)
+
+
+def uptime_with_closing(scenario: Scenario) -> float:
+    """The largest mean uptime, in percent, if a service takes its dock for the closing of a virtual dock, too.
+
+    Nobody is charged in a dock while it closes. So with y docked minutes and z in which docks are taken, an aMussel gains
+    at most the smaller of c y and h z, is active for T - y at most, and the z sum to D T. h is the greatest of
+    (y - x - e) / (t + closing). Work afloat in a closing dock counts. Left out are ways, and that an aPad docks one
+    aMussel at a time.
+    """
+    fleet, minutes = rates_of(scenario), scenario.time_scale.agent_time(scenario.duration_s) / 60
+    total, left = 0.0, _docks_of(scenario) * minutes
+    for it in sorted(fleet, key=lambda rates: -rates.charge_held / rates.drain):
+        wanted = it.charge * (it.drain * minutes - it.start) / (it.charge + it.drain)
+        gain = min(left * it.charge_held, max(0.0, wanted))
+        if gain:
+            left -= gain / it.charge_held
+        docked = gain / it.charge if gain else 0.0
+        total += min(minutes - docked, (it.start + gain) / it.drain)
+    return 100 * total / (len(fleet) * minutes)
 
 
 def _curve_of(board: BoardConfig) -> list[tuple[float, float]]:

@@ -23,6 +23,7 @@ from apad_bridge.assembly.capacity import (
     drain_at_load,
     rates_of,
     sustained_by_balance,
+    uptime_with_closing,
     uptime_with_services,
 )
 from apad_bridge.runs.studies.models import Model, fly
@@ -97,7 +98,7 @@ def test_no_charge_between_two_levels_gains_more_than_the_best(
 
 def test_a_mission_by_hand() -> None:
     """Two aMussels, 1000 minutes: one begins full and lasts; the other begins at half, and the one dock serves it."""
-    full, half = (Rates(start, 0.001, 0.003, 500.0, 0.0, 0.0) for start in (1.0, 0.5))
+    full, half = (Rates(start, 0.001, 0.003, 500.0, 0.0, 0.0, 0.0) for start in (1.0, 0.5))
     # It is docked for y minutes with 0.5 + 0.003 y = 0.001 (1000 - y): y = 125, active for 875.
     assert active_minutes([full, half], 1000.0, 1) == pytest.approx(1000 + 875)
     assert active_minutes([full, half], 1000.0, 0) == pytest.approx(1000 + 500)
@@ -142,10 +143,19 @@ def test_few_services_by_hand() -> None:
     assert uptime_with_services(scenario, 99) == pytest.approx(bounds_of([scenario]).uptime_percent, rel=1e-6)
 
 
+def test_a_closing_dock_charges_nobody() -> None:
+    data = resolve(pool(count=24, duration_s=9600.0))
+    data["fleet"]["start"] = {"charge": [0.6, 0.6]}
+    time_min = 4800.0  # of the aMussels; the docks close for 7.5 of them
+    assert uptime_with_closing(from_data(data, "test")) == pytest.approx(
+        100 * (24 * 0.6 / D + 4 * time_min * 0.4366 / (0.4366 / C + 7.5) / D) / (24 * time_min), rel=1e-6
+    )
+    held = pool(count=12)  # its docks have time to close
+    assert uptime_with_closing(held) == pytest.approx(bounds_of([held]).uptime_percent)
+
+
 fleets = st.lists(
-    st.builds(
-        Rates, st.floats(0, 1), *[st.floats(1e-4, 1e-2)] * 2, st.just(500.0), st.just(0.0), st.just(0.0)
-    ),
+    st.builds(Rates, st.floats(0, 1), *[st.floats(1e-4, 1e-2)] * 2, st.just(500.0), *[st.just(0.0)] * 3),
     min_size=1,
     max_size=6,
 )
