@@ -223,7 +223,9 @@ AREAS_M = {
 """The areas of the draws, by north and east."""
 
 
-@pytest.mark.parametrize(("file", "seed"), [("cells.yaml", 20261126), ("goal.yaml", 20261127), ("core.yaml", 20261127)])
+@pytest.mark.parametrize(
+    ("file", "seed"), [("cells.yaml", 20261126), ("goal.yaml", 20261127), ("core.yaml", 20261127)]
+)
 def test_the_cells_of_a_comparison_are_those_that_a_stated_seed_draws(file: str, seed: int) -> None:
     study = load_study(SHIPPED / file).study
     chance = Random(seed)
