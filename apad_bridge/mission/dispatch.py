@@ -11,7 +11,6 @@ others, MASS 2013.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
@@ -43,41 +42,20 @@ class DispatchRule(Protocol):
         """Returns the number of the pool to collect on the tour on which so many are released."""
 
 
-@dataclass(frozen=True, slots=True)
-class Due:
-    """The docked aMussels to release now, and how many of a pool to collect now: on the same tour, if any are released."""
+def to_exchange_with(
+    leaving: Docked, rule: DispatchRule, config: Mission, watch: ChargingWatch, pool: Pool
+) -> tuple[Sequence[Belief], int]:
+    """Selects those of the pool who may take the places of the `leaving`, and says how many of them to collect now.
 
-    released: tuple[int, ...] = ()
-    pool: Sequence[Belief] = ()
-    count: int = 0
-
-
-def due_now(
-    rule: DispatchRule,
-    config: Mission,
-    watch: ChargingWatch,
-    pool: Pool,
-    docked: Docked,
-    free_docks: int,
-    kept: Collection[int] = (),
-) -> Due:
-    """Decides what is due: a release, which comes first and may be an exchange of places, or a collection, or nothing.
-
-    `kept` are docked ones that cannot be released now. The mission flies what this says, and a shadow compares with it.
+    They are collected on the tour on which the others are released: nobody, where the scenario exchanges no places.
     """
-    released = tuple(it for it in rule.to_release(docked, pool) if it not in kept) if docked else ()
-    if released:
-        if config.places is not Places.EXCHANGED:
-            return Due(released)
-        led = worth_an_exchange(pool(), {it: docked[it] for it in released}, config, watch)
-        return Due(released, led, rule.to_exchange(led, len(released)))
-    if not free_docks:
-        return Due()
-    waiting = pool()
-    return Due((), waiting, rule.to_collect(waiting, docked, free_docks))
+    if config.places is not Places.EXCHANGED:
+        return (), 0
+    led = _worth_an_exchange(pool(), leaving, config, watch)
+    return led, rule.to_exchange(led, len(leaving))
 
 
-def worth_an_exchange(
+def _worth_an_exchange(
     pool: Sequence[Belief], leaving: Docked, config: Mission, watch: ChargingWatch
 ) -> list[Belief]:
     """Selects those of the pool for whom each of the `leaving` makes room; for one that leaves anyway, all of the pool.

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum, auto
-from typing import assert_never
+from functools import partial
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import (
@@ -27,7 +26,7 @@ from apad_bridge.events.mission import (
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, due_now, fullest_first
+from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first, to_exchange_with
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -72,35 +71,6 @@ DOCKINGS_PER_STEP = 3
 """A step is given up after so many failed dockings, because an aMussel spends most of its charge at the surface."""
 
 
-class _Choice(Enum):
-    WAIT = auto()
-    CHARGE = auto()
-    """Charge the docked ones first: docked by hand, or before a crash."""
-    COLLECT = auto()
-    RELEASE = auto()
-    """Release them, who may exchange places with others."""
-    BRING_BACK = auto()
-    """Release them before the aPad goes home."""
-    IDLE = auto()
-    GO_HOME = auto()
-    LEAVE_HOME = auto()
-
-
-@dataclass(frozen=True, slots=True)
-class Decision:
-    """The next act of a mission that waits: the boxes of the paper's Fig. 7 that ask something."""
-
-    choice: _Choice = _Choice.WAIT
-    pool: Sequence[Belief] = ()
-    """Those to collect from."""
-    count: int = 0
-    """So many of the pool are collected."""
-    released: Collection[int] = ()
-
-
-_WAIT = Decision()
-
-
 @dataclass(frozen=True, slots=True)
 class _PhaseBehaviour:
     """The mission's behaviour in a phase, as its methods."""
@@ -109,7 +79,10 @@ class _PhaseBehaviour:
     """Runs when the mission starts in this phase, which may be in the middle of a resumed run."""
     tick: _Act | None = None
     decide: _Decide | None = None
-    """Decides, after `tick`, what to do next. It changes nothing."""
+    """Decides, after `tick`, what to do now: an act that is not done yet, or None to wait. It changes nothing.
+
+    These are the boxes of the paper's Fig. 7 that ask something.
+    """
     success: _Act | None = None
     """Runs when the phase's primitive has succeeded. A failed primitive gives the step up."""
 
@@ -231,8 +204,8 @@ class EnergyExchange(OrderBook):
         behaviour = self._behaviour  # a phase that begins at this tick acts at the next one
         if behaviour.tick is not None:
             behaviour.tick(self, now_ms)
-        if behaviour.decide is not None:
-            self._do(behaviour.decide(self, now_ms), now_ms)
+        if behaviour.decide is not None and (act := behaviour.decide(self, now_ms)) is not None:
+            act(now_ms)
         self._remind_to_sink(now_ms)
         return self.take_orders()
 
@@ -248,7 +221,7 @@ class EnergyExchange(OrderBook):
         if self.state.phase in _COLLECTING:
             return self.docking_routine.is_due(now_ms)
         decide = self._behaviour.decide
-        return decide is not None and decide(self, now_ms).choice is not _Choice.WAIT
+        return decide is not None and decide(self, now_ms) is not None
 
     def change_planning(
         self,
@@ -353,49 +326,30 @@ class EnergyExchange(OrderBook):
             self.tell(InReach(agent_id))
         self._beyond_reach = beyond
 
-    def _decide_idle(self, now_ms: int) -> Decision:
+    def _decide_idle(self, now_ms: int) -> _NextAct | None:
         if self._to_release:
-            return Decision(_Choice.CHARGE)
+            return self._start_charging  # docked by hand, or before a crash
         if self._is_called_home(now_ms):
-            return Decision(_Choice.GO_HOME)
-        return _WAIT if self._returns else self._decide_service({}, now_ms)
+            return self._go_home
+        return None if self._returns else self._decide_service({}, now_ms)
 
-    def _decide_service(self, docked: Docked, now_ms: int) -> Decision:
-        due = due_now(
-            self._dispatch,
-            self._config,
-            self._charging,
-            lambda: self._candidates(now_ms),
-            docked,
-            self.docks.count(None),
-            self._beyond_reach.keys(),
-        )
-        if due.released:
-            return Decision(_Choice.RELEASE, due.pool, due.count, due.released)
-        return Decision(_Choice.COLLECT, due.pool, due.count) if due.count else _WAIT
+    def _decide_service(self, docked: Docked, now_ms: int) -> _NextAct | None:
+        """A release comes first. It may be an exchange of places, which collects others on the same tour."""
+        if docked:
+            done = self._dispatch.to_release(docked, lambda: self._candidates(now_ms))
+            released = tuple(it for it in done if it not in self._beyond_reach)
+            if released:
+                return partial(self._exchange_or_release, released)
+        free_docks = self.docks.count(None)
+        if not free_docks:
+            return None
+        pool = self._candidates(now_ms)
+        count = self._dispatch.to_collect(pool, docked, free_docks)
+        return partial(self._collect, pool, count) if count else None
 
-    def _do(self, decision: Decision, now_ms: int) -> None:
-        match decision.choice:
-            case _Choice.WAIT:
-                pass
-            case _Choice.CHARGE:
-                self._start_charging(now_ms)
-            case _Choice.COLLECT:
-                if self._plan_collection(decision.pool, decision.count, now_ms):
-                    self._go_collect(now_ms)
-            case _Choice.RELEASE:
-                if not self._exchange(decision, now_ms):
-                    self._release(decision.released, now_ms)
-            case _Choice.BRING_BACK:
-                self._release(decision.released, now_ms)
-            case _Choice.IDLE:
-                self._idle(now_ms)
-            case _Choice.GO_HOME:
-                self._go_home(now_ms)
-            case _Choice.LEAVE_HOME:
-                self._next_step(now_ms)
-            case _:
-                assert_never(decision.choice)
+    def _collect(self, pool: Sequence[Belief], count: int, now_ms: int) -> None:
+        if self._plan_collection(pool, count, now_ms):
+            self._go_collect(now_ms)
 
     def _candidates(self, now_ms: int) -> list[Belief]:
         """The pool without docked aMussels: one that was docked just now was last heard afloat. Empty near a known end."""
@@ -532,22 +486,30 @@ class EnergyExchange(OrderBook):
         for agent_id, reason in self._charging.give_up_stalled(self._docked, now_ms):
             self.tell(StepGivenUp(agent_id, "charge", reason))
 
-    def _decide_release(self, now_ms: int) -> Decision:
+    def _decide_release(self, now_ms: int) -> _NextAct | None:
         docked = self._docked
         if not docked:
-            return Decision(_Choice.IDLE)
+            return self._idle
         if self._returns or self._is_called_home(now_ms):
             if self._returns or self._home.releases_first:
-                return Decision(_Choice.BRING_BACK, released=tuple(docked))
-            return Decision(_Choice.GO_HOME)
+                return partial(self._release, tuple(docked))
+            return self._go_home
         return self._decide_service(docked, now_ms)
 
-    def _exchange(self, decision: Decision, now_ms: int) -> bool:
+    def _exchange_or_release(self, released: Collection[int], now_ms: int) -> None:
+        if not self._exchange(released, now_ms):
+            self._release(released, now_ms)
+
+    def _exchange(self, released: Collection[int], now_ms: int) -> bool:
         """Has the docked aMussels take the places of others that are collected on the same tour; False if none is."""
-        if not decision.count:
+        leaving = {it: self._beliefs.get(it) for it in released}
+        pool, count = to_exchange_with(
+            leaving, self._dispatch, self._config, self._charging, lambda: self._candidates(now_ms)
+        )
+        if not count:
             return False
-        known = [self._beliefs.get(it) or placeholder_belief(it, self._here) for it in decision.released]
-        is_planned = self._plan_collection(decision.pool, decision.count, now_ms, fullest_first(known))
+        known = [belief or placeholder_belief(it, self._here) for it, belief in leaving.items()]
+        is_planned = self._plan_collection(pool, count, now_ms, fullest_first(known))
         if is_planned:
             self._next_step(now_ms)
         return is_planned or self.state.phase is Phase.ENDED
@@ -586,9 +548,9 @@ class EnergyExchange(OrderBook):
         self._hold(now_ms)
         self._enter(Phase.AT_HOME, now_ms)
 
-    def _decide_at_home(self, now_ms: int) -> Decision:
+    def _decide_at_home(self, now_ms: int) -> _NextAct | None:
         leaves = self._returns or self._home.may_leave(now_ms, self.apad_battery)
-        return Decision(_Choice.LEAVE_HOME) if leaves else _WAIT
+        return self._next_step if leaves else None
 
     def _go_deploy(self, now_ms: int) -> None:
         if self._step.agent_id in self._beyond_reach:
@@ -796,7 +758,9 @@ def _nothing(mission: EnergyExchange, now_ms: int) -> None:
 
 _COLLECTING = (Phase.GO_COLLECT, Phase.AWAIT_SURFACING)
 _Act = Callable[[EnergyExchange, int], None]
-_Decide = Callable[[EnergyExchange, int], Decision]
+_NextAct = Callable[[int], None]
+"""An act that is called with the time at which it is done."""
+_Decide = Callable[[EnergyExchange, int], _NextAct | None]
 _M = EnergyExchange
 _BEHAVIOURS = {
     Phase.IDLE: _PhaseBehaviour(_M._hold, decide=_M._decide_idle),
