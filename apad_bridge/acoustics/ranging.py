@@ -174,14 +174,14 @@ class RangingService:
             self._learn_range(taken, beliefs)
             return actions
         variance_m2 = (fix.covariance[0] + fix.covariance[2]) / 2
-        beliefs.learn(fix.agent_id, Fixed(fix.at_ms, fix.north_m, fix.east_m, variance_m2))
+        beliefs.learn(fix.agent_id, Fixed(fix.north_m, fix.east_m, variance_m2), fix.at_ms)
         return [*actions, _fix_event(fix)]
 
     def _learn_range(self, taken: RangeTaken, beliefs: FleetBeliefs) -> None:
         down_m = self._depth_m - self._keel_m
         along_m = math.sqrt(max(0.0, taken.range_m**2 - down_m**2))
-        ranged = Ranged(taken.at_ms, along_m, taken.north_m, taken.east_m, self._deviation_m**2)
-        beliefs.learn(taken.agent_id, ranged)
+        ranged = Ranged(along_m, taken.north_m, taken.east_m, self._deviation_m**2)
+        beliefs.learn(taken.agent_id, ranged, taken.at_ms)
 
 
 class NoRanging:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.beliefs.measurement import ClockSet, Heard, HeardShort, Measurement, Rejected
+from apad_bridge.beliefs.measurement import ClockSet, Measurement, Rejected
 from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
 from firmware_model.packets import ShortStatus, StatusPacket
 
@@ -20,8 +20,8 @@ class Estimator(Protocol):
         """The belief for mission time `to_ms` without new measurements (ValueError if that is before the belief's time)."""
         ...
 
-    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
-        """The belief with `measurement` taken in; None while nothing is known. Raises Rejected."""
+    def update(self, belief: Belief | None, measurement: Measurement, at_ms: MissionMs) -> Belief | None:
+        """The belief with the `measurement` of `at_ms` taken in; None while nothing is known. Raises Rejected."""
         ...
 
     def kept(self, belief: Belief) -> dict[str, Any]:
@@ -36,7 +36,7 @@ class Estimator(Protocol):
 class BeliefLog(Protocol):
     """A log of every measurement that a fleet's beliefs come from, written as it is learned."""
 
-    def learned(self, agent_id: int, measurement: Measurement) -> None: ...
+    def learned(self, agent_id: int, measurement: Measurement, at_ms: MissionMs) -> None: ...
 
     def forgot(self, agent_id: int) -> None: ...
 
@@ -128,8 +128,8 @@ class FleetBeliefs:
             case StampVerdict.IMPOSSIBLE:
                 return "a status of a time that its clock cannot show, unless another agrees"
             case StampVerdict.CLOCK_SET:
-                self.learn(packet.agent_id, ClockSet(at_ms, AgentMs(packet.agent_ms)))
-        return self.learn(packet.agent_id, Heard(at_ms, packet))
+                self.learn(packet.agent_id, ClockSet(AgentMs(packet.agent_ms)), at_ms)
+        return self.learn(packet.agent_id, packet, at_ms)
 
     def hear_short(self, packet: ShortStatus, at_ms: MissionMs) -> str | None:
         """Does the work of `hear` for a status without place and time: both stay as believed."""
@@ -140,8 +140,7 @@ class FleetBeliefs:
             return "a status that a newer one overtook"
         if (reason := out_of_range(charge=packet.primary, secondary_charge=packet.secondary)) is not None:
             return f"a short status: {reason}"
-        heard = HeardShort(at_ms, packet.state, packet.primary, packet.secondary)
-        return self.learn(packet.agent_id, heard)
+        return self.learn(packet.agent_id, packet, at_ms)
 
     def admit(self, agent_id: int, belief: Belief | None) -> None:
         """Adds an aMussel of another fleet: its packets count here from now on. `belief` is the other fleet's, if any."""
@@ -167,11 +166,11 @@ class FleetBeliefs:
         if self.belief_log is not None:
             self.belief_log.forgot(agent_id)
 
-    def learn(self, agent_id: int, measurement: Measurement) -> str | None:
-        """Takes in any measurement of one aMussel; or returns the reason why it is rejected, and changes nothing."""
+    def learn(self, agent_id: int, measurement: Measurement, at_ms: MissionMs) -> str | None:
+        """Takes in a measurement of one aMussel at `at_ms`; or returns why it is rejected, and changes nothing."""
         before = self._beliefs.get(agent_id)
         try:
-            belief = self.estimator.update(before, measurement)
+            belief = self.estimator.update(before, measurement, at_ms)
         except Rejected as rejected:
             return str(rejected)
         if belief is None or belief is before:
@@ -179,11 +178,11 @@ class FleetBeliefs:
         self._beliefs[agent_id] = belief
         self._at_now.pop(agent_id, None)
         self._all_now = None
-        if isinstance(measurement, Heard):
-            self._stamp_checker.accept(measurement.packet, measurement.at_ms)
-            self._depths_m[agent_id] = measurement.packet.depth_m
+        if isinstance(measurement, StatusPacket):
+            self._stamp_checker.accept(measurement, at_ms)
+            self._depths_m[agent_id] = measurement.depth_m
         if self.belief_log is not None:
-            self.belief_log.learned(agent_id, measurement)
+            self.belief_log.learned(agent_id, measurement, at_ms)
         return None
 
     def kept(self) -> list[list[Any]]:

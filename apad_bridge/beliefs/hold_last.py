@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement
+from apad_bridge.beliefs.measurement import Measurement
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 
 
@@ -18,24 +19,24 @@ class LastPacket:
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         return belief
 
-    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
-        if isinstance(measurement, HeardShort) and belief is not None:
+    def update(self, belief: Belief | None, measurement: Measurement, at_ms: MissionMs) -> Belief | None:
+        if isinstance(measurement, ShortStatus) and belief is not None:
             short = measurement
             return Belief(
                 belief.agent_id,
-                short.at_ms,
+                at_ms,
                 short.state,
                 short.primary,
                 short.secondary,
                 belief.north_m,
                 belief.east_m,
             )
-        if not isinstance(measurement, Heard):
+        if not isinstance(measurement, StatusPacket):
             return belief
-        packet = measurement.packet
+        packet = measurement
         return Belief(
             packet.agent_id,
-            measurement.at_ms,
+            at_ms,
             packet.state,
             packet.primary,
             packet.secondary,

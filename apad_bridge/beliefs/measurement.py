@@ -1,6 +1,7 @@
 """Everything that an aPad can know of one aMussel: packets received or missed, its own actions, and position fixes.
 
-Stamps are mission milliseconds. There is no measurement of truth. A measurement may become a row of plain data, and back.
+A received packet is a measurement as it was decoded. The mission time of a measurement stands beside it. There is no
+measurement of truth. A measurement may become a row of plain data, and back.
 """
 
 from __future__ import annotations
@@ -9,55 +10,29 @@ from dataclasses import astuple, dataclass
 from typing import Any
 
 from agents.time_scale import AgentMs, MissionMs
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
-from firmware_model.value import value
-
-
-@value
-class Heard:
-    """A decoded status packet."""
-
-    at_ms: MissionMs
-    packet: StatusPacket
-
-
-@dataclass(frozen=True, slots=True)
-class HeardShort:
-    """A decoded short status: it contains neither place nor time, and counts as sent when it was received."""
-
-    at_ms: MissionMs
-    state: State
-    primary: float
-    secondary: float
 
 
 @dataclass(frozen=True, slots=True)
 class TimeslotSilent:
     """A timeslot in which a packet was due ended without one."""
 
-    at_ms: MissionMs
-
 
 @dataclass(frozen=True, slots=True)
 class Permitted:
     """The aPad sent the permission to surface."""
-
-    at_ms: MissionMs
 
 
 @dataclass(frozen=True, slots=True)
 class Docked:
     """The aPad closed a dock around the aMussel, and stands at the same place."""
 
-    at_ms: MissionMs
-
 
 @dataclass(frozen=True, slots=True)
 class Released:
     """The aPad opened the dock that held the aMussel, at this place."""
 
-    at_ms: MissionMs
     north_m: float
     east_m: float
 
@@ -66,7 +41,6 @@ class Released:
 class Fixed:
     """A measured place, from GPS at the surface or from an acoustic fix. `variance_m2` is that of either axis."""
 
-    at_ms: MissionMs
     north_m: float
     east_m: float
     variance_m2: float
@@ -76,7 +50,6 @@ class Fixed:
 class Ranged:
     """A measured distance from a place, along the bottom."""
 
-    at_ms: MissionMs
     range_m: float
     from_north_m: float
     from_east_m: float
@@ -87,11 +60,13 @@ class Ranged:
 class ClockSet:
     """The aMussel's clock was set and shows `agent_ms` now: after a reset, or by somebody's beacon."""
 
-    at_ms: MissionMs
     agent_ms: AgentMs
 
 
-Measurement = Heard | HeardShort | TimeslotSilent | Permitted | Docked | Released | Fixed | Ranged | ClockSet
+Measurement = (
+    StatusPacket | ShortStatus | TimeslotSilent | Permitted | Docked | Released | Fixed | Ranged | ClockSet
+)
+"""A short status contains neither place nor time, and counts as sent when it was received."""
 
 
 class Rejected(ValueError):
@@ -114,10 +89,10 @@ _STATUS = "heard"
 _SHORT = "short"
 
 
-def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
+def measurement_row(agent_id: int, measurement: Measurement, at_ms: int) -> list[Any]:
     """The row of a measurement: its numbers unchanged, in the order of the fields; a packet's without its id."""
-    if isinstance(measurement, Heard):
-        it = measurement.packet
+    if isinstance(measurement, StatusPacket):
+        it = measurement
         fields = (
             it.sequence,
             int(it.state),
@@ -128,27 +103,21 @@ def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
             it.depth_m,
             it.agent_ms,
         )
-        return [_STATUS, agent_id, measurement.at_ms, *fields]
-    if isinstance(measurement, HeardShort):
-        return [
-            _SHORT,
-            agent_id,
-            measurement.at_ms,
-            int(measurement.state),
-            measurement.primary,
-            measurement.secondary,
-        ]
-    return [_NAMES[type(measurement)], agent_id, *astuple(measurement)]
+        return [_STATUS, agent_id, at_ms, *fields]
+    if isinstance(measurement, ShortStatus):
+        short = measurement
+        return [_SHORT, agent_id, at_ms, int(short.state), short.primary, short.secondary]
+    return [_NAMES[type(measurement)], agent_id, at_ms, *astuple(measurement)]
 
 
-def measurement_of(row: list[Any]) -> tuple[int, Measurement]:
+def measurement_of(row: list[Any]) -> tuple[int, Measurement, MissionMs]:
     """The inverse of `measurement_row`; KeyError, TypeError or ValueError for anything else."""
     kind, agent_id, at_ms, *numbers = row
     if kind == _STATUS:
         sequence, state, *rest = numbers
-        return agent_id, Heard(at_ms, StatusPacket(agent_id, sequence, State(state), *rest))
+        return agent_id, StatusPacket(agent_id, sequence, State(state), *rest), at_ms
     if kind == _SHORT:
         state, primary, secondary = numbers
-        return agent_id, HeardShort(at_ms, State(state), primary, secondary)
-    measurement: Measurement = _KINDS[kind](at_ms, *numbers)
-    return agent_id, measurement
+        return agent_id, ShortStatus(agent_id, State(state), primary, secondary), at_ms
+    measurement: Measurement = _KINDS[kind](*numbers)
+    return agent_id, measurement, at_ms

@@ -22,8 +22,6 @@ from apad_bridge.beliefs.measurement import (
     ClockSet,
     Docked,
     Fixed,
-    Heard,
-    HeardShort,
     Measurement,
     Permitted,
     Ranged,
@@ -53,7 +51,7 @@ from apad_bridge.beliefs.twin_state import (
     way_variance,
 )
 from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 
 _CLOCK_APART_MS = 600_000
@@ -101,14 +99,14 @@ class Twin:
         twin_state = self._propagated(belief, to_ms)
         return self._to_belief(belief, twin_state, to_ms, belief.learned_from)
 
-    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
-        if isinstance(measurement, Heard):
-            return self._packet_received(belief, measurement.packet, measurement.at_ms)
+    def update(self, belief: Belief | None, measurement: Measurement, at_ms: MissionMs) -> Belief | None:
+        if isinstance(measurement, StatusPacket):
+            return self._packet_received(belief, measurement, at_ms)
         if belief is None:
             return None
-        if isinstance(measurement, HeardShort):
-            return self._short_status_received(belief, measurement)
-        at_ms = MissionMs(max(measurement.at_ms, belief.at_ms))
+        at_ms = MissionMs(max(at_ms, belief.at_ms))
+        if isinstance(measurement, ShortStatus):
+            return self._short_status_received(belief, measurement, at_ms)
         twin_state = self._propagated(belief, at_ms)
         match measurement:
             case TimeslotSilent():
@@ -117,7 +115,7 @@ class Twin:
             case Permitted():
                 twin_state = self._permitted(twin_state)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
-            case ClockSet(_, agent_ms):
+            case ClockSet(agent_ms):
                 clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.parameters.scale.agent_ms(at_ms)
                 twin_state = replace(shifted_to_clock(twin_state, agent_ms), clock=clock, clock_ms=nominal_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
@@ -125,17 +123,17 @@ class Twin:
                 return self._to_belief(
                     belief, self._docked(twin_state), at_ms, belief.learned_from | Source.DOCKING
                 )
-            case Released(_, north_m, east_m):
+            case Released(north_m, east_m):
                 twin_state = self._released(twin_state, belief.agent_id)
                 variance_m2 = _DOCK_VARIANCE_M2 + self.parameters.water.way_down_variance_m2
                 place = Place.at(north_m, east_m, variance_m2, self.parameters.water)
                 twin_state = replace(twin_state, place=place, place_ms=at_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from | Source.RELEASE)
-            case Fixed(_, north_m, east_m, variance_m2):
+            case Fixed(north_m, east_m, variance_m2):
                 place = self._place(twin_state, at_ms).corrected_by_fix(
                     north_m, east_m, variance_m2, self.parameters.water
                 )
-            case Ranged(_, range_m, north_m, east_m, variance_m2):
+            case Ranged(range_m, north_m, east_m, variance_m2):
                 place = self._place(twin_state, at_ms).corrected_by_range(
                     range_m, north_m, east_m, variance_m2
                 )
@@ -268,15 +266,14 @@ class Twin:
             twin_state = self._weighed(twin_state, schedule, reading)
         return self._belief_after_status(belief, twin_state, reading, at_ms)
 
-    def _short_status_received(self, belief: Belief, heard: HeardShort) -> Belief:
+    def _short_status_received(self, belief: Belief, packet: ShortStatus, at_ms: MissionMs) -> Belief:
         """Takes a short status: place and time stay as believed, because it has neither.
 
         An answer to a request may fall into a short wake of a sleeping aMussel, which still counts as asleep.
         """
-        at_ms = MissionMs(max(heard.at_ms, belief.at_ms))
         twin_state = self._propagated(belief, at_ms)
         schedule = self._schedule(belief.agent_id)
-        reading = Reading.stated(heard.state, heard.primary, heard.secondary)
+        reading = Reading.stated(packet.state, packet.primary, packet.secondary)
         reading = _within_a_wake(reading, schedule, self._agent_ms(twin_state, at_ms))
         if self._is_independent(twin_state, belief.agent_id, reading.mode):
             twin_state = self._weighed(twin_state, schedule, reading)

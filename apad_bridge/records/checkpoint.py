@@ -72,8 +72,8 @@ class Checkpoint:
         self._file = self._write_full_record(now_ms)
         beliefs.belief_log = self
 
-    def learned(self, agent_id: int, measurement: Measurement) -> None:
-        self._rows.append(measurement_row(agent_id, measurement))
+    def learned(self, agent_id: int, measurement: Measurement, at_ms: int) -> None:
+        self._rows.append(measurement_row(agent_id, measurement, at_ms))
 
     def forgot(self, agent_id: int) -> None:
         self._rows.append([_FORGOT, agent_id])

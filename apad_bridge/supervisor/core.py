@@ -389,7 +389,7 @@ class Supervisor:
                 case PermitSurfacing(agent_id) if not self._gate.passes(self._surfacing(agent_id), now_ms):
                     pass  # the gate has the reason for the journal
                 case PermitSurfacing(agent_id):
-                    self.beliefs.learn(agent_id, Permitted(now_ms))
+                    self.beliefs.learn(agent_id, Permitted(), now_ms)
                     data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
                     actions.append(Send(Medium.SOUND, agent_id, data))
                 case PingAgent(agent_id):
@@ -416,10 +416,10 @@ class Supervisor:
         at_ms = MissionMs(outcome.at_ms)
         self._ranging.moved(outcome.agent_id, at_ms)
         if outcome.closed:
-            self.beliefs.learn(outcome.agent_id, Docked(at_ms))
+            self.beliefs.learn(outcome.agent_id, Docked(), at_ms)
         else:
-            released = Released(at_ms, self.pose.north_m, self.pose.east_m)
-            self.beliefs.learn(outcome.agent_id, released)
+            released = Released(self.pose.north_m, self.pose.east_m)
+            self.beliefs.learn(outcome.agent_id, released, at_ms)
 
     def _note_outcome(self, outcome: Outcome) -> list[SupervisorAction]:
         if isinstance(outcome, DockChanged):

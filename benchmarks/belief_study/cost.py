@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
+from apad_bridge.beliefs.measurement import TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from benchmarks.belief_study.filters import MINUTE, NOMINAL
 from firmware_model.packets import StatusPacket
@@ -36,21 +36,19 @@ def _median_us(events: list[Callable[[], object]]) -> float:
 def event_costs() -> dict[str, float]:
     """Medians in microseconds: a packet in time, a silent timeslot, and a packet after a day of silence."""
     twin = Twin(NOMINAL, {})
-    first = twin.update(None, Heard(MissionMs(0), _packet(1, 0, 0, 0.9)))
+    first = twin.update(None, _packet(1, 0, 0, 0.9), MissionMs(0))
     assert first is not None
     silent = first
     for hour in range(1, 25):
-        found = twin.update(silent, TimeslotSilent(MissionMs(hour * HOUR)))
+        found = twin.update(silent, TimeslotSilent(), MissionMs(hour * HOUR))
         assert found is not None
         silent = found
-    in_time = Heard(MissionMs(30 * MINUTE), _packet(1, 1, 30 * MINUTE, 0.897))
-    late = Heard(MissionMs(25 * HOUR), _packet(1, 1, 25 * HOUR, 0.6))
+    in_time, at_ms = _packet(1, 1, 30 * MINUTE, 0.897), MissionMs(30 * MINUTE)
+    late, late_ms = _packet(1, 1, 25 * HOUR, 0.6), MissionMs(25 * HOUR)
     return {
-        "us_per_event": _median_us([lambda: twin.update(first, in_time)] * _REPEATS),
-        "us_per_silent_slot": _median_us(
-            [lambda: twin.update(silent, TimeslotSilent(MissionMs(25 * HOUR)))] * _REPEATS
-        ),
-        "us_per_mixture_event": _median_us([lambda: twin.update(silent, late)] * _REPEATS),
+        "us_per_event": _median_us([lambda: twin.update(first, in_time, at_ms)] * _REPEATS),
+        "us_per_silent_slot": _median_us([lambda: twin.update(silent, TimeslotSilent(), late_ms)] * _REPEATS),
+        "us_per_mixture_event": _median_us([lambda: twin.update(silent, late, late_ms)] * _REPEATS),
     }
 
 

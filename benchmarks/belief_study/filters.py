@@ -11,7 +11,7 @@ from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.hold_last import LastPacket
-from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, TimeslotSilent
+from apad_bridge.beliefs.measurement import Docked, Permitted, Released, TimeslotSilent
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
@@ -130,21 +130,21 @@ def beliefs(life: Life, agent: int, estimator: Estimator, heard: Array) -> Itera
     for hour in range(life.primary.shape[1]):
         timeslot_min = 60 * hour + int(life.timeslot_minute[agent])
         while at_min <= timeslot_min:
-            belief = estimator.update(belief, _done(event, MissionMs(at_min * MINUTE)))
+            belief = estimator.update(belief, _done(event), MissionMs(at_min * MINUTE))
             at_min, event = next(events)
         now_ms = timeslot_min * MINUTE
         if heard[hour]:
-            belief = estimator.update(belief, Heard(MissionMs(now_ms), _packet(life, agent, hour, now_ms)))
+            belief = estimator.update(belief, _packet(life, agent, hour, now_ms), MissionMs(now_ms))
         elif belief is not None:
-            belief = estimator.update(belief, TimeslotSilent(MissionMs(now_ms)))
+            belief = estimator.update(belief, TimeslotSilent(), MissionMs(now_ms))
         if belief is not None:
             yield hour, belief
 
 
-def _done(event: Event, at_ms: MissionMs) -> Permitted | Docked | Released:
+def _done(event: Event) -> Permitted | Docked | Released:
     if event is Event.PERMITTED:
-        return Permitted(at_ms)
-    return Docked(at_ms) if event is Event.DOCKED else Released(at_ms, 0.0, 0.0)
+        return Permitted()
+    return Docked() if event is Event.DOCKED else Released(0.0, 0.0)
 
 
 def _packet(life: Life, agent: int, hour: int, now_ms: int) -> StatusPacket:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from agents.time_scale import MissionMs, TimeScale
-from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
+from apad_bridge.beliefs.measurement import TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import Water
 from benchmarks.belief_study.filters import NOMINAL
@@ -52,9 +52,9 @@ def coverage(theta: int, currents: bool, seed: int = 11, agents: int = AGENTS) -
                 north_m, east_m = place + rng.normal(0, FIX_M, 2)
                 agent_ms = theta * now_ms
                 packet = StatusPacket(agent, number, state, 0.9, 1.0, north_m, east_m, 0.0, agent_ms)
-                belief = twin.update(belief, Heard(MissionMs(now_ms), packet))
+                belief = twin.update(belief, packet, MissionMs(now_ms))
             else:
-                belief = twin.update(belief, TimeslotSilent(MissionMs(now_ms)))
+                belief = twin.update(belief, TimeslotSilent(), MissionMs(now_ms))
             assert belief is not None
             north, both, east = belief.place_cov
             away = place - (belief.north_m, belief.east_m)

@@ -329,12 +329,12 @@ class Shadow:
             if not free:
                 return
             docked[agent_id] = min(free)
-            self._beliefs.learn(agent_id, Docked(self._now_ms))
+            self._beliefs.learn(agent_id, Docked(), self._now_ms)
             self._charging.begin(docked, self._now_ms)
         else:
             del docked[agent_id]
             if self._place_m is not None:
-                self._beliefs.learn(agent_id, Released(self._now_ms, *self._place_m))
+                self._beliefs.learn(agent_id, Released(*self._place_m), self._now_ms)
                 if self._exchanges_places:
                     self._take_place(agent_id, self._place_m)
             released = dict(self._state.released) | {agent_id: self._now_ms}

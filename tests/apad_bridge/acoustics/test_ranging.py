@@ -12,7 +12,7 @@ from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
+from apad_bridge.beliefs.measurement import Fixed, Measurement, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.events.sound import Asked, PlaceFixed
 from apad_bridge.mission.events import Ping, RangeHeard, Send
@@ -36,10 +36,10 @@ class Learner:
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         return belief
 
-    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
-        if isinstance(measurement, Heard):
-            packet = measurement.packet
-            return Belief(7, measurement.at_ms, packet.state, 0.9, 1.0, packet.north_m, packet.east_m)
+    def update(self, belief: Belief | None, measurement: Measurement, at_ms: int) -> Belief | None:
+        if isinstance(measurement, StatusPacket):
+            packet = measurement
+            return Belief(7, at_ms, packet.state, 0.9, 1.0, packet.north_m, packet.east_m)
         self.learned.append(measurement)
         return belief
 

@@ -71,11 +71,16 @@ def test_the_order_of_arrival_does_not_matter(order: list[int]) -> None:
 
 def test_it_learns_from_packets_alone_and_stays_as_it_was() -> None:
     beliefs = HoldLast([5])
-    assert beliefs.learn(5, TimeslotSilent(500)) is None and beliefs.get(5) is None
+    assert beliefs.learn(5, TimeslotSilent(), 500) is None and beliefs.get(5) is None
     beliefs.hear(PACKET, 2000)
     before = beliefs.get(5)
-    for measurement in (TimeslotSilent(2500), Permitted(2500), Docked(2600), Released(2700, 0.0, 0.0)):
-        assert beliefs.learn(5, measurement) is None
+    for measurement in (
+        (TimeslotSilent(), 2500),
+        (Permitted(), 2500),
+        (Docked(), 2600),
+        (Released(0.0, 0.0), 2700),
+    ):
+        assert beliefs.learn(5, *measurement) is None
     beliefs.advance(90_000)
     assert beliefs.get(5) is before
     with pytest.raises(ValueError):

@@ -13,7 +13,6 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
-from apad_bridge.beliefs.measurement import Heard
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin
@@ -47,7 +46,8 @@ def anchor(weight: float, primary: float, sd: float = 0.02) -> Anchor:
 def heard(at_ms: int, primary: float) -> Belief:
     found = Twin(KNOWLEDGE, {}).update(
         None,
-        Heard(at_ms, StatusPacket(1, 0, State.ACTIVE, primary, 1.0, 3.0, 4.0, 3.0, POOL.theta * at_ms)),
+        StatusPacket(1, 0, State.ACTIVE, primary, 1.0, 3.0, 4.0, 3.0, POOL.theta * at_ms),
+        at_ms,
     )
     assert found is not None
     return found

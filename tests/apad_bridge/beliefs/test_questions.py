@@ -21,7 +21,7 @@ class Draining:
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         return believed(belief.agent_id, 1.0 - 0.1 * to_ms / HOUR, 0.05, to_ms)
 
-    def update(self, belief: Belief | None, measurement: object) -> Belief | None:
+    def update(self, belief: Belief | None, measurement: object, at_ms: int) -> Belief | None:
         return belief
 
 

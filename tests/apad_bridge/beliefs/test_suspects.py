@@ -8,7 +8,7 @@ import pytest
 
 from agents.time_scale import TimeScale
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.measurement import Docked, Heard, HeardShort, Measurement, Released
+from apad_bridge.beliefs.measurement import Docked, Measurement, Released
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
@@ -23,12 +23,14 @@ from apad_bridge.beliefs.twin_parameters import (
     Water,
 )
 from firmware_model.config import BoardConfig
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
 from firmware_model.table_one import WORST_CASE
 
 HOUR, MIN = 3_600_000, 60_000
+_Stamped = tuple[Measurement, int]
+"""A measurement and its mission time."""
 ASLEEP = 0.0002
 """A minute: 0.012 an hour."""
 PARAMETERS = TwinParameters(
@@ -50,14 +52,14 @@ SURE = Twin(replace(PARAMETERS, untold=None), {1: Schedule((0,), (Mode.ASLEEP,))
 """It is told its board, and learns none."""
 
 
-def heard(at_ms: int, charge: float, state: State = State.SLEEPING) -> Heard:
-    return Heard(at_ms, StatusPacket(1, at_ms // MIN, state, charge, 1.0, 3.0, 4.0, 3.0, at_ms))
+def heard(at_ms: int, charge: float, state: State = State.SLEEPING) -> _Stamped:
+    return StatusPacket(1, at_ms // MIN, state, charge, 1.0, 3.0, 4.0, 3.0, at_ms), at_ms
 
 
-def told(*measurements: Measurement, twin: Twin = TWIN) -> Belief:
+def told(*measurements: _Stamped, twin: Twin = TWIN) -> Belief:
     belief: Belief | None = None
     for measurement in measurements:
-        belief = twin.update(belief, measurement)
+        belief = twin.update(belief, *measurement)
     assert belief is not None
     return belief
 
@@ -67,15 +69,15 @@ def reason(belief: Belief) -> str:
     return belief.suspicion.reason.partition(":")[0]
 
 
-def asleep(begin: float, per_hour: float, hours: int) -> list[Measurement]:
+def asleep(begin: float, per_hour: float, hours: int) -> list[_Stamped]:
     return [heard(n * HOUR, begin - per_hour * n) for n in range(hours)]
 
 
-def docked(begin: float, per_hour: float, hours: int, bias: float = 0.0) -> list[Measurement]:
+def docked(begin: float, per_hour: float, hours: int, bias: float = 0.0) -> list[_Stamped]:
     charges = (min(1.0, begin + per_hour * (n + 1)) + bias for n in range(hours))
     return [
         heard(0, begin + bias, State.FLOATING),
-        Docked(MIN),
+        (Docked(), MIN),
         *(heard((n + 1) * HOUR, charge, State.CHARGING) for n, charge in enumerate(charges)),
     ]
 
@@ -103,7 +105,7 @@ def docked(begin: float, per_hour: float, hours: int, bias: float = 0.0) -> list
     ],
 )
 def test_readings_that_no_board_of_its_kind_can_state_are_told_with_their_reason(
-    measurements: list[Measurement], expected: str
+    measurements: list[_Stamped], expected: str
 ) -> None:
     assert reason(told(*measurements)) == expected
 
@@ -117,18 +119,18 @@ def test_an_old_or_thirsty_or_badly_calibrated_board_contradicts_nothing(
     assert told(*half_a_day_after_a_day(ageing, load, bias)).suspicion is None
 
 
-def half_a_day_after_a_day(ageing: float, load: float, bias: float) -> list[Measurement]:
+def half_a_day_after_a_day(ageing: float, load: float, bias: float) -> list[_Stamped]:
     """A day in the water and twelve hours in a dock, by equations (1) and (2) step by step."""
     left, charge, at_ms = 1 - ageing, 0.85, 0
-    measurements: list[Measurement] = []
+    measurements: list[_Stamped] = []
 
-    def stated(state: State) -> Heard:
+    def stated(state: State) -> _Stamped:
         return heard(at_ms, min(1.0, max(0.0, charge + bias)), state)
 
     for minute in range(36 * 60):
         at_ms = minute * MIN
         if minute == 24 * 60:
-            measurements += [stated(State.FLOATING), Docked(at_ms)]
+            measurements += [stated(State.FLOATING), (Docked(), at_ms)]
         elif minute % 30 == 0:
             measurements.append(stated(State.SLEEPING if minute < 24 * 60 else State.CHARGING))
         if minute < 24 * 60:
@@ -144,7 +146,7 @@ def half_a_day_after_a_day(ageing: float, load: float, bias: float) -> list[Meas
 def test_a_dock_tells_what_is_left_of_a_capacity(ageing: float, load: float) -> None:
     """After a day in the water alone, whose slope is load and age together, the interval is still wide."""
     measurements = half_a_day_after_a_day(ageing, load, 0.0)
-    docked_at = next(n for n, it in enumerate(measurements) if isinstance(it, Docked))
+    docked_at = next(n for n, (it, _) in enumerate(measurements) if isinstance(it, Docked))
     before, after = told(*measurements[:docked_at]).capacity_left, told(*measurements).capacity_left
     assert before is not None and after is not None
     assert before.high - before.low > 2 * (after.high - after.low)
@@ -175,19 +177,19 @@ def test_the_suspicion_lasts_and_knows_whether_a_dock_held_the_aMussel_since() -
     rising = asleep(0.5, -0.1, 3)
     suspicion = told(*rising).suspicion
     assert suspicion is not None and not suspicion.was_docked
-    fetched = told(*rising, Docked(9 * HOUR), Released(10 * HOUR, 0.0, 0.0))
+    fetched = told(*rising, (Docked(), 9 * HOUR), (Released(0.0, 0.0), 10 * HOUR))
     assert fetched.suspicion is not None and fetched.suspicion.was_docked
     assert reason(fetched) == "its charge rises without a charger"
 
 
 def test_a_short_status_is_judged_too() -> None:
-    belief = told(*asleep(0.5, 0.012, 3), HeardShort(3 * HOUR, State.SLEEPING, 0.7, 1.0))
+    belief = told(*asleep(0.5, 0.012, 3), (ShortStatus(1, State.SLEEPING, 0.7, 1.0), 3 * HOUR))
     assert reason(belief) == "its charge rises without a charger"
 
 
 def test_a_dock_in_between_explains_a_rise() -> None:
     belief = told(
-        *asleep(0.5, 0.012, 3), Docked(3 * HOUR), Released(5 * HOUR, 0.0, 0.0), heard(6 * HOUR, 0.9)
+        *asleep(0.5, 0.012, 3), (Docked(), 3 * HOUR), (Released(0.0, 0.0), 5 * HOUR), heard(6 * HOUR, 0.9)
     )
     assert belief.suspicion is None
 

@@ -12,8 +12,6 @@ from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
-    Heard,
-    HeardShort,
     Measurement,
     Permitted,
     Ranged,
@@ -39,12 +37,14 @@ from apad_bridge.beliefs.twin_parameters import (
 )
 from apad_bridge.beliefs.twin_state import TwinState
 from firmware_model.config import BoardConfig
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.sinking import Sinking
 from firmware_model.states import State
 from firmware_model.table_one import HOURLY, WORST_CASE, board, power
 
 HOUR = 3_600_000
+_Stamped = tuple[Measurement, int]
+"""A measurement and its mission time."""
 ASLEEP, IDLE, HIGH = 0.00007, 0.001, 0.003
 KNOWLEDGE = TwinParameters(
     scale=TimeScale(1),
@@ -70,15 +70,15 @@ def listening(motor_run_ms: int = 0, release_wait_ms: int = 0) -> BoardConfig:
 
 def heard(
     at_ms: int, state: State, primary: float, sequence: int = 0, secondary: float = 1.0, agent_ms: int = -1
-) -> Heard:
+) -> _Stamped:
     agent_ms = at_ms if agent_ms < 0 else agent_ms
-    return Heard(at_ms, StatusPacket(1, sequence, state, primary, secondary, 3.0, 4.0, 3.0, agent_ms))
+    return StatusPacket(1, sequence, state, primary, secondary, 3.0, 4.0, 3.0, agent_ms), at_ms
 
 
-def told(twin: Twin, *measurements: Measurement) -> Belief:
+def told(twin: Twin, *measurements: _Stamped) -> Belief:
     belief: Belief | None = None
     for measurement in measurements:
-        belief = twin.update(belief, measurement)
+        belief = twin.update(belief, *measurement)
     assert belief is not None
     return belief
 
@@ -88,7 +88,7 @@ def state_of(belief: Belief) -> TwinState:
     return belief.estimator_state
 
 
-def hourly(state: State, start: float, drain_per_h: float, hours: int, first: int = 0) -> list[Measurement]:
+def hourly(state: State, start: float, drain_per_h: float, hours: int, first: int = 0) -> list[_Stamped]:
     return [
         heard((first + n) * HOUR, state, start - drain_per_h * n, sequence=first + n) for n in range(hours)
     ]
@@ -96,8 +96,13 @@ def hourly(state: State, start: float, drain_per_h: float, hours: int, first: in
 
 def test_nothing_is_believed_of_one_that_was_never_heard() -> None:
     twin = Twin(KNOWLEDGE, {})
-    for measurement in (TimeslotSilent(0), Docked(0), Released(0, 0.0, 0.0), Fixed(0, 1.0, 2.0, 1.0)):
-        assert twin.update(None, measurement) is None
+    for measurement in (
+        (TimeslotSilent(), 0),
+        (Docked(), 0),
+        (Released(0.0, 0.0), 0),
+        (Fixed(1.0, 2.0, 1.0), 0),
+    ):
+        assert twin.update(None, *measurement) is None
 
 
 def test_it_goes_on_by_the_schedule_and_says_how_sure_it_is() -> None:
@@ -151,7 +156,7 @@ def test_a_silent_slot_moves_the_modes_probabilities() -> None:
     belief = told(twin, heard(0, State.PROCESSING, 0.9))
     shares = [belief.probability_of(Mode.HIGH_LOAD)]
     for hour in range(1, 12):
-        belief = twin.update(belief, TimeslotSilent(hour * HOUR + 1)) or belief
+        belief = twin.update(belief, TimeslotSilent(), hour * HOUR + 1) or belief
         shares.append(belief.probability_of(Mode.HIGH_LOAD))
     assert shares[0] == 1.0 and shares == sorted(shares, reverse=True)
     assert belief.mode is Mode.ASLEEP and sum(belief.mode_probabilities) == pytest.approx(1.0)
@@ -170,7 +175,7 @@ def test_what_was_not_scheduled_is_found_out_by_the_next_packet() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     truth = 0.9 - 60 * (5 * ASLEEP + HIGH)  # one of six hours under high load, not observed
     belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 3))
-    belief = twin.update(belief, heard(8 * HOUR, State.SLEEPING, truth - 0.03, 8)) or belief
+    belief = twin.update(belief, *heard(8 * HOUR, State.SLEEPING, truth - 0.03, 8)) or belief
     assert belief.primary == pytest.approx(truth - 0.03, abs=0.02)
     assert state_of(belief).gated == 0
 
@@ -178,12 +183,12 @@ def test_what_was_not_scheduled_is_found_out_by_the_next_packet() -> None:
 def test_a_gross_outlier_is_gated_until_another_agrees() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     steady = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 6))
-    odd = twin.update(steady, heard(6 * HOUR, State.SLEEPING, 0.2, 6))
+    odd = twin.update(steady, *heard(6 * HOUR, State.SLEEPING, 0.2, 6))
     assert odd is not None and odd.primary > 0.7 and state_of(odd).gated == 1
     assert odd.charge_cov[0] > 100 * steady.charge_cov[0]
-    back = twin.update(odd, heard(7 * HOUR, State.SLEEPING, 0.9 - 7 * 60 * ASLEEP, 7))
+    back = twin.update(odd, *heard(7 * HOUR, State.SLEEPING, 0.9 - 7 * 60 * ASLEEP, 7))
     assert back is not None and back.primary == pytest.approx(0.87, abs=0.02)
-    low = twin.update(odd, heard(7 * HOUR, State.SLEEPING, 0.2 - 60 * ASLEEP, 7))
+    low = twin.update(odd, *heard(7 * HOUR, State.SLEEPING, 0.2 - 60 * ASLEEP, 7))
     assert low is not None and low.primary == pytest.approx(0.195, abs=0.03)
 
 
@@ -191,9 +196,9 @@ def test_duplicates_and_late_packets_are_not_believed() -> None:
     twin = Twin(KNOWLEDGE, {})
     belief = told(twin, heard(HOUR, State.ACTIVE, 0.8, 5))
     with pytest.raises(Rejected, match="already"):
-        twin.update(belief, heard(HOUR + 500, State.ACTIVE, 0.8, 5, agent_ms=HOUR))
+        twin.update(belief, *heard(HOUR + 500, State.ACTIVE, 0.8, 5, agent_ms=HOUR))
     with pytest.raises(Rejected, match="overtook"):
-        twin.update(belief, heard(HOUR + 500, State.ACTIVE, 0.85, 4, agent_ms=HOUR - 10_000))
+        twin.update(belief, *heard(HOUR + 500, State.ACTIVE, 0.85, 4, agent_ms=HOUR - 10_000))
 
 
 def test_charges_stay_possible() -> None:
@@ -204,7 +209,7 @@ def test_charges_stay_possible() -> None:
         assert 0 <= belief.primary <= 1 and 0 <= belief.secondary <= 1
         assert 0 <= belief.charge_cov[0] <= 0.26
     assert belief.primary < 0.02
-    docked = twin.update(belief, Docked(100 * HOUR))
+    docked = twin.update(belief, Docked(), 100 * HOUR)
     assert docked is not None
     for hour in range(101, 130):
         docked = twin.predict(docked, hour * HOUR)
@@ -229,22 +234,22 @@ def test_with_its_primary_empty_it_sleeps_on_the_secondary_until_it_is_lost() ->
 def test_what_the_apad_did_is_known_without_a_packet() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     belief = told(twin, heard(0, State.SLEEPING, 0.5, secondary=1.0))
-    up = twin.update(belief, Permitted(HOUR))
+    up = twin.update(belief, Permitted(), HOUR)
     assert up is not None and up.mode is Mode.SURFACING
     # It hears the permission within two seconds, and with 90 %: until then no motor has run.
     assert up.primary == pytest.approx(belief.primary - 60 * ASLEEP, abs=1e-3)
     heard_it = twin.predict(up, HOUR + 2000)
     assert heard_it.primary == pytest.approx(belief.primary - 60 * ASLEEP - 0.9 * 0.027, abs=0.001)
-    again = twin.update(up, Permitted(HOUR + 1000))
+    again = twin.update(up, Permitted(), HOUR + 1000)
     assert again is not None
     assert twin.predict(again, HOUR + 2000).primary == pytest.approx(heard_it.primary, abs=1e-3)
-    docked = twin.update(twin.predict(up, HOUR + 600_000), Docked(HOUR + 600_000))
+    docked = twin.update(twin.predict(up, HOUR + 600_000), Docked(), HOUR + 600_000)
     assert (
         docked is not None and docked.mode is Mode.CHARGING_PRIMARY and Source.DOCKING in docked.learned_from
     )
     charged = twin.predict(docked, 8 * HOUR)
     assert charged.primary > 0.98 and charged.heard_ms == 0
-    down = twin.update(charged, Released(8 * HOUR, 20.0, 30.0))
+    down = twin.update(charged, Released(20.0, 30.0), 8 * HOUR)
     assert down is not None and down.mode is Mode.ASLEEP
     assert (down.north_m, down.east_m) == (20.0, 30.0)
     assert down.primary == pytest.approx(1 - 0.027 - IDLE, abs=0.01)
@@ -252,15 +257,15 @@ def test_what_the_apad_did_is_known_without_a_packet() -> None:
 
 def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
-    belief = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR))
-    stayed = twin.update(belief, heard(5 * HOUR, State.SLEEPING, 0.5 - 5 * 60 * ASLEEP, 5))
+    belief = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), HOUR))
+    stayed = twin.update(belief, *heard(5 * HOUR, State.SLEEPING, 0.5 - 5 * 60 * ASLEEP, 5))
     assert stayed is not None and stayed.mode is Mode.ASLEEP
     assert stayed.primary == pytest.approx(0.5 - 5 * 60 * ASLEEP, abs=0.01)
 
 
 def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
     twin = Twin(replace(KNOWLEDGE, calls=Calls(30_000, 0.1)), ALWAYS_ASLEEP)
-    told_up = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR))
+    told_up = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), HOUR))
     on_its_way = twin.predict(told_up, HOUR + 59_000)
     assert on_its_way.probability_of(Mode.SURFACING) == pytest.approx(0.9)
     # Bayes: 0.09 / (0.09 + 0.1) when the first call is due and not received, 0.009 / (0.009 + 0.1) after the second.
@@ -270,13 +275,13 @@ def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
     silent = twin.predict(told_up, HOUR + 91_000)
     assert silent.probability_of(Mode.FLOATING) == pytest.approx(0.0826, abs=1e-4)
     assert silent.mode is Mode.ASLEEP
-    again = twin.update(silent, Permitted(HOUR + 91_000))
+    again = twin.update(silent, Permitted(), HOUR + 91_000)
     assert again is not None and again.probability_of(Mode.SURFACING) == pytest.approx(0.9)
     # Its motors have run at most once: for the first permission as probably as before, or for none.
-    once = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR + 91_000))
+    once = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), HOUR + 91_000))
     floats = 0.5 - 60 * ASLEEP - 0.027 - IDLE - 0.003 * 31 / 60
     assert again.primary == pytest.approx((1 - 0.0826) * once.primary + 0.0826 * floats, abs=3e-4)
-    up = twin.update(twin.predict(again, HOUR + 160_000), heard(HOUR + 160_000, State.FLOATING, 0.46, 1))
+    up = twin.update(twin.predict(again, HOUR + 160_000), *heard(HOUR + 160_000, State.FLOATING, 0.46, 1))
     assert up is not None
     assert twin.predict(up, HOUR + 900_000).probability_of(Mode.FLOATING) == pytest.approx(1.0)
 
@@ -284,13 +289,13 @@ def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
 def test_one_that_is_up_too_early_for_a_repeated_permission_obeyed_the_first() -> None:
     """The aPad was too far off to hear it, and repeated: it has floated for five minutes more than the second explains."""
     twin = Twin(replace(KNOWLEDGE, calls=Calls(300_000, 0.1)), ALWAYS_ASLEEP)
-    first = told(twin, heard(0, State.SLEEPING, 0.6), Permitted(HOUR))
-    both = twin.update(twin.predict(first, HOUR + 400_000), Permitted(HOUR + 400_000))
+    first = told(twin, heard(0, State.SLEEPING, 0.6), (Permitted(), HOUR))
+    both = twin.update(twin.predict(first, HOUR + 400_000), Permitted(), HOUR + 400_000)
     assert both is not None
     floats = 0.6 - 60 * ASLEEP - 0.027 - IDLE - 0.003 * 6
     early_ms, late_ms = HOUR + 430_000, HOUR + 600_000
-    once = twin.update(twin.predict(first, early_ms), heard(early_ms, State.FLOATING, floats, 1))
-    up = twin.update(twin.predict(both, early_ms), heard(early_ms, State.FLOATING, floats, 1))
+    once = twin.update(twin.predict(first, early_ms), *heard(early_ms, State.FLOATING, floats, 1))
+    up = twin.update(twin.predict(both, early_ms), *heard(early_ms, State.FLOATING, floats, 1))
     assert once is not None and up is not None
     assert up.primary == pytest.approx(once.primary, abs=1e-6)
     # Later, and unheard, it may have obeyed either.
@@ -306,7 +311,7 @@ def test_a_first_reading_near_full_says_nothing_of_the_sensor() -> None:
     twin = Twin(replace(KNOWLEDGE, untold=Untold(0.4, 0.2, 0.05)), ALWAYS_ASLEEP)
     belief = None
     for n in range(12):
-        belief = twin.update(belief, heard(n * 600_000, State.SLEEPING, 0.97 - 10 * n * ASLEEP, n))
+        belief = twin.update(belief, *heard(n * 600_000, State.SLEEPING, 0.97 - 10 * n * ASLEEP, n))
     assert belief is not None
     truth = 0.97 - 0.033 - 110 * ASLEEP
     low, high = belief.charge_interval()
@@ -318,7 +323,7 @@ def test_a_first_reading_near_full_says_nothing_of_the_sensor() -> None:
 def test_one_that_never_heard_its_permission_keeps_its_charge(calls: Calls | None) -> None:
     """It sleeps on the bottom, unheard for days: what floating would have cost is not taken from it."""
     twin = Twin(replace(KNOWLEDGE, calls=calls), ALWAYS_ASLEEP)
-    belief = told(twin, heard(0, State.SLEEPING, 0.6), Permitted(HOUR))
+    belief = told(twin, heard(0, State.SLEEPING, 0.6), (Permitted(), HOUR))
     for hours in (2, 12, 14, 30, 47, 60, 90):
         later = twin.predict(belief, hours * HOUR)
         truth = 0.6 - 60 * hours * ASLEEP
@@ -336,7 +341,7 @@ def test_one_that_never_heard_its_permission_keeps_its_charge(calls: Calls | Non
 
 def test_while_it_may_have_obeyed_or_not_both_charges_are_believed() -> None:
     twin = Twin(replace(KNOWLEDGE, calls=Calls(300_000, 0.1)), ALWAYS_ASLEEP)
-    belief = told(twin, heard(0, State.SLEEPING, 0.6), Permitted(HOUR))
+    belief = told(twin, heard(0, State.SLEEPING, 0.6), (Permitted(), HOUR))
     # One call is missing: 0.09 / (0.09 + 0.1) that it floats.
     unsure = twin.predict(belief, HOUR + 300_000)
     stayed, floats = 0.6 - 65 * ASLEEP, 0.6 - 60 * ASLEEP - 0.027 - 0.003 * 4
@@ -377,8 +382,8 @@ def test_a_released_one_may_wait_before_its_motors_run() -> None:
         replace(KNOWLEDGE, drain=drain, board=listening(motor_run_ms=60_000, release_wait_ms=120_000)),
         ALWAYS_ASLEEP,
     )
-    docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
-    let_go = twin.update(twin.predict(docked, 12 * HOUR), Released(12 * HOUR, 0.0, 0.0))
+    docked = told(twin, heard(0, State.FLOATING, 0.9), (Docked(), 1000))
+    let_go = twin.update(twin.predict(docked, 12 * HOUR), Released(0.0, 0.0), 12 * HOUR)
     assert let_go is not None and let_go.mode is Mode.FLOATING
     assert let_go.primary == pytest.approx(1.0, abs=1e-3)
     for seconds in (10, 60, 120, 170):
@@ -389,7 +394,7 @@ def test_a_released_one_may_wait_before_its_motors_run() -> None:
     assert rests.mode is Mode.ASLEEP
     assert rests.primary == pytest.approx(1 - 0.027 - IDLE - 0.001 - 0.004 - 4 * ASLEEP, abs=3e-4)
     heard_ms = 12 * HOUR + 60_000
-    met = twin.update(twin.predict(let_go, heard_ms), heard(heard_ms, State.RELEASED, 0.998, 1))
+    met = twin.update(twin.predict(let_go, heard_ms), *heard(heard_ms, State.RELEASED, 0.998, 1))
     assert met is not None
     sinks = twin.predict(met, heard_ms + 240_000)
     assert sinks.mode is Mode.ASLEEP
@@ -407,8 +412,8 @@ def test_one_that_is_released_at_the_full_hour_misses_that_wake() -> None:
         ),
         {1: Schedule((0,), (Mode.ASLEEP,), cycle)},
     )
-    docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
-    let_go = twin.update(twin.predict(docked, 12 * HOUR), Released(12 * HOUR, 0.0, 0.0))
+    docked = told(twin, heard(0, State.FLOATING, 0.9), (Docked(), 1000))
+    let_go = twin.update(twin.predict(docked, 12 * HOUR), Released(0.0, 0.0), 12 * HOUR)
     assert let_go is not None
     before = 1 - 0.027 - IDLE
     assert twin.predict(let_go, 13 * HOUR - 1000).primary == pytest.approx(before - 60 * ASLEEP, abs=3e-4)
@@ -424,10 +429,10 @@ def test_how_fast_one_charges_is_learned_in_its_dock() -> None:
         ALWAYS_ASLEEP,
     )
     slow, fast = (KNOWLEDGE.charger.primary * rate * 0.00223 - 0.6 * ASLEEP for rate in (1.0, 1.2))
-    belief = told(twin, heard(0, State.FLOATING, 0.2), Docked(1000))
+    belief = told(twin, heard(0, State.FLOATING, 0.2), (Docked(), 1000))
     for n in range(1, 13):
         charge = 0.2 + 10 * n * fast
-        belief = twin.update(belief, heard(n * 600_000, State.CHARGING, charge + 0.03, n)) or belief
+        belief = twin.update(belief, *heard(n * 600_000, State.CHARGING, charge + 0.03, n)) or belief
     later = twin.predict(belief, 13 * 600_000)
     gained = later.primary - belief.primary
     assert gained > 10 * (0.5 * slow + 0.5 * fast)
@@ -436,28 +441,28 @@ def test_how_fast_one_charges_is_learned_in_its_dock() -> None:
 def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk() -> None:
     """Its motors run after a packet with RELEASED: a reading from before is no evidence of a bias."""
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
-    docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
+    docked = told(twin, heard(0, State.FLOATING, 0.9), (Docked(), 1000))
     full = twin.predict(docked, HOUR)
-    down = twin.update(full, Released(HOUR, 0.0, 0.0))
+    down = twin.update(full, Released(0.0, 0.0), HOUR)
     assert down is not None
     before = state_of(down).mean.copy()
-    waits = twin.update(down, heard(HOUR + 30_000, State.RELEASED, 0.97, 1))  # 1.0 that sags by 0.03
+    waits = twin.update(down, *heard(HOUR + 30_000, State.RELEASED, 0.97, 1))  # 1.0 that sags by 0.03
     assert waits is not None
     assert waits.primary == pytest.approx(down.primary, abs=0.003)
     assert state_of(waits).mean[2:] == pytest.approx(before[2:], abs=0.002)
     asleep = 1 - 0.027 - IDLE * 1.5
-    sinks = twin.update(waits, heard(HOUR + 60_000, State.SINKING, asleep + 0.0135, 2))
+    sinks = twin.update(waits, *heard(HOUR + 60_000, State.SINKING, asleep + 0.0135, 2))
     assert sinks is not None
     # By then about half of the run is over: the rest is still to come.
     assert sinks.primary == pytest.approx(asleep, abs=0.012) and sinks.charge_cov[0] > 0.004**2
-    lies = twin.update(sinks, heard(3 * HOUR, State.SLEEPING, asleep - 120 * ASLEEP, 3))
+    lies = twin.update(sinks, *heard(3 * HOUR, State.SLEEPING, asleep - 120 * ASLEEP, 3))
     assert lies is not None and lies.primary == pytest.approx(asleep - 120 * ASLEEP, abs=0.006)
 
 
 def test_motors_that_run_are_heard_while_one_surfaces() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
-    belief = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(1000))
-    up = twin.update(belief, heard(20_000, State.SURFACING, 0.48, 1))
+    belief = told(twin, heard(0, State.SLEEPING, 0.5), (Permitted(), 1000))
+    up = twin.update(belief, *heard(20_000, State.SURFACING, 0.48, 1))
     assert up is not None and up.mode is Mode.SURFACING
     # A sag of 0.01: the battery holds 0.49, so 0.017 of a run of 0.027 is left; the filter knows a part of that.
     assert up.primary == pytest.approx(0.473, abs=0.008)
@@ -481,7 +486,7 @@ def test_drain_and_bias_of_one_are_learned_while_it_is_heard() -> None:
         awake = hour % 8 == 0
         reading = charge + (sag if awake else 0.0) + rng.normal(0, 0.015)
         state = State.ACTIVE if awake else State.SLEEPING
-        belief = twin.update(belief, heard(hour * HOUR, state, min(1.0, reading), hour))
+        belief = twin.update(belief, *heard(hour * HOUR, state, min(1.0, reading), hour))
         charge -= drain * 60 * (IDLE if awake else ASLEEP)
     assert belief is not None
     learned, spread = state_of(belief).mean, np.sqrt(np.diag(state_of(belief).cov))
@@ -495,7 +500,7 @@ def test_readings_at_the_end_of_the_scale_do_not_pull_a_full_battery_down() -> N
     belief: Belief | None = None
     for n in range(300):
         reading = float(np.clip(1.0 + rng.normal(0, 0.015), 0, 1))
-        belief = twin.update(belief, heard(n * 600_000, State.CHARGING, min(1.0, reading + 0.03), n))
+        belief = twin.update(belief, *heard(n * 600_000, State.CHARGING, min(1.0, reading + 0.03), n))
     assert belief is not None and belief.primary > 0.999
     assert state_of(belief).mean[3] == pytest.approx(0.0, abs=0.004)
 
@@ -506,7 +511,7 @@ def test_a_clock_that_gains_is_learned() -> None:
     for hour in range(200):
         at_ms = hour * HOUR
         ahead_ms = 2000 + round(at_ms * 30e-6)
-        belief = twin.update(belief, heard(at_ms, State.SLEEPING, 0.9, hour, agent_ms=at_ms + ahead_ms))
+        belief = twin.update(belief, *heard(at_ms, State.SLEEPING, 0.9, hour, agent_ms=at_ms + ahead_ms))
     assert belief is not None
     assert belief.clock.drift_ppm == pytest.approx(30, abs=3)
     assert belief.clock.offset_ms == pytest.approx(2000 + 199 * HOUR * 30e-6, abs=500)
@@ -517,14 +522,14 @@ def test_readings_near_to_each_other_are_one_and_change_nothing_else() -> None:
     belief = told(twin, heard(0, State.ACTIVE, 0.9))
     variance = belief.charge_cov[0]
     for n in range(1, 200):
-        found = twin.update(belief, heard(1000 * n, State.ACTIVE, 0.9 - n * IDLE / 60, n))
+        found = twin.update(belief, *heard(1000 * n, State.ACTIVE, 0.9 - n * IDLE / 60, n))
         assert found is not None
         belief = found
     assert belief.heard_ms == 199_000
     assert (
         belief.charge_cov[0] > variance / 2.5
     )  # 200 independent readings would leave one hundredth of the variance
-    other = twin.update(belief, heard(200_000, State.PROCESSING, 0.87, 200))
+    other = twin.update(belief, *heard(200_000, State.PROCESSING, 0.87, 200))
     assert other is not None and other.mode is Mode.HIGH_LOAD
 
 
@@ -539,13 +544,13 @@ def test_the_water_moves_it_in_mission_time_whatever_theta_is(theta: int) -> Non
 def test_a_range_says_how_far_and_not_where() -> None:
     twin = Twin(replace(KNOWLEDGE, water=Water(0.01, 0.0, 3600.0, 1.0)), {})
     belief = twin.predict(told(twin, heard(0, State.ACTIVE, 0.9)), 10 * HOUR)
-    ranged = twin.update(belief, Ranged(10 * HOUR, 110.0, 3.0, -96.0, 0.25))
+    ranged = twin.update(belief, Ranged(110.0, 3.0, -96.0, 0.25), 10 * HOUR)
     assert ranged is not None
     assert ranged.east_m == pytest.approx(14.0, abs=3.0) and ranged.north_m == pytest.approx(3.0, abs=0.1)
     assert ranged.place_cov[2] < belief.place_cov[2] / 5
     assert ranged.place_cov[0] == pytest.approx(belief.place_cov[0], rel=0.01)
     assert Source.RANGE in ranged.learned_from
-    fixed = twin.update(ranged, Fixed(10 * HOUR, 5.0, 12.0, 1.0))
+    fixed = twin.update(ranged, Fixed(5.0, 12.0, 1.0), 10 * HOUR)
     assert fixed is not None and fixed.place_cov[0] < 1.0
 
 
@@ -554,7 +559,7 @@ def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time() 
     drained = 60 * ASLEEP
     before = told(twin, *hourly(State.SLEEPING, 0.9, drained, 5))
     far = twin.predict(before, 30 * HOUR)
-    short = twin.update(before, HeardShort(30 * HOUR, State.SLEEPING, 0.9 - 30 * drained - 0.02, 1.0))
+    short = twin.update(before, ShortStatus(1, State.SLEEPING, 0.9 - 30 * drained - 0.02, 1.0), 30 * HOUR)
     assert short is not None
     assert (short.heard_ms, short.silent_timeslots, short.learned_from) == (30 * HOUR, 0, Source.PACKET)
     assert short.charge_cov[0] < far.charge_cov[0] / 50
@@ -562,7 +567,7 @@ def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time() 
     assert (short.north_m, short.east_m, short.place_cov) == (far.north_m, far.east_m, far.place_cov)
     assert short.clock == far.clock and state_of(short).packet == state_of(before).packet
     # A delayed full status with an earlier stamp is still believed, because it states its own time.
-    later = twin.update(short, heard(30 * HOUR, State.SLEEPING, 0.86, 30, agent_ms=30 * HOUR - 5000))
+    later = twin.update(short, *heard(30 * HOUR, State.SLEEPING, 0.86, 30, agent_ms=30 * HOUR - 5000))
     assert later is not None and state_of(later).packet == (30, 30 * HOUR - 5000)
 
 
@@ -580,12 +585,12 @@ def test_one_that_is_asked_within_a_short_wake_is_not_taken_for_awake(
 ) -> None:
     twin = Twin(KNOWLEDGE, schedules)
     before = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5))
-    asked = twin.update(before, HeardShort(4 * HOUR + 600_000, state, 0.883, 1.0))
+    asked = twin.update(before, ShortStatus(1, state, 0.883, 1.0), 4 * HOUR + 600_000)
     assert asked is not None and asked.mode is mode and asked.state is state
 
 
 def test_a_short_status_of_one_that_was_never_heard_is_not_believed() -> None:
-    assert Twin(KNOWLEDGE, {}).update(None, HeardShort(0, State.SLEEPING, 0.5, 1.0)) is None
+    assert Twin(KNOWLEDGE, {}).update(None, ShortStatus(1, State.SLEEPING, 0.5, 1.0), 0) is None
 
 
 @pytest.mark.parametrize(("deviations", "gated"), [(-4.0, 0), (4.0, 0), (-7.0, 1)])
@@ -595,21 +600,21 @@ def test_the_gate_stands_between_four_deviations_and_seven(deviations: float, ga
     due = twin.predict(steady, 6 * HOUR)
     # The error of a reading asleep: charge, noise and bias, of which the last two are 0.015 and at most 0.004.
     sd = (state_of(due).cov[0, 0] + 0.015**2) ** 0.5
-    odd = twin.update(due, heard(6 * HOUR, State.SLEEPING, due.primary + deviations * sd, 6))
+    odd = twin.update(due, *heard(6 * HOUR, State.SLEEPING, due.primary + deviations * sd, 6))
     assert odd is not None and state_of(odd).gated == gated
 
 
 GPS = replace(KNOWLEDGE, water=Water(0.0, 0.1, 3600.0, 0.5, is_ground_truth=False, way_down_s=60.0))
 
 
-def from_below(at_ms: int, sequence: int, north_m: float = 3.0) -> Heard:
+def from_below(at_ms: int, sequence: int, north_m: float = 3.0) -> _Stamped:
     status = StatusPacket(1, sequence, State.SLEEPING, 0.9, 1.0, north_m, 4.0, 3.0, at_ms)
-    return Heard(at_ms, status)
+    return status, at_ms
 
 
-def from_the_surface(at_ms: int, sequence: int, north_m: float = 3.0) -> Heard:
+def from_the_surface(at_ms: int, sequence: int, north_m: float = 3.0) -> _Stamped:
     status = StatusPacket(1, sequence, State.FLOATING, 0.9, 1.0, north_m, 4.0, 0.0, at_ms)
-    return Heard(at_ms, status)
+    return status, at_ms
 
 
 def test_a_place_repeated_from_below_makes_nobody_surer() -> None:
@@ -629,7 +634,7 @@ def test_fixes_at_the_surface_make_surer_and_the_way_down_does_not() -> None:
     # The fix as it left the surface, which no packet had stated.
     below = told(twin, *reports, from_below(120_000, 5, north_m=3.4))
     assert 3.0 < below.north_m < 3.4
-    released = told(twin, from_the_surface(0, 0), Docked(1000), Released(HOUR, 3.0, 4.0))
+    released = told(twin, from_the_surface(0, 0), (Docked(), 1000), (Released(3.0, 4.0), HOUR))
     assert released.place_cov[0] == pytest.approx(1.0 + 6.0**2)
 
 

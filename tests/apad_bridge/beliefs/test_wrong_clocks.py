@@ -153,8 +153,8 @@ def test_to_a_twins_batteries_no_time_has_passed_when_its_clock_is_set() -> None
     fleet, never_set = of_a_twin(), of_a_twin()
     for it in (fleet, never_set):
         said(it, 60 * MINUTE, 0)
-        it.learn(5, Permitted(61 * MINUTE))
-    fleet.learn(5, ClockSet(61 * MINUTE, YEAR))
+        it.learn(5, Permitted(), 61 * MINUTE)
+    fleet.learn(5, ClockSet(YEAR), 61 * MINUTE)
     for it in (fleet, never_set):
         it.advance(62 * MINUTE)
     set_anew, steady = fleet.get(5), never_set.get(5)
@@ -167,8 +167,8 @@ def test_to_a_twins_batteries_no_time_has_passed_when_its_clock_is_set() -> None
 
 @both
 def test_a_clock_that_was_set_is_in_the_notebook(made: Made, tmp_path: Path) -> None:
-    row = measurement_row(5, ClockSet(7, 9))
-    assert measurement_of(row) == (5, ClockSet(7, 9))
+    row = measurement_row(5, ClockSet(9), 7)
+    assert measurement_of(row) == (5, ClockSet(9), 7)
     fleet, resumed = made(), made()
     book = Checkpoint(tmp_path / "checkpoint.jsonl", fleet, 0)
     for at_ms, ahead_ms in ((60, 0), (61, -60 * MINUTE * THETA), (62, -60 * MINUTE * THETA)):

@@ -82,8 +82,8 @@ def short_status(state: State, charge: float) -> object:
     return do
 
 
-def measured(measure: Callable[[int], Measurement]) -> object:
-    return lambda beliefs, agent_id, now_ms: beliefs.learn(agent_id, measure(now_ms))
+def measured(measurement: Measurement) -> object:
+    return lambda beliefs, agent_id, now_ms: beliefs.learn(agent_id, measurement, now_ms)
 
 
 CHARGES, METRES = st.floats(0, 1), st.floats(-50, 50)
@@ -95,15 +95,15 @@ ACTIONS = st.one_of(
     st.builds(short_status, STATES, CHARGES),
     st.sampled_from(
         [
-            measured(TimeslotSilent),
-            measured(Permitted),
-            measured(Docked),
-            measured(lambda now_ms: Released(now_ms, 3.0, 4.0)),
-            measured(lambda now_ms: Fixed(now_ms, 1.0, 2.0, 0.25)),
+            measured(TimeslotSilent()),
+            measured(Permitted()),
+            measured(Docked()),
+            measured(Released(3.0, 4.0)),
+            measured(Fixed(1.0, 2.0, 0.25)),
             lambda beliefs, agent_id, now_ms: beliefs.forget(agent_id),
         ]
     ),
-    METRES.map(lambda m: measured(lambda now_ms: Ranged(now_ms, abs(m), 1.0, 2.0, 0.25))),
+    METRES.map(lambda m: measured(Ranged(abs(m), 1.0, 2.0, 0.25))),
 )
 EVENTS = st.lists(
     st.builds(Event, st.sampled_from(IDS), st.sampled_from((0, 1000, 30_000, 900_000)), ACTIONS),
