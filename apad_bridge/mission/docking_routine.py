@@ -27,16 +27,8 @@ from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
-from apad_bridge.vehicle.primitives import (
-    DockMussel,
-    GoToPoint,
-    NothingCaught,
-    PrimitiveEnded,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-    UndockMussel,
-)
+from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Manoeuvre, OpenDock
+from apad_bridge.vehicle.primitives import NothingCaught, PrimitiveEnded, PrimitiveFailed, PrimitiveSucceeded
 
 _DRIFT_MS = 60_000
 _FEWEST_REPORTS = 3
@@ -117,7 +109,7 @@ def square_spiral() -> Iterator[tuple[int, int]]:
 class _Search:
     """The points to try for an aMussel that the catch radius does not hold."""
 
-    def __init__(self, order: DockMussel, until_ms: int, config: Mission) -> None:
+    def __init__(self, order: CloseDock, until_ms: int, config: Mission) -> None:
         self.order = order
         """The docking to try at each point."""
         self.until_ms = until_ms
@@ -220,10 +212,10 @@ class DockingRoutine:
         self._permitted: int | None = None
         """The aMussel that was permitted to surface last, on the way to it."""
         self._wait: SurfacingWait | None = None
-        self._next: DockMussel | None = None
+        self._next: CloseDock | None = None
         """The order to give when the aMussel of `_wait` floats; None while the aPad is on its way to it."""
         self._search: _Search | None = None
-        self.mechanism: DockMussel | UndockMussel | None = None
+        self.mechanism: CloseDock | OpenDock | None = None
         """The order that the port carries out; another mission's routine goes on with it after a takeover."""
 
     def permit_surfacing(self, agent_id: int) -> None:
@@ -242,7 +234,7 @@ class DockingRoutine:
     ) -> None:
         """Begins a docking where the aPad is; `advance` permits the aMussel to surface, waits, and closes the mechanism."""
         self._wait = SurfacingWait(agent_id, now_ms, int(agent_id == self._permitted))
-        self._next = DockMussel(0, dock_index, agent_id, manoeuvre)
+        self._next = CloseDock(0, dock_index, agent_id, manoeuvre)
         self._permitted = self._search = None
 
     def undock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
@@ -258,7 +250,7 @@ class DockingRoutine:
             self._book.tell(DocksDisagree(agent_id, reason))
             leaves_full = False
         self._book.set(leaves_full=leaves_full)
-        self.mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
+        self.mechanism = OpenDock(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self.mechanism)
 
     def advance(self, here: tuple[float, float], now_ms: int) -> DockingStep:
@@ -331,17 +323,17 @@ class DockingRoutine:
                 return Progress.ENDED
             self._close(search.order)
             return Progress.GOES_ON
-        if mechanism is None or outcome.primitive_id != mechanism.primitive_id:
+        if mechanism is None or outcome.primitive_id != mechanism.command_id:
             return Progress.NOT_OURS
         self.mechanism = None
-        if isinstance(outcome, NothingCaught) and isinstance(mechanism, DockMussel):
+        if isinstance(outcome, NothingCaught) and isinstance(mechanism, CloseDock):
             return self._search_on(mechanism, now_ms)
         self._search = None
-        if isinstance(mechanism, UndockMussel) and isinstance(outcome, PrimitiveSucceeded):
+        if isinstance(mechanism, OpenDock) and isinstance(outcome, PrimitiveSucceeded):
             self.released(mechanism.agent_id)
         return Progress.ENDED
 
-    def _search_on(self, order: DockMussel, now_ms: int) -> Progress:
+    def _search_on(self, order: CloseDock, now_ms: int) -> Progress:
         """Goes to the next point of the search, and begins a search if there is none."""
         here, belief = self._book.pose, self._beliefs.get(order.agent_id)
         assert here is not None  # a docking was ordered there
@@ -353,8 +345,8 @@ class DockingRoutine:
         point_m = self._search.next_point(belief, here, now_ms)
         # The victory radius is less than half of the pitch, or the aPad would cut the spiral's corners.
         radius_m = min(self.config.victory_radius_m, self._search.pitch_m / 2)
-        go_to = GoToPoint(self._book.next_id(), *point_m, self.config.speed_m_s, radius_m)
-        self._search.go_to_id = go_to.primitive_id
+        go_to = GoTo(self._book.next_id(), *point_m, self.config.speed_m_s, radius_m)
+        self._search.go_to_id = go_to.command_id
         self._book.order(go_to)
         return Progress.GOES_ON
 
@@ -365,7 +357,7 @@ class DockingRoutine:
         self._book.tell(AMusselReleased(agent_id, full))
         self._book.set(services=self._book.state.services + full)
 
-    def _close(self, order: DockMussel) -> None:
+    def _close(self, order: CloseDock) -> None:
         self._wait = self._next = None
-        self.mechanism = replace(order, primitive_id=self._book.next_id())
+        self.mechanism = replace(order, command_id=self._book.next_id())
         self._book.order(self.mechanism)

@@ -51,14 +51,8 @@ from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scenario.surface import LegForecast
-from apad_bridge.vehicle.primitives import (
-    DockChanged,
-    GoToPoint,
-    HoldPosition,
-    Outcome,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-)
+from apad_bridge.vehicle.commands import GoTo, Hold
+from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.state_groups import BEYOND_HELP
 
 STUCK_AFTER = 3
@@ -734,7 +728,7 @@ class EnergyExchange(OrderBook):
 
     def _go_to(self, north_m: float, east_m: float) -> None:
         config = self._config
-        self.order(GoToPoint(self.next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
+        self.order(GoTo(self.next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
 
     def _meeting_m(self, belief: Belief, now_ms: int) -> tuple[float, float]:
         """The place at which the aPad meets an aMussel that the sea carries on as soon as it has left the bottom."""
@@ -745,7 +739,7 @@ class EnergyExchange(OrderBook):
 
     def _hold(self, now_ms: int) -> None:
         if self.pose is not None:
-            self.order(HoldPosition(self.next_id(), *self.pose))
+            self.order(Hold(self.next_id(), *self.pose))
 
     def _enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
         self.set(phase=phase, since_ms=now_ms, **changes)

@@ -21,8 +21,9 @@ from apad_bridge.mission.orders import AllowMotion, Order
 from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
+from apad_bridge.vehicle.commands import GoTo
 from apad_bridge.vehicle.guards.stops import StopsEnded
-from apad_bridge.vehicle.primitives import GoToPoint, Outcome
+from apad_bridge.vehicle.primitives import Outcome
 
 FLIES_ALREADY = "the mission flies the aPad already"
 WAITS_ALREADY = "the mission waits already"
@@ -157,7 +158,7 @@ class FlightMission:
         manual.go_on_with(planned.docking_routine.mechanism)
         self._change(manual, taken=True, by=by)
 
-    def go_to_target(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> GoToPoint:
+    def go_to_target(self, north_m: float, east_m: float, speed_m_s: float | None = None) -> GoTo:
         """Acts as `ManualMission.go_to_target`, also while the plan flies."""
         return (self.by_hand or self._by_hand(self.state)).go_to_target(north_m, east_m, speed_m_s)
 

@@ -24,18 +24,14 @@ from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.state import MissionEnd, MissionState, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
+from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Hold, Manoeuvre, OpenDock
 from apad_bridge.vehicle.primitives import (
     DockChanged,
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
     NothingCaught,
     Outcome,
     PrimitiveEnded,
     PrimitiveFailed,
     PrimitiveSucceeded,
-    UndockMussel,
 )
 from firmware_model.state_groups import BEYOND_HELP
 
@@ -89,7 +85,7 @@ class ManualMission(OrderBook):
         reach_m = max(REACH_M, 2 * config.victory_radius_m)
         self._docking_routine = DockingRoutine(config, beliefs, self, reach_m)
         self._command_sources = command_sources
-        self._target: GoToPoint | None = None
+        self._target: GoTo | None = None
         """The target of the running or paused go-to."""
         self._begun = False
 
@@ -124,7 +120,7 @@ class ManualMission(OrderBook):
             return
         self._begun, self.now_ms = True, now_ms
         self.set(homes=with_new_homes(self.state.homes, self.beliefs.all()))
-        self.order(HoldPosition(self.next_id(), *self.pose))
+        self.order(Hold(self.next_id(), *self.pose))
         self.snapshot()
 
     def advance(self, now_ms: int) -> list[Order]:
@@ -194,7 +190,7 @@ class ManualMission(OrderBook):
 
     def go_to_target(
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
-    ) -> GoToPoint:
+    ) -> GoTo:
         """The target that `go_to` would take, without an id yet; Refused for one that it would not take."""
         speed_m_s = self.config.speed_m_s if speed_m_s is None else speed_m_s
         radius_m = self.config.victory_radius_m if radius_m is None else radius_m
@@ -207,7 +203,7 @@ class ManualMission(OrderBook):
             )
         if speed_m_s > self._max_speed_m_s:
             raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
-        return GoToPoint(0, north_m, east_m, speed_m_s, radius_m)
+        return GoTo(0, north_m, east_m, speed_m_s, radius_m)
 
     def hold(self, north_m: float | None = None, east_m: float | None = None) -> None:
         """Dynamic positioning at a point, or at the aPad's place; it pre-empts any primitive."""
@@ -217,7 +213,7 @@ class ManualMission(OrderBook):
             raise Refused("a hold needs finite numbers")
         _refuse_far(*point)
         self._pre_empt_docking()
-        self.order(HoldPosition(self.next_id(), *point))
+        self.order(Hold(self.next_id(), *point))
 
     def dock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Permits the aMussel to surface, waits until it floats, and closes the mechanism around it."""
@@ -225,7 +221,7 @@ class ManualMission(OrderBook):
         self._refuse_dock(dock_index, agent_id, here)
         self._pre_empt_docking()
         if self.goto is Status.RUNNING:
-            self.order(HoldPosition(self.next_id(), *here))
+            self.order(Hold(self.next_id(), *here))
         self._let_go.discard(agent_id)
         self._begin_docking(agent_id, dock_index)
         self._docking_routine.dock(dock_index, agent_id, self.now_ms, manoeuvre)
@@ -269,8 +265,8 @@ class ManualMission(OrderBook):
         if self.goto is Status.RUNNING:
             assert self._target is not None
             # The outcome of the pre-empted primitive must match no target.
-            self._target = replace(self._target, primitive_id=0)
-            self.order(HoldPosition(self.next_id(), *here))
+            self._target = replace(self._target, command_id=0)
+            self.order(Hold(self.next_id(), *here))
         self.snapshot()
 
     def resume(self) -> bool:
@@ -302,7 +298,7 @@ class ManualMission(OrderBook):
             self.events.record(self.now_ms, "goto", status=self.goto, reason=PRE_EMPTED)
         self.snapshot()
 
-    def go_on_with(self, mechanism: DockMussel | UndockMussel | None) -> None:
+    def go_on_with(self, mechanism: CloseDock | OpenDock | None) -> None:
         """Awaits the end of a mechanism that the mission before this one has ordered; None for none."""
         if mechanism is not None:
             self._begin_docking(mechanism.agent_id, mechanism.dock_index)
@@ -324,14 +320,14 @@ class ManualMission(OrderBook):
             raise Refused("the aPad's place is not known yet")
         return self.pose
 
-    def _start_go_to(self, target: GoToPoint) -> None:
-        self._target = replace(target, primitive_id=self.next_id())
+    def _start_go_to(self, target: GoTo) -> None:
+        self._target = replace(target, command_id=self.next_id())
         self.goto = Status.RUNNING
         self.order(self._target)
         self.snapshot()
 
     def _end_primitive(self, outcome: PrimitiveEnded, status: Status, reason: str | None) -> None:
-        if self._target is not None and outcome.primitive_id == self._target.primitive_id:
+        if self._target is not None and outcome.primitive_id == self._target.command_id:
             self._target = None
             self.goto = status
             self.events.record(self.now_ms, "goto", status=status, reason=reason)
@@ -378,7 +374,7 @@ class ManualMission(OrderBook):
     def _pre_empt_docking(self) -> None:
         """Ends the wait or the search for an aMussel. Once the mechanism is ordered, the port decides instead."""
         if self._docking_routine.is_on_search and self.pose is not None:
-            self.order(HoldPosition(self.next_id(), *self.pose))
+            self.order(Hold(self.next_id(), *self.pose))
         if self._docking_routine.pre_empt():
             self._end_docking(Status.PREEMPTED, PRE_EMPTED)
 

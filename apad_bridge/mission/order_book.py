@@ -10,15 +10,8 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.mission import DockSwitched, LegBegan, MissionChanged
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.state import Leg, MissionState
-from apad_bridge.vehicle.primitives import (
-    DockChanged,
-    GoToPoint,
-    HoldPosition,
-    Outcome,
-    Primitive,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-)
+from apad_bridge.vehicle.commands import GoTo, Hold, Primitive
+from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 
 CHORD_M = 0.5
 """The driven way is counted in chords of at least this, so that a standing vehicle's scattered fixes count nothing."""
@@ -90,7 +83,7 @@ class OrderBook:
         """Gives an order; a primitive ends the leg under way, and a go-to begins one (the aPad's place is known then)."""
         if isinstance(order, Primitive):
             self._end_leg(as_planned=False)
-        if isinstance(order, GoToPoint):
+        if isinstance(order, GoTo):
             self._begin_leg(order)
         self._orders.append(order)
 
@@ -110,11 +103,11 @@ class OrderBook:
         """Gives the mission's last order: the aPad holds its position, where that is known."""
         self._end_leg(as_planned=True)
         if self.pose is not None:
-            self.order(HoldPosition(self.next_id(), *self.pose))
+            self.order(Hold(self.next_id(), *self.pose))
 
-    def _begin_leg(self, go_to: GoToPoint) -> None:
+    def _begin_leg(self, go_to: GoTo) -> None:
         assert self.pose is not None
-        leg = Leg(go_to.primitive_id, self.pose, (go_to.north_m, go_to.east_m), self.pose)
+        leg = Leg(go_to.command_id, self.pose, (go_to.north_m, go_to.east_m), self.pose)
         self.set(leg=leg, planned_m=self.state.planned_m + leg.planned_m)
         self.tell(LegBegan(round(leg.planned_m, 4)))
 

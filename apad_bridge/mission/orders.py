@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from apad_bridge.events.event import Event
+from apad_bridge.vehicle.commands import Primitive
 from apad_bridge.vehicle.guards.stops import StopsEnded
-from apad_bridge.vehicle.primitives import Primitive
 
 
 @dataclass(frozen=True, slots=True)

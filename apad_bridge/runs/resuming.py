@@ -44,9 +44,10 @@ from apad_bridge.scenario.timed_faults import injection
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
 from apad_bridge.supervisor.fault_injection import Ongoing
 from apad_bridge.supervisor.roster import PresenceChange, Presences
+from apad_bridge.vehicle.commands import Hold
 from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.errors import PeerFailed
-from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
+from apad_bridge.vehicle.primitives import PrimitiveFailed
 
 _LARGE_BYTES = 100_000_000
 """Size of bags; the repair of a gigabyte takes about ten seconds."""
@@ -86,7 +87,7 @@ def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
     """The failure that a docking port had latched, from the journal, which does not keep the primitive's id: it is 0."""
     latched: PrimitiveFailed | None = None
     for at_ms, it in journal.events(PrimitiveChanged):
-        if it.phase is PrimitivePhase.SUCCEEDED and it.name != PRIMITIVE_NAMES[HoldPosition]:
+        if it.phase is PrimitivePhase.SUCCEEDED and it.name != PRIMITIVE_NAMES[Hold]:
             latched = None
         elif it.phase is PrimitivePhase.FAILED and it.reason != PRE_EMPTED and latched is None:
             latched = PrimitiveFailed(at_ms, 0, it.reason or "")

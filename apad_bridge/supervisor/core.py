@@ -47,6 +47,7 @@ from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleC
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
+    CloseDock,
     CommandAccepted,
     CommandedByOthers,
     CommandFailed,
@@ -54,8 +55,12 @@ from apad_bridge.vehicle.commands import (
     DockOpened,
     DocksNamed,
     GoalOfOthers,
+    GoTo,
+    Hold,
+    OpenDock,
     PilotReported,
     PoseReported,
+    Primitive,
     VehicleCommand,
 )
 from apad_bridge.vehicle.docking import DockingPort
@@ -63,15 +68,10 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.orders import Surfacing
 from apad_bridge.vehicle.primitives import (
     DockChanged,
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
     NothingCaught,
     Outcome,
-    Primitive,
     PrimitiveEnded,
     PrimitiveFailed,
-    UndockMussel,
 )
 from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 from firmware_model.packets.codec import Codec
@@ -98,10 +98,10 @@ _PRIORITY: dict[type, int] = {
     StandDownRequested: 4,
 }
 PRIMITIVE_NAMES: dict[type, str] = {
-    GoToPoint: "go to point",
-    HoldPosition: "hold position",
-    DockMussel: "dock",
-    UndockMussel: "undock",
+    GoTo: "go to point",
+    Hold: "hold position",
+    CloseDock: "dock",
+    OpenDock: "undock",
 }
 
 
@@ -400,7 +400,7 @@ class Supervisor:
                 case Event() | StopVehicle() | AllowMotion() | GoBackIn():
                     actions.append(order)
                 case _:
-                    self._named[order.primitive_id] = order
+                    self._named[order.command_id] = order
                     actions.append(_primitive_event(order, PrimitivePhase.STARTED))
                     actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
         return actions
@@ -430,7 +430,7 @@ class Supervisor:
         # Neither an aPad that waits for a person nor one that may be empty is broken down.
         may_be_empty = self._is_empty or self._gate.battery.doubts
         is_free = not (self._gate.awaits_person or may_be_empty)
-        if isinstance(primitive, GoToPoint) and is_free:
+        if isinstance(primitive, GoTo) and is_free:
             self._stands_down.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):
             return [_primitive_event(primitive, PrimitivePhase.FAILED, outcome.reason)]

@@ -1,4 +1,8 @@
-"""Commands and facts between the docking port and a vehicle, real or simulated.
+"""Commands, from a mission to the docking port and from the port to a vehicle, and the vehicle's facts.
+
+A mission orders primitives of the port. The port gives the vehicle the same commands under numbers of its own: each try of
+a mechanism has another one, and a place to hold may be the port's own. The giver of a command chooses its `command_id`,
+and the answer repeats it.
 
 Positions are local NED metres, headings radians clockwise from north, times integer ms of mission time.
 Commands are imperatives, facts are past tense; every fact carries the mission time at which it became true.
@@ -23,7 +27,10 @@ class GoTo:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Hold position dynamically at a point until the next command; never completes. No heading means any heading."""
+    """Hold position dynamically at a point until the next command. No heading means any heading.
+
+    It never completes by itself; as a primitive it succeeds when the next one replaces it.
+    """
 
     command_id: int
     north_m: float
@@ -46,7 +53,7 @@ DEFAULT_MANOEUVRE = Manoeuvre()
 
 @dataclass(frozen=True, slots=True)
 class CloseDock:
-    """Close docking mechanism `dock_index` around aMussel `agent_id`."""
+    """Close docking mechanism `dock_index` around aMussel `agent_id`, where the vehicle is."""
 
     command_id: int
     dock_index: int
@@ -56,7 +63,10 @@ class CloseDock:
 
 @dataclass(frozen=True, slots=True)
 class OpenDock:
-    """Open docking mechanism `dock_index` and let aMussel `agent_id` go."""
+    """Open docking mechanism `dock_index` and let aMussel `agent_id` go.
+
+    As a primitive: a dock that the vehicle reported for the aMussel overrides `dock_index`.
+    """
 
     command_id: int
     dock_index: int
@@ -91,7 +101,9 @@ class PilotLeft:
     command_id: int
 
 
-VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm | Stop | PilotLeft
+Primitive = GoTo | Hold | CloseDock | OpenDock
+"""The orders of a mission to the docking port."""
+VehicleCommand = Primitive | MoveArm | Stop | PilotLeft
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from enum import Enum, auto
 
 from apad_bridge.beliefs.input_ranges import out_of_range
@@ -43,21 +44,17 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     PilotReported,
     PoseReported,
+    Primitive,
     VehicleCommand,
     VehicleFact,
 )
 from apad_bridge.vehicle.docks import Occupancy, after_report, dock_index_of
 from apad_bridge.vehicle.primitives import (
     DockChanged,
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
     NothingCaught,
     Outcome,
-    Primitive,
     PrimitiveFailed,
     PrimitiveSucceeded,
-    UndockMussel,
 )
 
 PROGRESS_M = 0.5
@@ -250,7 +247,7 @@ class DockingPort:
         """Take a primitive from the mission or a fact from the vehicle, after the timers due until then."""
         actions = self.advance(now_ms)
         match stimulus:
-            case GoToPoint() | HoldPosition() | DockMussel() | UndockMussel():
+            case GoTo() | Hold() | CloseDock() | OpenDock():
                 self._order(stimulus, now_ms, actions)
             case PoseReported():
                 self._take_pose(stimulus, now_ms)
@@ -273,11 +270,11 @@ class DockingPort:
         was_going = self._phase is DockingPhase.GOING
         if TABLE[self._phase, DockingEvent.REPLACED] is Effect.QUEUE:
             if self._queued is not None:
-                actions.append(PrimitiveFailed(now_ms, self._queued.primitive_id, PRE_EMPTED))
+                actions.append(PrimitiveFailed(now_ms, self._queued.command_id, PRE_EMPTED))
             self._queued = primitive
             return
         self._apply(DockingEvent.REPLACED, now_ms, actions, PRE_EMPTED)
-        if was_going and isinstance(primitive, DockMussel | UndockMussel):
+        if was_going and isinstance(primitive, CloseDock | OpenDock):
             self._hold_here(actions)
         self._start(primitive, now_ms, actions)
 
@@ -285,35 +282,33 @@ class DockingPort:
         self._running = primitive
         self._tries, self._first_cause = 0, ""
         match primitive:
-            case GoToPoint(_, north_m, east_m, speed_m_s, victory_radius_m):
+            case GoTo(_, north_m, east_m, speed_m_s, victory_radius_m):
                 self._phase = DockingPhase.GOING
                 self._progress = GoToProgress(north_m, east_m, self._stall_ms, now_ms, self._pose)
                 self._command_id = self._take_command_id()
                 wanted = (speed_m_s, victory_radius_m)
                 if not self._capabilities.obeys_speed and self._usual_go_to not in (None, wanted):
                     self.dropped["speed or victory radius of a go-to: the aPad uses its own"] += 1
-                actions.append(GoTo(self._command_id, north_m, east_m, *wanted))
-            case HoldPosition(_, north_m, east_m):
+                actions.append(replace(primitive, command_id=self._command_id))
+            case Hold():
                 self._phase = DockingPhase.HOLDING
                 self._command_id = self._take_command_id()
-                actions.append(Hold(self._command_id, north_m, east_m))
-            case DockMussel() | UndockMussel():
+                actions.append(replace(primitive, command_id=self._command_id))
+            case CloseDock() | OpenDock():
                 self._start_mechanism(primitive, now_ms, actions)
 
-    def _start_mechanism(
-        self, primitive: DockMussel | UndockMussel, now_ms: int, actions: list[Action]
-    ) -> None:
+    def _start_mechanism(self, primitive: CloseDock | OpenDock, now_ms: int, actions: list[Action]) -> None:
         self._phase = DockingPhase.WAITING
         self._tries += 1
-        if isinstance(primitive, DockMussel) and dock_index_of(self.docked, primitive.agent_id) is not None:
+        if isinstance(primitive, CloseDock) and dock_index_of(self.docked, primitive.agent_id) is not None:
             # A second request would make the public simulator hold the aMussel twice.
             self._apply(DockingEvent.MECHANISM_DONE, now_ms, actions)
             return
-        if isinstance(primitive, DockMussel) and not self._catches(primitive.agent_id):
+        if isinstance(primitive, CloseDock) and not self._catches(primitive.agent_id):
             self._apply(DockingEvent.NOTHING_CAUGHT, now_ms, actions)
             return
         self._open_arm(primitive, actions)
-        wait_s = self._docking.dock_s if isinstance(primitive, DockMussel) else self._docking.undock_s
+        wait_s = self._docking.dock_s if isinstance(primitive, CloseDock) else self._docking.undock_s
         if not self._is_virtual(primitive.agent_id):
             wait_s = 0.0
         self._act_ms = now_ms + round(wait_s * 1000)
@@ -335,7 +330,7 @@ class DockingPort:
             profile is DockingProfile.CAMERA and not self._capabilities.sees_amussels
         )
 
-    def _open_arm(self, primitive: DockMussel | UndockMussel, actions: list[Action]) -> None:
+    def _open_arm(self, primitive: CloseDock | OpenDock, actions: list[Action]) -> None:
         if (
             self._capabilities.moves_arms
             and self._is_virtual(primitive.agent_id)
@@ -347,18 +342,15 @@ class DockingPort:
 
     def _command_mechanism(self, actions: list[Action]) -> None:
         primitive = self._running
-        assert isinstance(primitive, DockMussel | UndockMussel)
+        assert isinstance(primitive, CloseDock | OpenDock)
         self._phase = DockingPhase.ACTING
         self._act_ms = None
         self._command_id = self._take_command_id()
-        if isinstance(primitive, DockMussel):
-            actions.append(
-                CloseDock(self._command_id, primitive.dock_index, primitive.agent_id, primitive.manoeuvre)
-            )
-            return
-        known_dock = dock_index_of(self.docked, primitive.agent_id)
-        dock_index = primitive.dock_index if known_dock is None else known_dock
-        actions.append(OpenDock(self._command_id, dock_index, primitive.agent_id, primitive.manoeuvre))
+        if isinstance(primitive, OpenDock):
+            known_dock = dock_index_of(self.docked, primitive.agent_id)
+            if known_dock is not None:
+                primitive = replace(primitive, dock_index=known_dock)
+        actions.append(replace(primitive, command_id=self._command_id))
 
     def _receive_answer(
         self, event: DockingEvent, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
@@ -384,7 +376,7 @@ class DockingPort:
         closed = isinstance(fact, DockClosed)
         self.docked = after_report(self.docked, fact.dock_index, fact.agent_id, closed=closed)
         actions.append(DockChanged(fact.at_ms, fact.dock_index, fact.agent_id, closed, self.docked))
-        wanted = DockMussel if closed else UndockMussel
+        wanted = CloseDock if closed else OpenDock
         if isinstance(self._running, wanted) and self._running.agent_id == fact.agent_id:
             self._apply(DockingEvent.MECHANISM_DONE, now_ms, actions)
 
@@ -402,7 +394,7 @@ class DockingPort:
 
     def _try_again(self, event: DockingEvent, at_ms: int, actions: list[Action], reason: str) -> None:
         primitive = self._running
-        assert isinstance(primitive, DockMussel | UndockMussel)
+        assert isinstance(primitive, CloseDock | OpenDock)
         self._first_cause = self._first_cause or reason
         if self._queued is not None or self._tries >= self._docking.attempts:
             self._end(Effect.FAIL, event, at_ms, actions, self._first_cause)
@@ -418,13 +410,13 @@ class DockingPort:
         self._phase = DockingPhase.IDLE
         self._running = self._command_id = self._act_ms = self._deadline_ms = self._progress = None
         if effect is Effect.SUCCEED:
-            actions.append(PrimitiveSucceeded(at_ms, ended.primitive_id))
-            if not isinstance(ended, HoldPosition):
+            actions.append(PrimitiveSucceeded(at_ms, ended.command_id))
+            if not isinstance(ended, Hold):
                 self.first_failure = None
         elif effect is Effect.END_EMPTY:
-            actions.append(NothingCaught(at_ms, ended.primitive_id))
+            actions.append(NothingCaught(at_ms, ended.command_id))
         else:
-            failure = PrimitiveFailed(at_ms, ended.primitive_id, reason)
+            failure = PrimitiveFailed(at_ms, ended.command_id, reason)
             actions.append(failure)
             if event is not DockingEvent.REPLACED and self.first_failure is None:
                 self.first_failure = failure

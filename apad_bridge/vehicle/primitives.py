@@ -1,56 +1,13 @@
-"""Primitives that a mission orders from a docking port, and the port's outcomes.
+"""Outcomes of the primitives that a mission orders from a docking port.
 
-Positions are local NED metres, times integer milliseconds of mission time. The mission chooses
-`primitive_id`, and the outcome repeats it.
+Times are integer milliseconds of mission time. An outcome's `primitive_id` repeats the `command_id` that the mission chose.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.docks import Occupancy
-
-
-@dataclass(frozen=True, slots=True)
-class GoToPoint:
-    primitive_id: int
-    north_m: float
-    east_m: float
-    speed_m_s: float
-    victory_radius_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class HoldPosition:
-    """Hold a position. It never completes by itself and succeeds when the next primitive replaces it."""
-
-    primitive_id: int
-    north_m: float
-    east_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class DockMussel:
-    """Take aMussel `agent_id` into dock `dock_index`, where the vehicle is."""
-
-    primitive_id: int
-    dock_index: int
-    agent_id: int
-    manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
-
-
-@dataclass(frozen=True, slots=True)
-class UndockMussel:
-    """Let aMussel `agent_id` go. A dock that the vehicle reported for it overrides `dock_index`."""
-
-    primitive_id: int
-    dock_index: int
-    agent_id: int
-    manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
-
-
-Primitive = GoToPoint | HoldPosition | DockMussel | UndockMussel
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from apad_bridge.scenario.choices import Generation
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive, VehicleCommand
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
@@ -52,15 +52,7 @@ from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.guarded_vehicle import GuardedVehicle
 from apad_bridge.vehicle.link import Cleared, LinkFact
-from apad_bridge.vehicle.primitives import (
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
-    Outcome,
-    Primitive,
-    PrimitiveFailed,
-    UndockMussel,
-)
+from apad_bridge.vehicle.primitives import Outcome, PrimitiveFailed
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated.misses import Misses
@@ -408,16 +400,16 @@ class Bench:
         return self.link.observer
 
     def go(self, north_m: float, east_m: float, speed_m_s: float = 0.5) -> None:
-        self.order(lambda it: GoToPoint(it, north_m, east_m, speed_m_s, 0.5))
+        self.order(lambda it: GoTo(it, north_m, east_m, speed_m_s, 0.5))
 
     def hold(self, north_m: float, east_m: float) -> None:
-        self.order(lambda it: HoldPosition(it, north_m, east_m))
+        self.order(lambda it: Hold(it, north_m, east_m))
 
     def dock(self, dock_index: int, agent_id: int) -> None:
-        self.order(lambda it: DockMussel(it, dock_index, agent_id))
+        self.order(lambda it: CloseDock(it, dock_index, agent_id))
 
     def undock(self, dock_index: int, agent_id: int) -> None:
-        self.order(lambda it: UndockMussel(it, dock_index, agent_id))
+        self.order(lambda it: OpenDock(it, dock_index, agent_id))
 
     def order(self, primitive: Callable[[int], Primitive]) -> None:
         self._ids += 1

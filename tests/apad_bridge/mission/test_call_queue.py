@@ -16,17 +16,8 @@ from apad_bridge.mission.state import MissionEnd
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.commands import Manoeuvre
-from apad_bridge.vehicle.primitives import (
-    DockChanged,
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
-    NothingCaught,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-    UndockMussel,
-)
+from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, Manoeuvre, OpenDock
+from apad_bridge.vehicle.primitives import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.states import State
 
 
@@ -111,10 +102,10 @@ def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Sce
     assert mission.advance(50_000) == []
     believed.state = State.FLOATING
     (order,) = mission.advance(51_000)
-    assert isinstance(order, DockMussel)
+    assert isinstance(order, CloseDock)
     assert (order.dock_index, order.agent_id, order.manoeuvre) == (0, 7, Manoeuvre(0.2, 0.1))
     mission.receive(DockChanged(52_000, 0, 7, True, ((0, 7),)), 52_000)
-    mission.receive(PrimitiveSucceeded(52_000, order.primitive_id), 52_000)
+    mission.receive(PrimitiveSucceeded(52_000, order.command_id), 52_000)
     assert (mission.docking, mission.docks) == (Status.DONE, (7, None, None, None))
     late, stuck = commanded(pool)
     late.dock(0, 7)
@@ -125,11 +116,11 @@ def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Sce
     assert (late.docking, late.failure) == (Status.FAILED, "it does not come up")
 
 
-def search(mission: ManualMission) -> GoToPoint:
+def search(mission: ManualMission) -> GoTo:
     """A docking by hand that caught nothing: the go-to that its search orders."""
-    (order,) = (order for order in mission.take_orders() if isinstance(order, DockMussel))
-    orders = mission.receive(NothingCaught(1000, order.primitive_id), 1000)
-    (go_to,) = (order for order in orders if isinstance(order, GoToPoint))
+    (order,) = (order for order in mission.take_orders() if isinstance(order, CloseDock))
+    orders = mission.receive(NothingCaught(1000, order.command_id), 1000)
+    (go_to,) = (order for order in orders if isinstance(order, GoTo))
     assert mission.docking is Status.RUNNING
     return go_to
 
@@ -143,10 +134,10 @@ def test_a_person_ends_a_search_by_a_hold_or_a_pause(
     mission.dock(0, 7)
     go_to = search(mission)
     stop(mission)
-    assert any(isinstance(order, HoldPosition) for order in mission.take_orders())
+    assert any(isinstance(order, Hold) for order in mission.take_orders())
     assert mission.docking is Status.PREEMPTED
-    mission.receive(PrimitiveFailed(1000, go_to.primitive_id, PRE_EMPTED), 1000)
-    assert not any(isinstance(order, GoToPoint | DockMussel) for order in mission.advance(2000))
+    mission.receive(PrimitiveFailed(1000, go_to.command_id, PRE_EMPTED), 1000)
+    assert not any(isinstance(order, GoTo | CloseDock) for order in mission.advance(2000))
 
 
 def test_a_search_by_hand_ends_with_the_docking(pool: Scenario) -> None:
@@ -154,9 +145,9 @@ def test_a_search_by_hand_ends_with_the_docking(pool: Scenario) -> None:
     believed.state = State.FLOATING
     mission.dock(0, 7)
     go_to = search(mission)
-    (again,) = mission.receive(PrimitiveSucceeded(3000, go_to.primitive_id), 3000)
-    assert isinstance(again, DockMussel)
-    mission.receive(PrimitiveSucceeded(18_000, again.primitive_id), 18_000)
+    (again,) = mission.receive(PrimitiveSucceeded(3000, go_to.command_id), 3000)
+    assert isinstance(again, CloseDock)
+    mission.receive(PrimitiveSucceeded(18_000, again.command_id), 18_000)
     assert mission.docking is Status.DONE
 
 
@@ -177,13 +168,13 @@ def test_a_pause_is_no_part_of_the_time_that_an_amussel_has_to_come_up(pool: Sce
 def test_what_is_heard_of_an_older_go_to_changes_nothing(pool: Scenario) -> None:
     mission, _ = commanded(pool)
     mission.go_to(5.0, 0.0)
-    first = next(it for it in mission.advance(1000) if isinstance(it, GoToPoint))
+    first = next(it for it in mission.advance(1000) if isinstance(it, GoTo))
     mission.go_to(9.0, 0.0)
-    second = next(it for it in mission.advance(1000) if isinstance(it, GoToPoint))
-    mission.receive(PrimitiveFailed(1000, first.primitive_id, "pre-empted"), 1000)
+    second = next(it for it in mission.advance(1000) if isinstance(it, GoTo))
+    mission.receive(PrimitiveFailed(1000, first.command_id, "pre-empted"), 1000)
     assert (mission.goto, mission.goto_orders) == (Status.RUNNING, 2)
     assert (mission.state.planned_m, mission.state.cost_m) == (9.0, 0.0)  # nothing was driven of the first
-    mission.receive(PrimitiveFailed(2000, second.primitive_id, "stalled"), 2000)
+    mission.receive(PrimitiveFailed(2000, second.command_id, "stalled"), 2000)
     assert (mission.goto, mission.failure) == (Status.FAILED, "stalled")
 
 
@@ -192,9 +183,9 @@ def test_one_that_was_let_go_is_told_that_it_may_sink(pool: Scenario) -> None:
     mission.receive(DockChanged(2000, 1, 7, True, ((1, 7),)), 2000)
     believed.state, believed.primary = State.CHARGING, 0.995
     mission.undock(1)
-    order = next(it for it in mission.advance(3000) if isinstance(it, UndockMussel))
+    order = next(it for it in mission.advance(3000) if isinstance(it, OpenDock))
     mission.receive(DockChanged(8000, 1, 7, False, ()), 8000)
-    told = mission.receive(PrimitiveSucceeded(8000, order.primitive_id), 8000)
+    told = mission.receive(PrimitiveSucceeded(8000, order.command_id), 8000)
     assert told[0] == TellClear(7)
     assert [(it.kind, it.data) for it in told if isinstance(it, AMusselReleased)] == [
         ("released", {"agent": 7, "full": True})

@@ -24,18 +24,9 @@ from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Places, Unavailable
 from apad_bridge.scenario.schema import Mission as MissionConfig
+from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive
 from apad_bridge.vehicle.docks import after_report
-from apad_bridge.vehicle.primitives import (
-    DockChanged,
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
-    NothingCaught,
-    Primitive,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-    UndockMussel,
-)
+from apad_bridge.vehicle.primitives import DockChanged, NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.states import State
 
 MISSION = load(POOL_FILE).mission
@@ -111,18 +102,18 @@ class Bench:
     def succeed(self) -> Primitive:
         """Lets the primitive just ordered succeed, and returns it."""
         done = self.primitive()
-        if isinstance(done, GoToPoint):
+        if isinstance(done, GoTo):
             self.mission.moved(done.north_m, done.east_m)
-        if isinstance(done, DockMussel | UndockMussel):
-            closed = isinstance(done, DockMussel)
+        if isinstance(done, CloseDock | OpenDock):
+            closed = isinstance(done, CloseDock)
             docked = after_report(self.mission.state.docked, done.dock_index, done.agent_id, closed=closed)
             changed = DockChanged(self.now_ms, done.dock_index, done.agent_id, closed, docked)
             self.mission.receive(changed, self.now_ms)
-        self.orders = self.mission.receive(PrimitiveSucceeded(self.now_ms, done.primitive_id), self.now_ms)
+        self.orders = self.mission.receive(PrimitiveSucceeded(self.now_ms, done.command_id), self.now_ms)
         return done
 
     def fail(self, reason: str) -> None:
-        failed = PrimitiveFailed(self.now_ms, self.primitive().primitive_id, reason)
+        failed = PrimitiveFailed(self.now_ms, self.primitive().command_id, reason)
         self.orders = self.mission.receive(failed, self.now_ms)
 
     def collect(self, agent_id: int) -> None:
@@ -130,7 +121,7 @@ class Bench:
         self.succeed()
         self.told.say(agent_id, self.now_ms, State.FLOATING, self.told[agent_id].primary)
         self.tick()
-        assert isinstance(self.succeed(), DockMussel)
+        assert isinstance(self.succeed(), CloseDock)
         self.told.say(agent_id, self.now_ms, State.CHARGING, self.told[agent_id].primary)
 
     def notes(self, kind: str) -> list[dict[str, object]]:
@@ -141,17 +132,17 @@ def test_it_holds_and_waits_until_four_are_in_the_pool() -> None:
     bench = Bench(agents=5)
     bench.told.say(4, 0, State.ACTIVE, 0.81)
     bench.told.say(5, 0, State.ACTIVE, 0.9)
-    assert isinstance(next(o for o in bench.tick() if not isinstance(o, Event)), HoldPosition)
+    assert isinstance(next(o for o in bench.tick() if not isinstance(o, Event)), Hold)
     assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
     bench.told.say(4, 0, State.ACTIVE, 0.8)
     bench.tick()
-    assert isinstance(bench.primitive(), GoToPoint)
+    assert isinstance(bench.primitive(), GoTo)
 
 
 def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way() -> None:
     bench = Bench()
     bench.tick()
-    goto = next(order for order in bench.orders if isinstance(order, GoToPoint))
+    goto = next(order for order in bench.orders if isinstance(order, GoTo))
     assert (goto.north_m, goto.east_m) == (10.0, 0.0)
     assert goto.speed_m_s == 0.5
     assert PermitSurfacing(1) in bench.orders
@@ -164,20 +155,20 @@ def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way() -> N
 def test_it_docks_only_what_floats_and_repeats_the_permission() -> None:
     bench = Bench()
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.succeed()
     for _ in range(9):
         assert PermitSurfacing(1) not in bench.tick()
     assert PermitSurfacing(1) in bench.tick()
     bench.told.say(1, bench.now_ms, State.FLOATING, 0.5)
     bench.tick()
-    assert bench.primitive() == DockMussel(bench.mission.state.primitive_id, 0, 1)
+    assert bench.primitive() == CloseDock(bench.mission.state.primitive_id, 0, 1)
 
 
 def test_one_that_never_answers_is_given_up_and_the_next_is_collected() -> None:
     bench = Bench()
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.succeed()
     waited = 0
     while not bench.notes("given_up"):
@@ -191,7 +182,7 @@ def test_one_that_never_answers_is_given_up_and_the_next_is_collected() -> None:
 def ready_for_a_round() -> Bench:
     bench = Bench()
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     for agent_id in (1, 2, 3, 4):
         bench.collect(agent_id)
     assert bench.mission.state.phase is Phase.CHARGE
@@ -210,10 +201,10 @@ def test_a_whole_round_charges_all_to_99_percent_and_brings_them_home() -> None:
     bench.tick()
     for expected in (4, 3, 2, 1):  # nearest home first, from 40 m north
         goto = bench.succeed()
-        assert isinstance(goto, GoToPoint)
+        assert isinstance(goto, GoTo)
         assert goto.north_m == 10.0 * expected
         undock = bench.succeed()
-        assert isinstance(undock, UndockMussel)
+        assert isinstance(undock, OpenDock)
         assert undock.agent_id == expected
         assert TellClear(expected) in bench.orders
         bench.told.say(expected, bench.now_ms, State.SINKING, 1.0)
@@ -236,7 +227,7 @@ def test_a_docked_one_whose_charge_does_not_rise_is_not_waited_for() -> None:
 def test_a_failed_go_to_skips_the_step_and_says_why() -> None:
     bench = Bench()
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.fail("stalled")
     assert bench.notes("given_up")[0] == {"agent": 1, "what": "collect", "reason": "stalled"}
     assert PermitSurfacing(2) in bench.orders
@@ -258,8 +249,8 @@ def test_an_aPad_that_does_not_get_anywhere_is_said_and_nobody_is_left_alone_for
     said: list[object] = []
     for _ in range(4 * MISSION.collection_attempts):
         bench.tick(int(MISSION.silence_timeout_s) + 1)
-        while any(isinstance(order, GoToPoint) for order in bench.orders):
-            bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+        while any(isinstance(order, GoTo) for order in bench.orders):
+            bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
             bench.fail("stalled")
             said += bench.notes("stuck")
             assert bench.notes("left_alone") == []
@@ -270,7 +261,7 @@ def test_an_aPad_that_does_not_get_anywhere_is_said_and_nobody_is_left_alone_for
 def deaf(bench: Bench, agent_id: int) -> None:
     """From the go-to just ordered: the aMussel does not answer, and is given up."""
     assert PermitSurfacing(agent_id) in bench.orders
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     bench.succeed()
     while not bench.notes("given_up"):
         bench.tick()
@@ -284,7 +275,7 @@ def test_one_that_is_tried_in_vain_is_left_alone_and_the_others_are_served() -> 
         left_alone = bench.notes("left_alone")
         assert bool(left_alone) is (attempt == MISSION.collection_attempts)
         for agent_id in (2, 3, 4):
-            bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+            bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
             bench.collect(agent_id)
         bring_home(bench, (2, 3, 4), charge=1.0)
         for agent_id in (2, 3, 4):
@@ -314,7 +305,7 @@ def bring_home(bench: Bench, agent_ids: tuple[int, ...], charge: float) -> None:
     for _ in agent_ids:
         bench.succeed()
         released = bench.succeed()
-        assert isinstance(released, UndockMussel)
+        assert isinstance(released, OpenDock)
         bench.told.say(released.agent_id, bench.now_ms, State.ACTIVE, charge)
     assert bench.mission.state.phase is Phase.IDLE
 
@@ -325,7 +316,7 @@ def test_one_that_is_docked_a_second_time_is_watched_anew() -> None:
     for _ in range(2):
         bench.told.say(1, bench.now_ms, State.ACTIVE, 0.5)
         bench.tick(3 * int(MISSION.silence_timeout_s))
-        bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+        bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
         bench.collect(1)
         bench.tick()
         assert bench.mission.state.phase is Phase.CHARGE and not bench.notes("given_up")
@@ -338,7 +329,7 @@ def test_one_that_never_gains_charge_is_left_alone() -> None:
     for attempt in range(1, MISSION.collection_attempts + 1):
         bench.told.say(1, bench.now_ms, State.ACTIVE, 0.5)
         bench.tick()
-        bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+        bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
         bench.collect(1)
         bring_home(bench, (1,), charge=0.5)
         assert dict(bench.mission.state.failed_tries) == {1: attempt}
@@ -355,11 +346,11 @@ def with_jammed_dock() -> tuple[Bench, list[Order]]:
         ordered += bench.tick()
         while bench.mission.state.phase in (Phase.GO_DEPLOY, Phase.UNDOCK):
             order = bench.primitive()
-            if isinstance(order, UndockMussel) and order.agent_id == 1:
+            if isinstance(order, OpenDock) and order.agent_id == 1:
                 bench.fail("the dock did not open")
             else:
                 bench.succeed()
-            if isinstance(order, UndockMussel) and order.agent_id != 1:
+            if isinstance(order, OpenDock) and order.agent_id != 1:
                 bench.told.say(order.agent_id, bench.now_ms, State.ACTIVE, 0.9)
             ordered += bench.orders
     return bench, ordered
@@ -367,7 +358,7 @@ def with_jammed_dock() -> tuple[Bench, list[Order]]:
 
 def test_a_dock_that_never_opens_is_given_up_and_the_others_go_on() -> None:
     bench, ordered = with_jammed_dock()
-    tried = [it.agent_id for it in ordered if isinstance(it, UndockMussel)]
+    tried = [it.agent_id for it in ordered if isinstance(it, OpenDock)]
     assert sorted(tried) == [1] * MISSION.collection_attempts + [2, 3, 4]
     (left,) = [it.data for it in ordered if isinstance(it, Event) and it.kind == "left_alone"]
     assert left == {
@@ -390,7 +381,7 @@ def test_a_resumed_mission_does_not_try_a_jammed_dock_again_until_it_opens() -> 
     resumed = Bench(state=MissionState.from_json(data))
     resumed.told.say(1, 0, State.CHARGING, 1.0)
     for _ in range(20):
-        assert not [it for it in resumed.tick() if isinstance(it, UndockMussel)]
+        assert not [it for it in resumed.tick() if isinstance(it, OpenDock)]
     # A person opens it by hand.
     resumed.mission.receive(DockChanged(resumed.now_ms, 0, 1, False, ()), resumed.now_ms)
     assert resumed.mission.state.failed_undockings == ()
@@ -399,7 +390,7 @@ def test_a_resumed_mission_does_not_try_a_jammed_dock_again_until_it_opens() -> 
 def test_a_try_that_helps_forgets_those_that_failed() -> None:
     bench = Bench(agents=1, state=MissionState(failed_tries=((1, 4), (7, 2))))
     bench.tick()
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     bench.collect(1)
     bring_home(bench, (1,), charge=0.9)  # not full, and above the pool's threshold
     assert bench.mission.state.failed_tries == ((7, 2),)
@@ -408,11 +399,11 @@ def test_a_try_that_helps_forgets_those_that_failed() -> None:
 def test_one_that_floats_away_again_and_again_is_given_up() -> None:
     bench = Bench(agents=1)
     bench.tick()
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     go_tos = 0
     while not bench.notes("given_up"):
         goto = bench.succeed()
-        assert isinstance(goto, GoToPoint)
+        assert isinstance(goto, GoTo)
         go_tos += 1
         assert go_tos <= LEGS_PER_STEP
         bench.told.say(1, bench.now_ms, State.FLOATING, 0.5, goto.north_m + 5.0, goto.east_m)
@@ -423,11 +414,11 @@ def test_one_that_floats_away_again_and_again_is_given_up() -> None:
 
 def float_beside_the_apad(bench: Bench, charge: float = 0.5) -> None:
     """From the go-to just ordered: aMussel 1 floats, and its docking is ordered."""
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     bench.succeed()
     bench.told.say(1, bench.now_ms, State.FLOATING, charge)
     bench.tick()
-    assert isinstance(bench.primitive(), DockMussel)
+    assert isinstance(bench.primitive(), CloseDock)
 
 
 def test_a_docking_that_missed_is_tried_again_at_once() -> None:
@@ -438,7 +429,7 @@ def test_a_docking_that_missed_is_tried_again_at_once() -> None:
         bench.fail("missed")
         assert bench.notes("given_up") == []
         bench.tick()
-        assert isinstance(bench.primitive(), DockMussel)
+        assert isinstance(bench.primitive(), CloseDock)
     bench.succeed()
     assert dict(bench.mission.state.docked) == {0: 1}
     assert bench.mission.state.failed_tries == ()
@@ -449,15 +440,15 @@ def test_one_that_the_catch_radius_does_not_hold_is_searched_for_and_docked() ->
     bench.tick()
     float_beside_the_apad(bench)
     for _ in range(3):
-        missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+        missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
         bench.orders = bench.mission.receive(missed, bench.now_ms)
-        assert isinstance(bench.primitive(), GoToPoint)
+        assert isinstance(bench.primitive(), GoTo)
         bench.tick(2)
         assert not any(isinstance(order, Primitive) for order in bench.orders)  # its go-to goes on
         bench.orders = bench.mission.receive(
             PrimitiveSucceeded(bench.now_ms, bench.mission.state.primitive_id), bench.now_ms
         )
-        assert isinstance(bench.primitive(), DockMussel)
+        assert isinstance(bench.primitive(), CloseDock)
     bench.succeed()
     assert dict(bench.mission.state.docked) == {0: 1}
     assert bench.mission.state.plan.steps[0].agent_id == 2
@@ -468,11 +459,11 @@ def test_a_search_in_vain_is_a_failed_docking() -> None:
     bench.tick()
     float_beside_the_apad(bench)
     for _ in range(DOCKINGS_PER_STEP):
-        missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+        missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
         bench.orders = bench.mission.receive(missed, bench.now_ms)
         bench.now_ms += round(SEARCH_S * 1000)
         bench.succeed()
-        missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+        missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
         bench.orders = bench.mission.receive(missed, bench.now_ms)
         if not bench.notes("given_up"):
             bench.told.say(1, bench.now_ms, State.FLOATING, 0.5, *bench.mission.pose)
@@ -485,11 +476,11 @@ def test_an_ended_mission_searches_no_further() -> None:
     bench = Bench()
     bench.tick()
     float_beside_the_apad(bench)
-    missed = NothingCaught(bench.now_ms, bench.primitive().primitive_id)
+    missed = NothingCaught(bench.now_ms, bench.primitive().command_id)
     bench.orders = bench.mission.receive(missed, bench.now_ms)
     go_to = bench.primitive()
     bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)
-    assert bench.mission.receive(PrimitiveSucceeded(bench.now_ms, go_to.primitive_id), bench.now_ms) == []
+    assert bench.mission.receive(PrimitiveSucceeded(bench.now_ms, go_to.command_id), bench.now_ms) == []
 
 
 def miss_all(bench: Bench) -> None:
@@ -505,17 +496,17 @@ def test_one_that_is_left_afloat_is_fetched_next_without_a_batch() -> None:
     bench = Bench(agents=1)
     bench.told.say(2, 0, State.ACTIVE, 0.9)  # not in need, but it makes a batch of 2
     bench.tick()
-    assert not any(isinstance(order, GoToPoint) for order in bench.orders)
+    assert not any(isinstance(order, GoTo) for order in bench.orders)
     bench.told.say(2, 0, State.ACTIVE, 0.7)
     bench.tick()
     float_beside_the_apad(bench)
     miss_all(bench)
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     bench.collect(2)
     assert bench.mission.state.phase is Phase.CHARGE
     bring_home(bench, (2,), charge=1.0)
     bench.tick()
-    assert any(isinstance(order, GoToPoint) for order in bench.orders)
+    assert any(isinstance(order, GoTo) for order in bench.orders)
     assert bench.mission.state.plan.steps[0].agent_id == 1
 
 
@@ -533,11 +524,11 @@ def test_an_aPad_that_cannot_reach_one_that_floats_does_not_try_at_every_tick() 
     bench = Bench(agents=1)
     bench.told.say(1, 0, State.FLOATING, 0.5)
     bench.tick()
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     bench.fail("refused")
     assert bench.notes("given_up")[0]["reason"] == "refused"
     for _ in range(int(MISSION.silence_timeout_s) - 1):
-        assert not any(isinstance(order, GoToPoint) for order in bench.tick())
+        assert not any(isinstance(order, GoTo) for order in bench.tick())
 
 
 def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:
@@ -568,7 +559,7 @@ def test_a_stray_at_the_surface_is_told_that_it_may_sink() -> None:
 def test_it_ends_once_and_holds() -> None:
     bench = ready_for_a_round()
     orders = bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)
-    assert any(isinstance(order, HoldPosition) for order in orders)
+    assert any(isinstance(order, Hold) for order in orders)
     assert bench.mission.state.ended_by == MissionEnd(EndReason.OPERATOR)
     assert bench.mission.end(MissionEnd(EndReason.MISSION_TIME), bench.now_ms) == []
     assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
@@ -579,7 +570,7 @@ def test_a_resumed_mission_takes_up_the_step_under_way(phase: Phase) -> None:
     state = replace(ready_state(), phase=phase)
     bench = Bench(state=MissionState.from_json(state.to_json()))
     bench.tick()
-    assert (bench.primitive().north_m if isinstance(bench.primitive(), GoToPoint) else None) == 30.0
+    assert (bench.primitive().north_m if isinstance(bench.primitive(), GoTo) else None) == 30.0
     assert PermitSurfacing(3) in bench.orders
 
 
@@ -599,7 +590,7 @@ def undocking_state() -> MissionState:
     bench.tick()
     bench.tick()
     bench.succeed()
-    assert isinstance(bench.primitive(), UndockMussel)
+    assert isinstance(bench.primitive(), OpenDock)
     return MissionState.from_json(bench.mission.state.to_json())
 
 
@@ -635,7 +626,7 @@ def test_a_service_counts_by_more_than_the_vehicle_s_report_and_the_mission_goes
     bench.tick()
     bench.succeed()
     assert len(bench.notes("docks_disagree")) == (not counts)
-    assert isinstance(bench.primitive(), UndockMussel)
+    assert isinstance(bench.primitive(), OpenDock)
     bench.succeed()
     assert bench.notes("released") == [{"agent": 1, "full": counts}]
     assert (bench.mission.state.services, bench.mission.state.phase) == (int(counts), Phase.IDLE)
@@ -673,7 +664,7 @@ def test_one_docked_by_hand_and_never_heard_does_not_take_a_dock_for_ever() -> N
     bench.tick()
     bench.tick(int(MISSION.silence_timeout_s) + 1)
     bench.succeed()
-    assert isinstance(bench.succeed(), UndockMussel)
+    assert isinstance(bench.succeed(), OpenDock)
     assert bench.mission.docks == (None,) * 4
 
 
@@ -684,7 +675,7 @@ def test_a_resumed_step_waits_for_its_aMussel_to_be_heard_again() -> None:
     assert bench.tick() == []
     bench.told.say(3, bench.now_ms, State.FLOATING, 0.5)
     bench.tick()
-    assert isinstance(bench.primitive(), GoToPoint)
+    assert isinstance(bench.primitive(), GoTo)
 
 
 def test_a_resumed_step_of_one_that_stays_silent_is_given_up() -> None:
@@ -702,13 +693,13 @@ def test_a_strategy_that_pre_empts_takes_a_nearer_request_that_came_on_the_way(
     bench = Bench(agents=5, collection=collection)
     bench.told.say(5, 0, State.ACTIVE, 0.9, 10.0, 1.0)
     bench.tick()
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     bench.succeed()  # it has come to aMussel 1
     bench.told.say(5, 0, State.ACTIVE, 0.7)
     bench.told.say(1, 0, State.FLOATING, 0.5)
     bench.tick()
-    assert isinstance(bench.succeed(), DockMussel)
-    (goto,) = (order for order in bench.orders if isinstance(order, GoToPoint))
+    assert isinstance(bench.succeed(), CloseDock)
+    (goto,) = (order for order in bench.orders if isinstance(order, GoTo))
     assert (goto.north_m, goto.east_m) == (bench.told[second].north_m, bench.told[second].east_m)
     steps = bench.mission.state.plan.steps
     assert len(steps) == 3 and {step.agent_id for step in steps} <= {2, 3, 4, 5}
@@ -739,14 +730,14 @@ def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: s
     assert bench.mission.state.ended_by.reason is EndReason.STRATEGY_FAILED
     assert str(bench.mission.state.ended_by).startswith("failure of strategy 'cautious'")
     assert why in str(bench.mission.state.ended_by)
-    assert isinstance([o for o in bench.orders if isinstance(o, Primitive)][-1], HoldPosition)
+    assert isinstance([o for o in bench.orders if isinstance(o, Primitive)][-1], Hold)
 
 
 def ready_state() -> MissionState:
     """A journal's state with two docked and two more to come."""
     bench = Bench()
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.collect(1)
     bench.collect(2)
     assert bench.mission.state.docked == ((0, 1), (1, 2))
@@ -773,7 +764,7 @@ def one_by_one(
     for agent_id in range(2, agents + 1):
         bench.told.say(agent_id, 0, State.ACTIVE, 0.9)
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.collect(1)
     assert bench.mission.state.phase is Phase.CHARGE
     bench.tick()
@@ -806,7 +797,7 @@ def test_asynchronous_dispatch_releases_the_full_one_and_goes_on_charging_the_ot
     bench.tick()
     assert [(step.kind, step.agent_id) for step in bench.mission.state.plan.steps] == [(StepKind.DEPLOY, 1)]
     bench.succeed()
-    assert isinstance(bench.succeed(), UndockMussel)
+    assert isinstance(bench.succeed(), OpenDock)
     assert bench.mission.state.services == 1 and bench.mission.docks[:2] == (None, 2)
 
 
@@ -849,7 +840,7 @@ def test_a_batch_makes_room_when_each_of_it_leads_each_of_the_lowest_batch(
     for agent_id in (3, 4, 5):
         bench.told.say(agent_id, 0, State.ACTIVE, 0.9)
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.collect(1)
     bench.collect(2)
     for agent_id, charge in ((1, last_docked), (2, 0.95)):
@@ -877,8 +868,8 @@ HOME_M = (5.0, 30.0)
 CHARGED_AT_HOME = Home(charging_w=200.0, go_at=0.2, leave_at=0.9)
 
 
-def go_to_ordered(bench: Bench) -> GoToPoint:
-    (found,) = [order for order in bench.orders if isinstance(order, GoToPoint)]
+def go_to_ordered(bench: Bench) -> GoTo:
+    (found,) = [order for order in bench.orders if isinstance(order, GoTo)]
     return found
 
 
@@ -888,7 +879,7 @@ def come_home(bench: Bench) -> None:
     assert (goal.north_m, goal.east_m) == HOME_M and bench.mission.state.phase is Phase.GO_HOME
     bench.orders = [goal]
     bench.succeed()
-    assert isinstance(bench.primitive(), HoldPosition) and bench.mission.state.phase is Phase.AT_HOME
+    assert isinstance(bench.primitive(), Hold) and bench.mission.state.phase is Phase.AT_HOME
 
 
 def test_it_goes_home_to_be_charged_before_it_takes_up_a_plan_and_goes_on_when_it_is() -> None:
@@ -912,13 +903,13 @@ def test_docked_ones_come_along_or_leave_first(docked: DockedAtHome) -> None:
     bench.told.say(2, 0, State.ACTIVE, 0.9)
     bench.mission.battery_heard(1.0)
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.collect(1)
     bench.tick(seconds=20)
     if docked is DockedAtHome.RELEASED:
         assert [step.kind for step in bench.mission.state.plan.steps] == [StepKind.DEPLOY]
         bench.succeed()
-        assert isinstance(bench.succeed(), UndockMussel)
+        assert isinstance(bench.succeed(), OpenDock)
         bench.told.say(1, bench.now_ms, State.SINKING, 0.6)
         bench.tick()
     come_home(bench)
@@ -972,7 +963,7 @@ def test_who_was_charged_for_the_time_that_is_left_is_released_and_its_service_c
     bench.tick()
     assert [(step.kind, step.agent_id) for step in bench.mission.state.plan.steps] == [(StepKind.DEPLOY, 1)]
     bench.succeed()
-    assert isinstance(bench.succeed(), UndockMussel)
+    assert isinstance(bench.succeed(), OpenDock)
     assert bench.mission.state.services == 1 and bench.mission.state.failed_tries == ()
 
 
@@ -1018,7 +1009,7 @@ def exchanging(**changes: Any) -> Bench:
     for agent_id in (3, 4):
         bench.told.say(agent_id, 0, State.ACTIVE, 0.95)
     bench.tick()
-    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.orders = [o for o in bench.orders if not isinstance(o, Hold)]
     bench.collect(1)
     bench.collect(2)
     for agent_id, charge in ((3, 0.5), (4, 0.4)):
@@ -1043,10 +1034,10 @@ def test_charged_ones_take_the_places_of_those_that_are_collected() -> None:
     (note,) = bench.notes("plan")
     assert note["exchanged"] == [{"released": 2, "collected": 4}, {"released": 1, "collected": 3}]
     bench.collect(4)
-    assert isinstance(bench.primitive(), GoToPoint)
+    assert isinstance(bench.primitive(), GoTo)
     there = bench.succeed()
-    assert isinstance(there, GoToPoint) and (there.north_m, there.east_m) == (40.0, 0.0)
-    assert isinstance(bench.succeed(), UndockMussel) and TellClear(2) in bench.orders
+    assert isinstance(there, GoTo) and (there.north_m, there.east_m) == (40.0, 0.0)
+    assert isinstance(bench.succeed(), OpenDock) and TellClear(2) in bench.orders
     assert bench.mission.docks == (1, None, 4, None)
     homes = {agent_id: north_m for agent_id, north_m, _ in bench.mission.state.homes}
     assert homes == {1: 30.0, 2: 40.0, 3: 10.0, 4: 20.0}
@@ -1099,7 +1090,7 @@ def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:
             bench.collect(step.agent_id)
         else:
             bench.succeed()
-            assert isinstance(bench.succeed(), UndockMussel)
+            assert isinstance(bench.succeed(), OpenDock)
             bench.told.say(step.agent_id, bench.now_ms, State.ACTIVE, 0.99)
     assert bench.mission.state.phase is Phase.CHARGE
     assert {it for it in bench.mission.docks if it} == {3, 4}
@@ -1118,10 +1109,10 @@ def told_exchanges(bench: Bench) -> list[tuple[int, int, str]]:
     ]
 
 
-def release(bench: Bench, agent_id: int) -> GoToPoint:
+def release(bench: Bench, agent_id: int) -> GoTo:
     """Flies a release to its end, and returns its go-to."""
     there = bench.succeed()
-    assert isinstance(there, GoToPoint) and isinstance(bench.succeed(), UndockMussel)
+    assert isinstance(there, GoTo) and isinstance(bench.succeed(), OpenDock)
     bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.95, there.north_m, there.east_m)
     return there
 
@@ -1209,9 +1200,9 @@ def test_no_two_are_left_at_one_place_without_a_word(data: st.DataObject, dock_c
             bench.tick()
         else:
             done = bench.succeed()
-            if isinstance(done, DockMussel):
+            if isinstance(done, CloseDock):
                 del place[step.agent_id]
-            if isinstance(done, UndockMussel):
+            if isinstance(done, OpenDock):
                 assert bench.mission.pose is not None
                 place[step.agent_id] = bench.mission.pose[0]
     homes, open_ones = homes_of(bench), {it[:2] for it in bench.mission.state.exchanged}

@@ -10,7 +10,8 @@ from apad_bridge.events.event import Event
 from apad_bridge.events.mission import LegBegan
 from apad_bridge.mission.order_book import CHORD_M, OrderBook
 from apad_bridge.mission.state import MissionState
-from apad_bridge.vehicle.primitives import GoToPoint, HoldPosition, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.commands import GoTo, Hold
+from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
 
 GOAL = (30.0, 40.0)
 RADIUS_M = 0.5
@@ -24,7 +25,7 @@ def book_at(place: tuple[float, float] = (0.0, 0.0), state: MissionState | None 
 
 def go(book: OrderBook, goal: tuple[float, float] = GOAL) -> int:
     primitive_id = book.next_id()
-    book.order(GoToPoint(primitive_id, *goal, 0.5, RADIUS_M))
+    book.order(GoTo(primitive_id, *goal, 0.5, RADIUS_M))
     return primitive_id
 
 
@@ -103,7 +104,7 @@ def test_the_way_without_a_supervisor_is_counted_when_the_aPad_is_heard_again() 
     after = resumed(book)
     after.moved(*along(0.5))
     assert after.state.cost_m == pytest.approx(25.0)
-    after.order(HoldPosition(after.next_id(), *along(0.5)))
+    after.order(Hold(after.next_id(), *along(0.5)))
     assert (after.state.cost_m, after.state.planned_m) == (pytest.approx(25.0), pytest.approx(25.0))
 
 

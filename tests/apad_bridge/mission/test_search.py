@@ -20,14 +20,8 @@ from apad_bridge.mission.docking_routine import (
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.state import MissionState
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.primitives import (
-    DockMussel,
-    GoToPoint,
-    NothingCaught,
-    Primitive,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-)
+from apad_bridge.vehicle.commands import CloseDock, GoTo, Primitive
+from apad_bridge.vehicle.primitives import NothingCaught, PrimitiveFailed, PrimitiveSucceeded
 from firmware_model.states import State
 
 RADIUS_M = 0.5
@@ -76,15 +70,15 @@ class World:
     def carry_out(self) -> Progress:
         """Carries the order out, as port and vehicle do."""
         order = self.order()
-        if isinstance(order, GoToPoint):
+        if isinstance(order, GoTo):
             self.now_ms += LEG_MS
             self.book.moved(order.north_m, order.east_m)
-            return self.routine.receive(PrimitiveSucceeded(self.now_ms, order.primitive_id), self.now_ms)
-        assert isinstance(order, DockMussel) and self.book.pose is not None
+            return self.routine.receive(PrimitiveSucceeded(self.now_ms, order.command_id), self.now_ms)
+        assert isinstance(order, CloseDock) and self.book.pose is not None
         self.tried.append(self.book.pose)
         caught = math.dist(self.book.pose, self.floats_at) <= RADIUS_M
         ended = PrimitiveSucceeded if caught else NothingCaught
-        return self.routine.receive(ended(self.now_ms, order.primitive_id), self.now_ms)
+        return self.routine.receive(ended(self.now_ms, order.command_id), self.now_ms)
 
     def run(self) -> Progress:
         progress = Progress.GOES_ON
@@ -140,7 +134,7 @@ def test_a_search_that_cannot_go_on_ends_with_its_go_to() -> None:
     world = World((6.0, 0.0))
     world.begin()
     world.carry_out()
-    failed = PrimitiveFailed(world.now_ms, world.order().primitive_id, "stalled")
+    failed = PrimitiveFailed(world.now_ms, world.order().command_id, "stalled")
     assert world.routine.receive(failed, world.now_ms) is Progress.ENDED
     assert not world.routine.is_on_search
     assert world.routine.receive(failed, world.now_ms) is Progress.NOT_OURS
@@ -152,6 +146,6 @@ def test_a_pre_empted_search_takes_no_further_step() -> None:
     world.carry_out()
     go_to = world.order()
     assert world.routine.pre_empt()
-    ended = PrimitiveSucceeded(world.now_ms, go_to.primitive_id)
+    ended = PrimitiveSucceeded(world.now_ms, go_to.command_id)
     assert world.routine.receive(ended, world.now_ms) is Progress.NOT_OURS
     assert world.book.take_orders() == []

@@ -24,9 +24,9 @@ from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.control import NOTHING_STOPPED, Act, Request, carry_out
-from apad_bridge.vehicle.commands import CommandedByOthers, PoseReported
+from apad_bridge.vehicle.commands import CommandedByOthers, GoTo, OpenDock, PoseReported
 from apad_bridge.vehicle.link import InProcessVehicle, LinkFact
-from apad_bridge.vehicle.primitives import DockChanged, GoToPoint, PrimitiveSucceeded, UndockMussel
+from apad_bridge.vehicle.primitives import DockChanged, PrimitiveSucceeded
 from firmware_model.states import State
 
 
@@ -108,11 +108,11 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
     )
     takeover.moved(5.0, 5.0)
 
-    def ordered(orders: list[Order], kind: type[GoToPoint] | type[UndockMussel]) -> int:
-        return next(it.primitive_id for it in orders if isinstance(it, kind))
+    def ordered(orders: list[Order], kind: type[GoTo] | type[OpenDock]) -> int:
+        return next(it.command_id for it in orders if isinstance(it, kind))
 
-    go_to = ordered(takeover.advance(1000), GoToPoint)
-    undock = ordered(takeover.receive(PrimitiveSucceeded(2000, go_to), 2000), UndockMussel)
+    go_to = ordered(takeover.advance(1000), GoTo)
+    undock = ordered(takeover.receive(PrimitiveSucceeded(2000, go_to), 2000), OpenDock)
     takeover.take_over()
     takeover.advance(3000)
     assert takeover.by_hand is not None and takeover.by_hand.docking is Status.RUNNING

@@ -9,7 +9,6 @@ from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, DockClose
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_b.messages import DockingOrder
 from apad_bridge.vehicle.generation_b.primitives import ServoTask
-from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
 
 SERVO = Servo(
     search_yaw_rate_rad_s=0.3, max_yaw_rate_rad_s=0.4, max_surge_m_s=0.25, surge_stdev=0.2, search_s=100.0
@@ -38,10 +37,10 @@ def test_what_is_not_said_is_the_scenario_s(manoeuvre: Manoeuvre, yaw_rate: floa
 
 def test_the_port_hands_it_on() -> None:
     port, slow = DockingPort(DOCKING), Manoeuvre(0.1, 0.05)
-    port.receive(DockMussel(1, 2, 7, slow), 0)
+    port.receive(CloseDock(1, 2, 7, slow), 0)
     closing = [it for it in port.advance(15_000) if isinstance(it, CloseDock)]
     assert [it.manoeuvre for it in closing] == [slow]
     port.receive(DockClosed(15_000, 2, 7), 15_000)
-    port.receive(UndockMussel(2, 2, 7, slow), 16_000)
+    port.receive(OpenDock(2, 2, 7, slow), 16_000)
     opening = [it for it in port.advance(21_000) if isinstance(it, OpenDock)]
     assert [it.manoeuvre for it in opening] == [slow]

@@ -14,9 +14,9 @@ from apad_bridge.mission.state import MissionState
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import find_resume_point
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.commands import DockClosed, DockOpened, OpenDock
+from apad_bridge.vehicle.commands import CloseDock, DockClosed, DockOpened, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.primitives import DockChanged, DockMussel, PrimitiveSucceeded, UndockMussel
+from apad_bridge.vehicle.primitives import DockChanged, PrimitiveSucceeded
 
 POOL = load(POOL_FILE)
 CONFIG = flight_config(POOL)
@@ -66,6 +66,6 @@ def test_a_vehicle_s_later_report_moves_an_amussel_and_frees_no_other() -> None:
 
 def test_a_resumed_port_asks_for_no_amussel_twice_and_opens_the_dock_that_holds_it() -> None:
     port = parts.supervisor(CONFIG, MissionState(docked=((3, 9),))).port
-    assert port.receive(DockMussel(1, 2, 9), 0) == [PrimitiveSucceeded(0, 1)]
-    assert port.receive(UndockMussel(2, 2, 9), 0) == []
+    assert port.receive(CloseDock(1, 2, 9), 0) == [PrimitiveSucceeded(0, 1)]
+    assert port.receive(OpenDock(2, 2, 9), 0) == []
     assert [it for it in port.advance(60_000) if isinstance(it, OpenDock)] == [OpenDock(1, 3, 9)]

@@ -15,17 +15,14 @@ from apad_bridge.vehicle.commands import (
     CommandFailed,
     DockClosed,
     DockOpened,
+    GoTo,
+    Hold,
+    OpenDock,
     PoseReported,
+    Primitive,
 )
 from apad_bridge.vehicle.docking import DockingEvent, DockingPhase, DockingPort
-from apad_bridge.vehicle.primitives import (
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-    UndockMussel,
-)
+from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
 
 DOCKING = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
 OK, BAD, ACT, NOTHING = "succeeds", "fails", "commands the mechanism", "nothing"
@@ -63,13 +60,13 @@ def port_in(phase: DockingPhase) -> DockingPort:
     """A port whose primitive has id 1, whose command (if any) has id 1, at time 20 000 ms."""
     port = DockingPort(DOCKING)
     if phase is DockingPhase.GOING:
-        port.receive(GoToPoint(1, 50.0, 0.0, 0.5, 0.5), 20_000)
+        port.receive(GoTo(1, 50.0, 0.0, 0.5, 0.5), 20_000)
     elif phase is DockingPhase.HOLDING:
-        port.receive(HoldPosition(1, 0.0, 0.0), 20_000)
+        port.receive(Hold(1, 0.0, 0.0), 20_000)
     elif phase is DockingPhase.WAITING:
-        port.receive(DockMussel(1, 0, 9), 20_000)
+        port.receive(CloseDock(1, 0, 9), 20_000)
     elif phase is DockingPhase.ACTING:
-        port.receive(DockMussel(1, 0, 9), 5_000)
+        port.receive(CloseDock(1, 0, 9), 5_000)
         port.advance(20_000)
     return port
 
@@ -89,7 +86,7 @@ def happens(port: DockingPort, event: DockingEvent) -> list[object]:
             port.advance(35_000)
             return list(port.advance(90_000))
         case DockingEvent.REPLACED:
-            return list(port.receive(GoToPoint(2, 1.0, 1.0, 0.5, 0.5), 20_001))
+            return list(port.receive(GoTo(2, 1.0, 1.0, 0.5, 0.5), 20_001))
 
 
 @pytest.mark.parametrize(("phase", "event"), PAIRS)
@@ -108,10 +105,10 @@ ids = st.integers(1, 6)
 metres = st.floats(-5, 5)
 END_MS = 200_000
 stimuli = st.one_of(
-    st.builds(GoToPoint, ids, metres, metres, st.just(0.5), st.just(0.5)),
-    st.builds(HoldPosition, ids, metres, metres),
-    st.builds(DockMussel, ids, st.integers(0, 3), ids),
-    st.builds(UndockMussel, ids, st.integers(0, 3), ids),
+    st.builds(GoTo, ids, metres, metres, st.just(0.5), st.just(0.5)),
+    st.builds(Hold, ids, metres, metres),
+    st.builds(CloseDock, ids, st.integers(0, 3), ids),
+    st.builds(OpenDock, ids, st.integers(0, 3), ids),
     st.builds(PoseReported, st.just(0), metres, metres, st.just(0.0)),
     st.builds(Arrived, st.just(0), ids),
     st.builds(CommandFailed, st.just(0), ids, st.just("?")),
@@ -135,9 +132,9 @@ def test_cutting_time_changes_nothing_and_no_primitive_ends_twice_or_never(histo
             actions += port.advance(at_ms) if stimulus is None else port.receive(stimulus, at_ms)
         actions += port.advance(END_MS + 200_000)
         traces.append(repr((actions, port.dropped, port.first_failure)))
-        ordered = [s for _, s in history if hasattr(s, "primitive_id")]
+        ordered = [s for _, s in history if isinstance(s, Primitive)]
         ended = [a for a in actions if isinstance(a, PrimitiveSucceeded | PrimitiveFailed)]
-        held = isinstance(port.running, HoldPosition)
+        held = isinstance(port.running, Hold)
         assert len(ended) == len(ordered) - held
         assert held or port.running is None
     assert traces[0] == traces[1]

@@ -7,15 +7,9 @@ import heapq
 import pytest
 
 from apad_bridge.scenario.schema import APad, APadBattery, Docking, DockingProfile
+from apad_bridge.vehicle.commands import CloseDock, GoTo, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
-from apad_bridge.vehicle.primitives import (
-    DockChanged,
-    DockMussel,
-    GoToPoint,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-    UndockMussel,
-)
+from apad_bridge.vehicle.primitives import DockChanged, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 BATTERY = APadBattery(
@@ -66,23 +60,23 @@ class Bench:
 
 def test_collect_one_and_let_it_go_again():
     bench = Bench()
-    arrived, _ = bench.outcome_of(GoToPoint(1, 14.0, 0.0, 0.5, 0.5), 60_000)
+    arrived, _ = bench.outcome_of(GoTo(1, 14.0, 0.0, 0.5, 0.5), 60_000)
     assert isinstance(arrived, PrimitiveSucceeded)
     # about 29.7 s to rest; half a metre of mean distance is reached somewhat earlier
     assert 27_000 < arrived.at_ms < 29_700
-    docked, changes = bench.outcome_of(DockMussel(2, 1, 9), 90_000)
+    docked, changes = bench.outcome_of(CloseDock(2, 1, 9), 90_000)
     assert docked == PrimitiveSucceeded(arrived.at_ms + 15_000, 2)
     assert [(change.dock_index, change.agent_id, change.closed) for change in changes] == [(1, 9, True)]
     assert dict(bench.apad.docked) == dict(bench.port.docked) == {1: 9}
     assert bench.apad.dock_position(1) == pytest.approx((13.9, 0.1))
-    undocked, changes = bench.outcome_of(UndockMussel(3, 1, 9), 90_000)
+    undocked, changes = bench.outcome_of(OpenDock(3, 1, 9), 90_000)
     assert undocked == PrimitiveSucceeded(docked.at_ms + 5_000, 3)
     assert [(change.dock_index, change.agent_id, change.closed) for change in changes] == [(1, 9, False)]
 
 
 def test_a_taken_dock_is_refused_by_the_vehicle_and_told_with_its_reason():
     bench = Bench()
-    bench.outcome_of(DockMussel(1, 0, 5), 30_000)
-    refused, _ = bench.outcome_of(DockMussel(2, 0, 6), 60_000)
+    bench.outcome_of(CloseDock(1, 0, 5), 30_000)
+    refused, _ = bench.outcome_of(CloseDock(2, 0, 6), 60_000)
     assert isinstance(refused, PrimitiveFailed)
     assert refused.reason == "dock 1 holds aMussel 5"

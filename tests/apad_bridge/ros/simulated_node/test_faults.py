@@ -11,7 +11,15 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.commands import CommandedByOthers, VehicleCommand
+from apad_bridge.vehicle.commands import (
+    CloseDock,
+    CommandedByOthers,
+    GoTo,
+    Hold,
+    OpenDock,
+    Primitive,
+    VehicleCommand,
+)
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
@@ -29,17 +37,7 @@ from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import ArmReceived, ServiceAnswered, StatusReceived
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.link import Carried, LinkFact
-from apad_bridge.vehicle.primitives import (
-    DockChanged,
-    DockMussel,
-    GoToPoint,
-    HoldPosition,
-    Outcome,
-    Primitive,
-    PrimitiveFailed,
-    PrimitiveSucceeded,
-    UndockMussel,
-)
+from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.simulated.motion import Coast
@@ -55,7 +53,7 @@ ROWS = dict(
         r"^\| `(\w+)` \| [AB, ]+ \| .* \| (.*) \|$", (ROOT / "docs/failures.md").read_text(), re.MULTILINE
     )
 )
-AWAY = GoToPoint(1, NORTH_M + 10.0, EAST_M, 0.5, 0.5)
+AWAY = GoTo(1, NORTH_M + 10.0, EAST_M, 0.5, 0.5)
 
 
 class WithA:
@@ -227,21 +225,21 @@ def test_without_a_fault_all_primitives_succeed(stack: WithA | WithB) -> None:
     bench = Bench(stack)
     for primitive in (
         AWAY,
-        DockMussel(2, 0, 7),
-        HoldPosition(3, NORTH_M + 10, EAST_M),
-        UndockMussel(4, 0, 7),
+        CloseDock(2, 0, 7),
+        Hold(3, NORTH_M + 10, EAST_M),
+        OpenDock(4, 0, 7),
     ):
         bench.order(primitive)
-        if primitive.primitive_id != 3:
-            assert isinstance(bench.outcome(primitive.primitive_id)[1], PrimitiveSucceeded)
+        if primitive.command_id != 3:
+            assert isinstance(bench.outcome(primitive.command_id)[1], PrimitiveSucceeded)
     assert bench.stack.core.dropped == {}
 
 
 def test_of_a_silent_release_the_dock_is_open_after_two_seconds() -> None:
     bench = Bench(WithA(Fault.RELEASE_SILENT))
-    bench.order(DockMussel(1, 0, 7))
+    bench.order(CloseDock(1, 0, 7))
     bench.outcome(1)
-    bench.order(UndockMussel(2, 0, 7))
+    bench.order(OpenDock(2, 0, 7))
     begun_ms = bench.now_ms + 5_000  # the virtual profile's time
     at_ms, outcome = bench.outcome(2)
     assert isinstance(outcome, PrimitiveSucceeded) and at_ms == begun_ms + 2_000
@@ -250,11 +248,11 @@ def test_of_a_silent_release_the_dock_is_open_after_two_seconds() -> None:
 
 def test_after_a_release_that_crashes_the_server_the_next_order_fails() -> None:
     bench = Bench(WithA(Fault.RELEASE_CRASHES))
-    bench.order(DockMussel(1, 0, 7))
+    bench.order(CloseDock(1, 0, 7))
     bench.outcome(1)
-    bench.order(UndockMussel(2, 0, 7))
+    bench.order(OpenDock(2, 0, 7))
     assert isinstance(bench.outcome(2)[1], PrimitiveSucceeded)
-    bench.order(replace(AWAY, primitive_id=3))
+    bench.order(replace(AWAY, command_id=3))
     begun_ms = bench.now_ms
     at_ms, outcome = bench.outcome(3)
     assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.RELEASE_CRASHES)
@@ -269,7 +267,7 @@ def test_a_go_to_whose_server_died_arrives_by_its_position_and_the_next_order_fa
     assert isinstance(outcome, PrimitiveSucceeded)
     assert loud_ms < silent_ms <= loud_ms + 4_000 and ROWS["server_dies"].startswith("3 s within")
     assert silent.stack.core.dropped["the action server fell silent"] == 1
-    silent.order(DockMussel(2, 0, 7))
+    silent.order(CloseDock(2, 0, 7))
     _, outcome = silent.outcome(2)
     assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.SERVER_DIES)
 
@@ -292,16 +290,16 @@ def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_clos
     stack.answers = answers
     bench = Bench(stack)
     for n, agent_id in enumerate((7, 8, 9), start=1):
-        bench.order(DockMussel(n, 0, agent_id))
+        bench.order(CloseDock(n, 0, agent_id))
         bench.outcome(n)
-    bench.order(UndockMussel(4, 0, 7))
+    bench.order(OpenDock(4, 0, 7))
     bench.outcome(4)
-    bench.order(replace(AWAY, primitive_id=5))
+    bench.order(replace(AWAY, command_id=5))
     bench.outcome(5)
     bench.run(20_000)
     assert bench.port.docked == ((1, 8), (2, 9))
     assert carried(bench.facts, 9)[-1] == pytest.approx(stack.vehicle._apad.dock_position(2), abs=1e-6)
-    bench.order(UndockMussel(6, 2, 9))
+    bench.order(OpenDock(6, 2, 9))
     assert isinstance(bench.outcome(6)[1], PrimitiveSucceeded)
     assert stack.vehicle.held == ["amussel8"]
     assert (
@@ -315,9 +313,9 @@ def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
     stack = WithA(Fault.RELEASE_CRASHES)
     bench = Bench(stack)
     for n, agent_id in enumerate((7, 8), start=1):
-        bench.order(DockMussel(n, 0, agent_id))
+        bench.order(CloseDock(n, 0, agent_id))
         bench.outcome(n)
-    bench.order(UndockMussel(3, 0, 7))
+    bench.order(OpenDock(3, 0, 7))
     bench.outcome(3)
     assert bench.port.docked == ((1, 8),)
     bench.run(16_000)
@@ -332,7 +330,7 @@ def foreign(north_m: float) -> GoalOrder:
 def test_anothers_go_to_during_a_hold_is_let_end_and_then_the_hold_goes_on() -> None:
     stack = WithA(Fault.NONE)
     bench = Bench(stack)
-    bench.order(HoldPosition(1, NORTH_M, EAST_M))
+    bench.order(Hold(1, NORTH_M, EAST_M))
     bench.run(5_000)
     stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
     north_m = []
@@ -342,13 +340,13 @@ def test_anothers_go_to_during_a_hold_is_let_end_and_then_the_hold_goes_on() -> 
     assert max(north_m) > 5.5, "the other's go-to was cut short"
     assert north_m[-1] == pytest.approx(0.0, abs=0.5)
     assert stack.core.dropped == {"another client sent the aPad away from its hold": 1}
-    assert isinstance(bench.port.running, HoldPosition)
+    assert isinstance(bench.port.running, Hold)
 
 
 def test_a_real_apad_stays_where_another_sent_it_until_the_next_order() -> None:
     stack = WithA(Fault.NONE, takes_back=False)
     bench = Bench(stack)
-    bench.order(HoldPosition(2, NORTH_M, EAST_M))
+    bench.order(Hold(2, NORTH_M, EAST_M))
     bench.run(5_000)
     stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
     bench.run(90_000)
@@ -368,10 +366,10 @@ def test_a_hold_does_not_stop_what_another_ordered_of_a_real_apad() -> None:
     stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
     bench.run(2_000)
     assert any(isinstance(it, CommandedByOthers) for it in bench.facts)
-    bench.order(HoldPosition(2, stack.vehicle.pose.north_m, EAST_M))
+    bench.order(Hold(2, stack.vehicle.pose.north_m, EAST_M))
     bench.run(90_000)
     assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.5)
-    assert isinstance(bench.port.running, HoldPosition)
+    assert isinstance(bench.port.running, Hold)
 
 
 def test_a_go_to_that_anothers_pre_empted_fails_when_the_others_has_ended() -> None:
@@ -389,7 +387,7 @@ def test_a_go_to_that_anothers_pre_empted_fails_when_the_others_has_ended() -> N
 def test_anothers_goal_that_never_ends_is_left_alone_for_a_minute() -> None:
     stack = WithA(Fault.NONE)
     bench = Bench(stack)
-    bench.order(HoldPosition(1, NORTH_M, EAST_M))
+    bench.order(Hold(1, NORTH_M, EAST_M))
     bench.run(5_000)
     stack.send(GoalOrder("another's-1", 7), bench.now_ms)  # of no known kind: active for ever
     bench.run(59_000)
@@ -400,7 +398,7 @@ def test_anothers_goal_that_never_ends_is_left_alone_for_a_minute() -> None:
 
 def test_a_perch_that_holds_nothing_fails() -> None:
     bench = Bench(WithA(Fault.PERCHES_NOTHING))
-    bench.order(DockMussel(1, 0, 7))
+    bench.order(CloseDock(1, 0, 7))
     _, outcome = bench.outcome(1)
     assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.PERCHES_NOTHING)
     assert bench.port.first_failure == outcome
@@ -454,7 +452,7 @@ def test_a_vehicle_that_blocks_takes_no_call_for_the_27_s_in_which_its_servo_tur
 
 def test_a_vehicle_that_wanders_is_told_again() -> None:
     bench = Bench(WithB(Fault.WANDERS, drift_m_s=(0.3, 0.0)))
-    bench.order(HoldPosition(1, NORTH_M, EAST_M))
+    bench.order(Hold(1, NORTH_M, EAST_M))
     farthest_m = 0.0
     for _ in range(120):
         bench.run(1_000)
