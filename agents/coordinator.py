@@ -12,19 +12,9 @@ from agents.mussel.outputs import Output
 from agents.mussel.stimuli import Stimulus
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from firmware_model.stimuli import ResetCause
-from firmware_model.value import value
 
 _NEVER_MS = AgentMs(2**63)
 _START_MS = MissionMs(0)
-
-
-@value
-class AgentOutput:
-    """An output of an agent; `mission_ms` is derived from the agent's own stamp, rounded up."""
-
-    mission_ms: MissionMs
-    agent_id: int
-    output: Output
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,15 +99,15 @@ class Coordinator:
         self._waiting.setdefault(agent_id, []).append((at_ms, stimulus))
         return at_ms
 
-    def advance(self, now_ms: MissionMs) -> list[AgentOutput | AgentDied]:
-        """Grants everything due by mission time `now_ms`. Returns the outputs by (time, agent, order)."""
+    def advance(self, now_ms: MissionMs) -> list[Output | AgentDied]:
+        """Grants everything due by mission time `now_ms`. Returns the outputs by (mission time, agent, order)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         self._now_ms = now_ms
         return self.grant(self.scale.agent_ms(now_ms))
 
-    def grant(self, until_ms: AgentMs) -> list[AgentOutput | AgentDied]:
-        """Grants everything due by agent time `until_ms`, within a tick. Returns the outputs by (time, agent, order)."""
+    def grant(self, until_ms: AgentMs) -> list[Output | AgentDied]:
+        """Grants everything due by agent time `until_ms`, within a tick; returns as `advance` does."""
         waiting, self._waiting = self._waiting, {}
         chosen = set(waiting)
         while self._heap and self._heap[0][0] <= until_ms:
@@ -131,13 +121,18 @@ class Coordinator:
             if agent_id in waiting or self._granted_ms[agent_id] > until_ms:
                 facts = tuple(waiting.get(agent_id, ()))
                 grants[agent_id] = Grant(max(until_ms, self._granted_ms[agent_id]), facts)
-        events: list[AgentOutput | AgentDied] = []
+        events: list[Output | AgentDied] = []
         while grants:
             grants = self._grant(grants, events)
-        events.sort(key=lambda it: (it.mission_ms, it.agent_id))
+        events.sort(key=self._order)
         return events
 
-    def _grant(self, grants: dict[int, Grant], events: list[AgentOutput | AgentDied]) -> dict[int, Grant]:
+    def _order(self, event: Output | AgentDied) -> tuple[MissionMs, int]:
+        if isinstance(event, AgentDied):
+            return event.mission_ms, event.agent_id
+        return self.scale.mission_ms(AgentMs(event.at_ms)), event.agent_id
+
+    def _grant(self, grants: dict[int, Grant], events: list[Output | AgentDied]) -> dict[int, Grant]:
         """Grants one round. Returns the windows of agents that died in it and boot again."""
         again: dict[int, Grant] = {}
         for agent_id, outcome in self._host.grant(grants).items():
@@ -159,7 +154,5 @@ class Coordinator:
                 due_ms = self._due_ms[agent_id] = AgentMs(outcome.next_due_ms)
                 heapq.heappush(self._heap, (due_ms, agent_id))
             kept_from_ms = self._muted_until_ms.get(agent_id, 0)
-            for output in outcome.outputs:
-                if output.at_ms >= kept_from_ms:
-                    events.append(AgentOutput(self.scale.mission_ms(AgentMs(output.at_ms)), agent_id, output))
+            events += [output for output in outcome.outputs if output.at_ms >= kept_from_ms]
         return again

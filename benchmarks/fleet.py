@@ -37,7 +37,7 @@ from fleets import PAPER, STILL, with_whole_boards
 from rich.console import Console
 from rich.table import Table
 
-from agents.coordinator import AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.host import Host
 from agents.hosting.in_process import InProcessHost
@@ -160,7 +160,7 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
             pids = [host.nursery_pid, *host.pids.values()]
             return cost_row(f"musselbed, {board}", agents, at, pids, kernel_before_kb, ready_s)
 
-        heard = {it.agent_id for it in clock.advance(MissionMs(1000)) if isinstance(it, AgentOutput)}
+        heard = {it.agent_id for it in clock.advance(MissionMs(1000)) if not isinstance(it, AgentDied)}
         if len(heard) != agents:
             raise RuntimeError(f"{agents - len(heard)} aMussels sent no status in their first second")
         yield row("first_status")
@@ -245,7 +245,7 @@ def cpu_of_hours(clock: Coordinator, pids: list[int], name: str) -> float:
     heard, shown = 0, 0
     while (due_ms := clock.next_due_ms) is not None and due_ms < HOURS * HOUR_MS:
         now_ms = -(-due_ms // 1000) * 1000
-        heard += sum(isinstance(it, AgentOutput) for it in clock.advance(MissionMs(now_ms)))
+        heard += sum(not isinstance(it, AgentDied) for it in clock.advance(MissionMs(now_ms)))
         if now_ms // 60_000 > shown:
             shown = now_ms // 60_000
             print(f"\r{name}: minute {shown} of {60 * HOURS}, {heard} packets ", end="", file=sys.stderr)

@@ -367,7 +367,7 @@ def _agent_link(_: Path) -> Iterator[Door]:
         link_protocol.Repeat((1, 2)).encode(),
         link_protocol.RunAhead((1, 2), 7, 100).encode(),
     ]
-    reply = Reply(5, (WifiSent(1, b"ab"), SoundSent(2, b""), StimulusDropped(3, "why")))
+    reply = Reply(5, (WifiSent(1, 7, b"ab"), SoundSent(2, 7, b""), StimulusDropped(3, 7, "why")))
     truth = Truth(130, 7, State.ACTIVE, resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0))
     from_agent = [
         *link_protocol.encode_answer((1, 2), (1, 2), 100, 3, reply),
@@ -380,7 +380,7 @@ def _agent_link(_: Path) -> Iterator[Door]:
             if rng.random() < 0.5:
                 message: Any = link_protocol.decode_to_agent(_msgpack(rng, rng.choice(to_agent)))
             else:
-                message = link_protocol.decode_from_agent(_msgpack(rng, rng.choice(from_agent)))
+                message = link_protocol.decode_from_agent(_msgpack(rng, rng.choice(from_agent)), 7)
                 if isinstance(message, link_protocol.WindowAnswer):
                     agent_links._assemble(agent_links._Open((1, 2), b""), message)
         except link_protocol.LinkError:

@@ -220,7 +220,7 @@ class AgentLinks:
                 outcomes[agent_id] = death
             return
         try:
-            message = decode_from_agent(self._buffer[:size])
+            message = decode_from_agent(self._buffer[:size], agent_id)
         except LinkError as error:
             self.dropped[f"agent: {error}"] += 1
             return

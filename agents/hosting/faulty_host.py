@@ -110,9 +110,9 @@ class FaultyHost:
         for at_ms, stimulus in grant.stimuli:
             match stimulus:
                 case SoundArrived() | WifiArrived() | PingArrived() if LinkDefect.CUT in defects:
-                    lost.append(StimulusDropped(at_ms, _CUT))
+                    lost.append(StimulusDropped(at_ms, agent_id, _CUT))
                 case SoundArrived() | PingArrived() if LinkDefect.DEAF in defects:
-                    lost.append(StimulusDropped(at_ms, _DEAF))
+                    lost.append(StimulusDropped(at_ms, agent_id, _DEAF))
                 case SoundArrived(data) | WifiArrived(data):
                     flipped = self._flipped(data, agent_id, at_ms)
                     arriving.append((at_ms + delay_ms, replace(stimulus, data=flipped)))
@@ -132,8 +132,8 @@ class FaultyHost:
         for output in reply.outputs:
             match output:
                 case WifiSent() | SoundSent() | PingAnswered() if LinkDefect.CUT in defects:
-                    leaving.append(StimulusDropped(output.at_ms, _CUT))
-                case WifiSent(at_ms, data) | SoundSent(at_ms, data):
+                    leaving.append(StimulusDropped(output.at_ms, agent_id, _CUT))
+                case WifiSent(at_ms, _, data) | SoundSent(at_ms, _, data):
                     flipped = self._flipped(data, agent_id, at_ms)
                     leaving.append(replace(output, at_ms=at_ms + delay_ms, data=flipped))
                 case PingAnswered(at_ms):

@@ -212,20 +212,20 @@ def decode_to_agent(data: bytes | memoryview) -> WindowGrant | Repeat | RunAhead
     raise LinkError("no window, no repeat and no order to run ahead")
 
 
-def decode_from_agent(data: bytes | memoryview) -> WindowAnswer | Ahead | WindowRefusal:
-    """Decodes an agent's message; LinkError for anything else."""
+def decode_from_agent(data: bytes | memoryview, agent_id: int) -> WindowAnswer | Ahead | WindowRefusal:
+    """Decodes a message of this agent; LinkError for anything else."""
     fields = _array(data)
     if len(fields) == 11 and fields[0] == LinkMessageKind.ANSWER and isinstance(fields[10], list):
         epoch, sequence, of_epoch, of_sequence, granted_ms, truths, part, parts = _counts(fields[1:9])
         if part >= parts:
             raise LinkError("a part beyond the last one")
-        reply = _reply(fields[9], fields[10])
+        reply = _reply(fields[9], fields[10], agent_id)
         return WindowAnswer(
             (epoch, sequence), (of_epoch, of_sequence), granted_ms, truths, part, parts, reply
         )
     if len(fields) == 4 and fields[0] == LinkMessageKind.AHEAD and isinstance(fields[3], list):
         epoch, sequence = _counts(fields[1:3])
-        return Ahead((epoch, sequence), tuple([_ahead_window(row) for row in fields[3]]))
+        return Ahead((epoch, sequence), tuple([_ahead_window(row, agent_id) for row in fields[3]]))
     if (
         len(fields) == 5
         and fields[0] == LinkMessageKind.REFUSAL
@@ -237,15 +237,15 @@ def decode_from_agent(data: bytes | memoryview) -> WindowAnswer | Ahead | Window
     raise LinkError("no answer, no windows ahead and no refusal")
 
 
-def _reply(next_due_ms: Any, wire: list[Any]) -> Reply:
+def _reply(next_due_ms: Any, wire: list[Any], agent_id: int) -> Reply:
     try:
-        decoded = tuple([outputs.from_wire(output) for output in wire])
+        decoded = tuple([outputs.from_wire(output, agent_id) for output in wire])
     except ValueError as error:
         raise LinkError(str(error)) from None
     return Reply(None if next_due_ms is None else _count(next_due_ms), decoded)
 
 
-def _ahead_window(row: Any) -> AheadWindow:
+def _ahead_window(row: Any, agent_id: int) -> AheadWindow:
     if not isinstance(row, list) or len(row) != 4 or type(row[2]) is not list or type(row[3]) is not bytes:
         raise LinkError("not a window ahead")
     until_ms, next_due_ms, wire, packed = row
@@ -253,7 +253,7 @@ def _ahead_window(row: Any) -> AheadWindow:
         truths = outputs.unpack_truths(packed)
     except ValueError as error:
         raise LinkError(str(error)) from None
-    return AheadWindow(_count(until_ms), _reply(next_due_ms, wire), truths)
+    return AheadWindow(_count(until_ms), _reply(next_due_ms, wire, agent_id), truths)
 
 
 def _array(data: bytes | memoryview) -> list[Any]:

@@ -38,7 +38,7 @@ from firmware_model import stimuli as board_stimuli
 from firmware_model.actions import Buoyancy
 from firmware_model.board import Board
 from firmware_model.config import BoardConfig
-from firmware_model.packets import LogRecords
+from firmware_model.packets import LogRecords, Packet
 from firmware_model.packets.codec import Codec
 from firmware_model.power.charge import Battery, Flow
 from firmware_model.power.rails import Rail
@@ -394,32 +394,30 @@ class Agent:
         if self.body.has_receiver:
             # A report may take a fix, and changes nothing else.
             self._note_truth(now_ms)
-        return [WifiSent(now_ms, self._codec.encode(status))]
+        return [self._by_wifi(now_ms, status)]
 
     def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
         match stimulus:
             case ContactClosed(north_um, east_um):
                 if not self._at_surface(now_ms) or self.body.docked:
-                    return [StimulusDropped(now_ms, "a dock closed, but not around this aMussel")]
+                    return [self._dropped(now_ms, "a dock closed, but not around this aMussel")]
                 self.body.dock(north_um, east_um, now_ms)
                 return self._pin_changed(True, now_ms) if self.body.pin_high else []
             case DockMoved(north_um, east_um):
                 if not self.body.docked:
-                    return [StimulusDropped(now_ms, "a dock moved that does not hold this aMussel")]
+                    return [self._dropped(now_ms, "a dock moved that does not hold this aMussel")]
                 self.body.carry(north_um, east_um)
                 return []
             case ContactOpened():
                 if not self.body.docked:
-                    return [StimulusDropped(now_ms, "a dock opened that does not hold this aMussel")]
+                    return [self._dropped(now_ms, "a dock opened that does not hold this aMussel")]
                 self.body.let_go(now_ms)
                 if self._defects is not None:
                     self._defects.bounces = 0
                 return self._pin_changed(False, now_ms)
             case CoilSlipped():
                 if not self.body.docked:
-                    return [
-                        StimulusDropped(now_ms, "coils slipped in a dock that does not hold this aMussel")
-                    ]
+                    return [self._dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
                 self.body.slip(now_ms)
                 outputs = self._pin_changed(False, now_ms)
                 if self.body.pin_high:
@@ -427,21 +425,21 @@ class Agent:
                 return outputs
             case SoundArrived(data):
                 if self._at_surface(now_ms):
-                    return [StimulusDropped(now_ms, "sound does not reach a modem in air")]
+                    return [self._dropped(now_ms, "sound does not reach a modem in air")]
                 return self._stimulate_board(board_stimuli.PacketHeard(self._received(data)), now_ms)
             case PingArrived(travelled_us):
                 if self._at_surface(now_ms):
-                    return [StimulusDropped(now_ms, "sound does not reach a modem in air")]
+                    return [self._dropped(now_ms, "sound does not reach a modem in air")]
                 if not self.board.is_modem_listening:
-                    return [StimulusDropped(now_ms, "the modem is not listening")]
+                    return [self._dropped(now_ms, "the modem is not listening")]
                 lasting_ms = SHORT_MS[self.config.reports.modem]
                 status = self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
-                return [*status, PingAnswered(now_ms, travelled_us)]
+                return [*status, PingAnswered(now_ms, self._agent_id, travelled_us)]
             case ModemSent(lasting_ms):
                 return self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
             case WifiArrived(data):
                 if not self.config.reports.heard_always and not self._at_surface(now_ms):
-                    return [StimulusDropped(now_ms, "Wi-Fi does not reach under water")]
+                    return [self._dropped(now_ms, "Wi-Fi does not reach under water")]
                 return self._stimulate_board(board_stimuli.WifiReceived(self._received(data)), now_ms)
             case Placed():
                 return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
@@ -487,7 +485,7 @@ class Agent:
             case ContactBounced(times):
                 if not self.body.docked:
                     return [
-                        StimulusDropped(now_ms, "a contact bounced in a dock that does not hold this aMussel")
+                        self._dropped(now_ms, "a contact bounced in a dock that does not hold this aMussel")
                     ]
                 defects.bounces = 2 * times
                 return self._bounce(defects, now_ms)
@@ -499,7 +497,7 @@ class Agent:
 
         if self.config.board.whole is None and part in WHOLE_ONLY:
             return [
-                StimulusDropped(
+                self._dropped(
                     now_ms, f"a defect of its {BoardPart(part).name.lower()}: the worst case has none"
                 )
             ]
@@ -573,16 +571,17 @@ class Agent:
                 case board_actions.RunBuoyancy():
                     outputs += self._run_buoyancy(action, action.at_ms)
                 case board_actions.MotorsStalled(at_ms, to):
-                    outputs.append(StimulusDropped(at_ms, "a motor run: neither battery holds its charge"))
+                    outputs.append(self._dropped(at_ms, "a motor run: neither battery holds its charge"))
                     outputs += self._stays_there(to, at_ms)
                 case board_actions.Dropped(at_ms, reason):
-                    outputs.append(StimulusDropped(at_ms, reason))
+                    outputs.append(self._dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):
                     outputs.append(self._status(at_ms, by))
                 case board_actions.SendAnswer(at_ms):
-                    outputs.append(SoundSent(at_ms, self._codec.encode(self._reporter.answer(at_ms))))
+                    outputs.append(self._by_sound(at_ms, self._reporter.answer(at_ms)))
                 case board_actions.SendBytes(at_ms, by, data):
-                    outputs.append((WifiSent if by is Rail.WIFI else SoundSent)(at_ms, data))
+                    sent = WifiSent if by is Rail.WIFI else SoundSent
+                    outputs.append(sent(at_ms, self._agent_id, data))
                 case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
                     outputs += self._log(action)
                 case _:
@@ -616,13 +615,26 @@ class Agent:
             case board_actions.DropLog(_, next_sequence):
                 packets = logbook.acknowledge(next_sequence)
         if packets is None:
-            return [StimulusDropped(now_ms, "an acknowledgement of records that were never taken")]
-        return [WifiSent(now_ms, self._codec.encode(packet)) for packet in packets]
+            return [self._dropped(now_ms, "an acknowledgement of records that were never taken")]
+        return [self._by_wifi(now_ms, packet) for packet in packets]
 
     def _status(self, now_ms: int, by: Rail) -> Output:
         if by is Rail.WIFI:
-            return WifiSent(now_ms, self._codec.encode(self._reporter.wifi_status(now_ms)))
-        return SoundSent(now_ms, self._codec.encode(self._reporter.sound_status(now_ms)))
+            return self._by_wifi(now_ms, self._reporter.wifi_status(now_ms))
+        return self._by_sound(now_ms, self._reporter.sound_status(now_ms))
+
+    def _by_wifi(self, now_ms: int, packet: Packet) -> WifiSent:
+        return WifiSent(now_ms, self._agent_id, self._codec.encode(packet))
+
+    def _by_sound(self, now_ms: int, packet: Packet) -> SoundSent:
+        return SoundSent(now_ms, self._agent_id, self._codec.encode(packet))
+
+    def _dropped(self, now_ms: int, reason: str) -> StimulusDropped:
+        return StimulusDropped(now_ms, self._agent_id, reason)
+
+    @property
+    def _agent_id(self) -> int:
+        return self.config.board.agent_id
 
     def _note_truth(self, now_ms: int) -> None:
         now = (self.board.state, self._physical_now())

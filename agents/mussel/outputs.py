@@ -1,4 +1,7 @@
-"""An agent's outputs: those that the world receives, and the truth, on a channel of its own. Stamps are agent time."""
+"""An agent's outputs: those that the world receives, and the truth, on a channel of its own. Stamps are agent time.
+
+The link of an agent carries its outputs without its id, because its host knows whose link it is.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,14 @@ from firmware_model.value import value
 @value
 class WifiSent:
     at_ms: int
+    agent_id: int
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class SoundSent:
     at_ms: int
+    agent_id: int
     data: bytes
 
 
@@ -28,6 +33,7 @@ class PingAnswered:
     """The modem answered a ping; `travelled_us` is the travel time of the ping's sound."""
 
     at_ms: int
+    agent_id: int
     travelled_us: int
 
 
@@ -36,6 +42,7 @@ class StimulusDropped:
     """A stimulus without effect; counted, never raised."""
 
     at_ms: int
+    agent_id: int
     reason: str
 
 
@@ -44,7 +51,7 @@ Output = WifiSent | SoundSent | StimulusDropped | PingAnswered
 _KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, StimulusDropped, PingAnswered)
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int))
-"""The name and type of each kind's value besides its time."""
+"""The name and type of each kind's value besides its time and its agent."""
 
 
 def to_wire(output: Output) -> list[Any]:
@@ -53,13 +60,13 @@ def to_wire(output: Output) -> list[Any]:
     return [code, output.at_ms, getattr(output, _VALUES[code][0])]
 
 
-def from_wire(wire: Any) -> Output:
-    """The inverse of `to_wire`; ValueError for anything else."""
+def from_wire(wire: Any, agent_id: int) -> Output:
+    """The inverse of `to_wire` for this agent's output; ValueError for anything else."""
     if not isinstance(wire, list) or len(wire) != 3 or type(wire[0]) is not int or type(wire[1]) is not int:
         raise ValueError("not an output")
     if not 0 <= wire[0] < len(_KINDS) or type(wire[2]) is not _VALUES[wire[0]][1]:
         raise ValueError("not an output")
-    output: Output = _KINDS[wire[0]](wire[1], wire[2])
+    output: Output = _KINDS[wire[0]](wire[1], agent_id, wire[2])
     return output
 
 

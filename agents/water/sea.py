@@ -17,11 +17,11 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from agents.coordinator import AgentDied, AgentOutput
+from agents.coordinator import AgentDied
 from agents.modem.facts import FrameArrived
 from agents.modem.firmware import ModemFirmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, FrameKind, ModemFrame, ModemGeneration
-from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
+from agents.mussel.outputs import Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
 from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water import medium
@@ -102,9 +102,9 @@ class Authority(Protocol):
     @property
     def due_agent_ms(self) -> int | None: ...
 
-    def advance(self, now_ms: MissionMs) -> Iterable[AgentOutput | AgentDied]: ...
+    def advance(self, now_ms: MissionMs) -> Iterable[Output | AgentDied]: ...
 
-    def grant(self, until_ms: AgentMs) -> Iterable[AgentOutput | AgentDied]: ...
+    def grant(self, until_ms: AgentMs) -> Iterable[Output | AgentDied]: ...
 
     def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: AgentMs) -> int | None: ...
 
@@ -113,8 +113,8 @@ class TruthSource(Protocol):
     def take_truths(self) -> list[Truth]: ...
 
 
-Event = tuple[int, int, int, medium.Stimulus | AgentOutput]
-"""(agent time, order within it, node, stimulus); a Heard is a Wi-Fi packet on its way to the aPad."""
+Event = tuple[int, int, int, medium.Stimulus | WifiSent]
+"""(agent time, order within it, node, stimulus or Wi-Fi packet on its way to the aPad)"""
 
 
 class Sea:
@@ -238,7 +238,7 @@ class Sea:
                 horizon_ms = min(horizon_ms, max(acts_ms, self.now_ms) + SHORT_MS[self.config.modems])
         return AgentMs(max(horizon_ms, self.now_ms))
 
-    def _round(self, outputs: Sequence[tuple[Station, AgentOutput | AgentDied]], horizon_ms: int) -> None:
+    def _round(self, outputs: Sequence[tuple[Station, Output | AgentDied]], horizon_ms: int) -> None:
         """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
         events: list[Event] = []
         for truth in [truth for it in self._stations.values() for truth in it.new_truths()]:
@@ -248,11 +248,11 @@ class Sea:
                 self.modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
         for station, it in outputs:
             match it:
-                case AgentOutput(_, agent_id, SoundSent() | PingAnswered() as output):
-                    frame = station.frame(agent_id, output)
+                case SoundSent(at_ms, agent_id) | PingAnswered(at_ms, agent_id):
+                    frame = station.frame(it)
                     if frame is not None:
-                        self._send(events, output.at_ms, agent_id, frame)
-                case AgentOutput(_, agent_id, WifiSent(at_ms)):
+                        self._send(events, at_ms, agent_id, frame)
+                case WifiSent(at_ms, agent_id):
                     events.append((at_ms, 2, agent_id, it))
                 case AgentDied(_, agent_id, gave_up=reason) if reason is not None:
                     events.append((horizon_ms, 0, agent_id, ModemMoved(agent_id, None)))
@@ -281,7 +281,7 @@ class Sea:
         """Applies the events in the order of time. Returns the medium's decisions up to the horizon."""
         decided: list[medium.Result] = []
         for at_ms, _, node, event in sorted(events, key=lambda it: it[:3]):
-            if isinstance(event, AgentOutput):
+            if isinstance(event, WifiSent):
                 if any(self._through_the_air(node, apad, at_ms) for apad in self._stations):
                     self._station_of[node].results.append(event)
                 else:
@@ -470,9 +470,9 @@ class Station:
 
     # For the sea's rounds.
 
-    def frame(self, agent_id: int, output: SoundSent | PingAnswered) -> ModemFrame | None:
+    def frame(self, output: SoundSent | PingAnswered) -> ModemFrame | None:
         """An aMussel's frame, which goes to the address that all aPads share."""
-        source = address_of(agent_id)
+        source = address_of(output.agent_id)
         if isinstance(output, PingAnswered):
             modems, us = self.config.modems, output.travelled_us
             return ModemFrame(FrameKind.PING_REPLY, source, APAD_ADDRESS, b"", modems, us)

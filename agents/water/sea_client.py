@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 
-from agents.coordinator import AgentDied, AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import Stimulus
 from agents.time_scale import AgentMs, MissionMs
@@ -213,13 +213,9 @@ class RemoteStation:
         results: list[SeaResult] = [NotRanged(now_ms, it) for it in self._pinged]
         self._pinged = []
         for it in self._coordinator.advance(now_ms):
-            if isinstance(it, AgentOutput) and isinstance(it.output, SoundSent | PingAnswered):
+            if isinstance(it, SoundSent | PingAnswered):
                 self._dropped[_NO_WATER] += 1
-            elif (
-                isinstance(it, AgentOutput)
-                and isinstance(it.output, WifiSent)
-                and not self._gets_through(it.agent_id, self.apad, it.output.at_ms)
-            ):
+            elif isinstance(it, WifiSent) and not self._gets_through(it.agent_id, self.apad, it.at_ms):
                 self._dropped[LOST_IN_THE_AIR] += 1
             else:
                 results.append(it)

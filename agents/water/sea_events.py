@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.coordinator import AgentDied, AgentOutput
+from agents.coordinator import AgentDied
+from agents.mussel.outputs import Output
 from agents.mussel.stimuli import Stimulus
 from agents.time_scale import MissionMs
 from agents.water.medium import PacketEnded
@@ -88,7 +89,7 @@ class SeaLost:
 
 SeaResult = (
     Printed
-    | AgentOutput
+    | Output
     | AgentDied
     | SoundReached
     | AgentRanged

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, get_args
 
-from agents.coordinator import AgentDied, AgentOutput
-from agents.mussel.outputs import Truth
+from agents.coordinator import AgentDied
+from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery import protocol
 from agents.time_scale import AgentMs, MissionMs
@@ -113,7 +113,7 @@ class Window:
 class Windowed:
     """The fleet's outcome of a window."""
 
-    outputs: tuple[AgentOutput | AgentDied, ...]
+    outputs: tuple[Output | AgentDied, ...]
     truths: tuple[Truth, ...]
     due_ms: int | None
 

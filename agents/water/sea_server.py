@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 
-from agents.coordinator import AgentDied, AgentOutput
-from agents.mussel.outputs import Truth
+from agents.coordinator import AgentDied
+from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import Stimulus
 from agents.nursery.protocol import is_of_our_user
 from agents.time_scale import AgentMs, MissionMs
@@ -85,10 +85,10 @@ class RemoteFleet:
         stimuli, self._stimuli = self._stimuli, []
         return tuple(stimuli)
 
-    def advance(self, now_ms: MissionMs) -> Iterable[AgentOutput | AgentDied]:
+    def advance(self, now_ms: MissionMs) -> Iterable[Output | AgentDied]:
         return self._ask(AgentMs(now_ms), now_ms)
 
-    def grant(self, until_ms: AgentMs) -> Iterable[AgentOutput | AgentDied]:
+    def grant(self, until_ms: AgentMs) -> Iterable[Output | AgentDied]:
         due_ms = self.due_agent_ms
         if due_ms is None or due_ms > until_ms:
             return ()
@@ -98,7 +98,7 @@ class RemoteFleet:
         truths, self._truths = self._truths, []
         return truths
 
-    def _ask(self, until_ms: AgentMs, tick_ms: MissionMs | None) -> Iterable[AgentOutput | AgentDied]:
+    def _ask(self, until_ms: AgentMs, tick_ms: MissionMs | None) -> Iterable[Output | AgentDied]:
         window = Window(until_ms, tick_ms, self.take_stimuli())
         try:
             if self.gone is None:
@@ -107,7 +107,7 @@ class RemoteFleet:
             self._end(str(ended))
         return self._answer()
 
-    def _answer(self) -> Iterator[AgentOutput | AgentDied]:
+    def _answer(self) -> Iterator[Output | AgentDied]:
         """Waits for the answer when the first outcome is asked for: other fleets have their windows by then."""
         if self.gone is not None:
             return

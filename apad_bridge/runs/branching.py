@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from agents.coordinator import AgentOutput
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import WasReset, from_json
@@ -301,10 +300,10 @@ def _relive(
     for now_ms in map(MissionMs, range(0, at_ms + 1, TICK_MS)):
         for result in fleet.advance(now_ms):
             match result:
-                case AgentOutput(heard_ms, _, WifiSent(_, data)):
-                    listener.receive(WifiHeard(heard_ms, data))
-                case AgentOutput(heard_ms, _, SoundSent(_, data)):
-                    listener.receive(SoundHeard(heard_ms, data))
+                case WifiSent(sent_ms, _, data):
+                    listener.receive(WifiHeard(fleet.mission_ms(sent_ms), data))
+                case SoundSent(sent_ms, _, data):
+                    listener.receive(SoundHeard(fleet.mission_ms(sent_ms), data))
         truths = fleet.take_truths()
         recorder.truths(truths)
         newest.update((truth.agent_id, truth) for truth in truths)

@@ -14,7 +14,7 @@ from agents.hosting.host import Host
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived
 from agents.packet_medium import Medium
-from agents.time_scale import MissionMs, TimeScale
+from agents.time_scale import AgentMs, MissionMs, TimeScale
 from agents.water.medium import PacketEnded, Reception
 from agents.water.sea import Station
 from agents.water.sea_client import RemoteStation
@@ -248,6 +248,10 @@ class FlightFleet:
             self._dropped["for an aMussel that is not of this fleet"] += 1
         return agent_ms
 
+    def mission_ms(self, agent_ms: int) -> MissionMs:
+        """The mission time of an agent's output."""
+        return self.coordinator.scale.mission_ms(AgentMs(agent_ms))
+
     def update_links(self) -> Changed | None:
         """Applies a change of the links file, and returns it; None without one."""
         changed = self._links.look()
@@ -301,6 +305,9 @@ class NoFleet(NoModems):
 
     def receive(self, agent_id: int, stimulus: Stimulus, now_ms: MissionMs) -> None:
         return None
+
+    def mission_ms(self, agent_ms: int) -> MissionMs:
+        raise AssertionError("no agent lives here")
 
     def update_links(self) -> None:
         return None

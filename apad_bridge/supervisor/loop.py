@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import astuple
 
-from agents.coordinator import AgentDied, AgentOutput
+from agents.coordinator import AgentDied
 from agents.mussel.outputs import SoundSent, StimulusDropped, WifiSent
 from agents.mussel.stimuli import SoundArrived, Stimulus, to_json
 from agents.packet_medium import Medium
@@ -244,13 +244,15 @@ class Flight:
                     self._faults.restarted(agent_id)
                     if gave_up is not None and (why := self._fleet.lost) is not None:
                         self.stop(why)
-                case AgentOutput(at_ms, agent_id, WifiSent(_, data)):
+                case WifiSent(sent_ms, agent_id, data):
+                    at_ms = self._fleet.mission_ms(sent_ms)
                     self.supervisor.receive(WifiHeard(at_ms, data))
                     self._relay.transmit(Medium.WIFI, agent_id, data, at_ms)
-                case AgentOutput(at_ms, agent_id, SoundSent(_, data)):
+                case SoundSent(sent_ms, agent_id, data):
+                    at_ms = self._fleet.mission_ms(sent_ms)
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
-                case AgentOutput(_, _, StimulusDropped(_, reason)):
+                case StimulusDropped(_, _, reason):
                     self.dropped[reason] += 1
                 case SoundReached(at_ms, agent_id, data) if self._fleet.has_other_apads:
                     # Each aPad in the water hears for itself, so nothing is relayed.

@@ -9,11 +9,11 @@ from fleets import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.coordinator import AgentDied, AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.in_process import InProcessHost
-from agents.mussel.outputs import Truth, WifiSent
+from agents.mussel.outputs import Output, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus
 from agents.time_scale import TimeScale
 from firmware_model.packets import CommandPacket, Kind
@@ -26,12 +26,12 @@ FLEET = PAPER
 
 def fly(
     facts: list[tuple[int, int, Stimulus]], cuts: list[int]
-) -> tuple[list[AgentOutput | AgentDied], dict[int, list[Truth]]]:
+) -> tuple[list[Output | AgentDied], dict[int, list[Truth]]]:
     """The outputs up to 40 s of mission time, and each aMussel's truths."""
     initial_states = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
     host = InProcessHost(FLEET, initial_states)
     coordinator = Coordinator(host, dict.fromkeys(IDS, 0), FLEET.time_scale)
-    came: list[AgentOutput | AgentDied] = []
+    came: list[Output | AgentDied] = []
     for now_ms in sorted({40_000, *cuts, *(fact[0] for fact in facts)}):
         for _, agent_id, stimulus in (fact for fact in facts if fact[0] == now_ms):
             coordinator.receive(agent_id, stimulus, now_ms)
@@ -79,7 +79,7 @@ class NotingHost:
                 self.deaths.remove(agent_id)
                 outcomes[agent_id] = Death(ResetCause.WATCHDOG, "stopped")
             else:
-                outcomes[agent_id] = Reply(self.next_due_ms, (WifiSent(61, b"x"),))
+                outcomes[agent_id] = Reply(self.next_due_ms, (WifiSent(63 - agent_id, agent_id, b"x"),))
         return outcomes
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
@@ -105,9 +105,11 @@ def test_only_what_is_due_is_granted() -> None:
     assert [sorted(grants) for grants in host.granted] == [[1, 2], [2], [1, 2]]
 
 
-def test_an_agents_time_is_rounded_up_to_mission_time() -> None:
-    coordinator = Coordinator(NotingHost(), {1: 0}, TimeScale(30))
-    assert coordinator.advance(5) == [AgentOutput(3, 1, WifiSent(61, b"x"))]
+def test_outputs_of_one_mission_millisecond_come_by_agent() -> None:
+    """Agent times 61 and 62 are both of the third millisecond at theta 30, and at theta 1 the earlier one comes first."""
+    sent = [WifiSent(62, 1, b"x"), WifiSent(61, 2, b"x")]
+    assert Coordinator(NotingHost(), {1: 0, 2: 0}, TimeScale(30)).advance(5) == sent
+    assert Coordinator(NotingHost(), {1: 0, 2: 0}, TimeScale(1)).advance(100) == sent[::-1]
 
 
 def test_a_death_takes_the_window_again_after_a_boot_at_its_start() -> None:
@@ -117,7 +119,7 @@ def test_a_death_takes_the_window_again_after_a_boot_at_its_start() -> None:
     host.deaths = [1]
     came = coordinator.advance(2_000)
     assert host.restarts == [(1, 30_000, ResetCause.WATCHDOG)]
-    assert [type(it) for it in came] == [AgentOutput, AgentDied]
+    assert [type(it) for it in came] == [WifiSent, AgentDied]
     assert host.granted[1] == host.granted[2] == {1: Grant(60_000)}
 
 

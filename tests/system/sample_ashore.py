@@ -12,7 +12,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from agents.coordinator import AgentOutput, Coordinator
+from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.body import BodyConfig
@@ -80,8 +80,8 @@ def main(run_dir: Path, epoch: int, until_s: int) -> None:
         now_s += 1
         story(clock, now_s)
         for event in clock.advance(1000 * now_s):
-            if isinstance(event, AgentOutput) and isinstance(event.output, WifiSent):
-                packet = CODEC.decode(event.output.data)
+            if isinstance(event, WifiSent):
+                packet = CODEC.decode(event.data)
                 if isinstance(packet, LogRecords):
                     found = collection.take(packet)
                     assert isinstance(found, Taken)

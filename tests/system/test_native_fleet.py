@@ -26,12 +26,12 @@ from hypothesis import strategies as st
 from killing import gone, kill_9, pid_of_supervisor
 from native_boards import NATIVE, compiled
 
-from agents.coordinator import AgentDied, AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.defects import BoardPart
-from agents.mussel.outputs import Truth
+from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, PartFailed, SoundArrived, Stimulus
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
@@ -99,9 +99,9 @@ Story = list[tuple[int, int, Stimulus | str]]
 
 def fly(
     host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
-) -> tuple[list[AgentOutput | AgentDied], list[Truth]]:
+) -> tuple[list[Output | AgentDied], list[Truth]]:
     clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
-    came: list[AgentOutput | AgentDied] = []
+    came: list[Output | AgentDied] = []
     told: list[Truth] = []
     now_ms = 0
     for step, length_ms in enumerate([0, *steps_ms]):
@@ -202,7 +202,7 @@ def test_a_firmware_that_hangs_stays_dead_and_the_others_fly_on(host: ProcessHos
     assert (died.agent_id, died.reason) == (21, "its firmware hung; see nursery.log")
     assert died.gave_up == "aMussel 21: its firmware hangs, so it stays dead; see nursery.log"
     assert gone(boards[21])
-    heard = {it.agent_id for it in clock.advance(20_000) if isinstance(it, AgentOutput)}
+    heard = {it.agent_id for it in clock.advance(20_000) if isinstance(it, Output)}
     assert heard == {3, 8}
 
 

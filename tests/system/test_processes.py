@@ -16,13 +16,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from killing import gone, kill_9, standing_still
 
-from agents.coordinator import AgentDied, AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.host import Grant, Host, Reply
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.link_protocol import LIMIT_BYTES, WindowGrant, readable
 from agents.hosting.process_host import Fenced, ProcessHost
-from agents.mussel.outputs import Truth, WifiSent
+from agents.mussel.outputs import Output, Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
 from agents.nursery import protocol
 from agents.nursery.fleet_file import PHYSICAL_NAME, RestartPolicy
@@ -75,10 +75,10 @@ Story = list[tuple[int, int, Stimulus | str]]
 
 def fly(
     host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
-) -> tuple[list[AgentOutput | AgentDied], list[Truth]]:
+) -> tuple[list[Output | AgentDied], list[Truth]]:
     """Windows of the given lengths; an event of step k comes before that window, a kill as kill -9."""
     clock = coordinator(host)
-    came: list[AgentOutput | AgentDied] = []
+    came: list[Output | AgentDied] = []
     told: list[Truth] = []
     now_ms = 0
     for step, length_ms in enumerate([0, *steps_ms]):
@@ -160,9 +160,7 @@ def test_few_messages_pass_while_nothing_happens(tmp_path: Path, monkeypatch: py
         ask = ahead.links.ask
         monkeypatch.setattr(ahead.links, "ask", lambda key, frames: asked.append(frames) or ask(key, frames))
         clock = coordinator(ahead)
-        heard = [
-            it for now_s in range(101) for it in clock.advance(1000 * now_s) if isinstance(it, AgentOutput)
-        ]
+        heard = [it for now_s in range(101) for it in clock.advance(1000 * now_s) if isinstance(it, Output)]
         assert len(heard) == 3 * 100
         assert len(asked) == 1
     finally:
@@ -230,7 +228,7 @@ def test_a_stopped_agent_is_killed_by_the_watchdog(tmp_path: Path) -> None:
     assert [(it.agent_id, it.cause, it.reason) for it in died] == [
         (21, ResetCause.WATCHDOG, "no answer within 3 s: killed by the watchdog")
     ]
-    assert sorted(it.agent_id for it in came if isinstance(it, AgentOutput)) == [3, 8, 21]
+    assert sorted(it.agent_id for it in came if isinstance(it, Output)) == [3, 8, 21]
 
 
 @pytest.mark.parametrize(
@@ -514,7 +512,7 @@ def test_a_whole_crash_is_resumed_from_the_file(orphans: subprocess.Popen[bytes]
         clock = Coordinator(host, host.granted_ms, TimeScale(THETA), now_ms=10_000)
         came = clock.advance(11_000)
         assert sorted(it.agent_id for it in came if isinstance(it, AgentDied)) == list(IDS)
-        assert sorted(it.agent_id for it in came if isinstance(it, AgentOutput)) == list(IDS)
+        assert sorted(it.agent_id for it in came if isinstance(it, Output)) == list(IDS)
     finally:
         host.close()
 

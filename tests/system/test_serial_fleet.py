@@ -15,11 +15,11 @@ from killing import kill_9
 from native_boards import compiled
 from serial_rigs import SerialRig, compiled_for_serial
 
-from agents.coordinator import AgentDied, AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import FirmwareConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
-from agents.mussel.outputs import Truth
+from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
@@ -67,10 +67,10 @@ def host(programs: tuple[Path, Path], rig: SerialRig, tmp_path: Path) -> Iterato
 
 def fly(
     host: InProcessHost | ProcessHost, until_s: int
-) -> tuple[list[AgentOutput | AgentDied], list[Truth], Coordinator]:
+) -> tuple[list[Output | AgentDied], list[Truth], Coordinator]:
     """A permission for each aMussel, a dock for each, and again the water; the agents of two are killed."""
     clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(1))
-    came: list[AgentOutput | AgentDied] = []
+    came: list[Output | AgentDied] = []
     told: list[Truth] = []
     for now_s in range(0, until_s, 10):
         for n, agent_id in enumerate(IDS):
@@ -119,7 +119,7 @@ def test_a_board_whose_cable_stays_out_stays_dead_and_the_others_fly_on(
     (died,) = [it for it in came if isinstance(it, AgentDied)]
     assert (died.agent_id, died.reason) == (SERIAL, "its firmware hung; see nursery.log")
     assert died.gave_up is not None
-    assert {it.agent_id for it in clock.advance(600_000) if isinstance(it, AgentOutput)} == {OURS, C}
+    assert {it.agent_id for it in clock.advance(600_000) if isinstance(it, Output)} == {OURS, C}
 
 
 @pytest.mark.parametrize("verb", ["run", "conform"])

@@ -9,11 +9,11 @@ import pytest
 from fleets import STILL, with_whole_boards
 from killing import kill_9
 
-from agents.coordinator import AgentDied, AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
-from agents.mussel.outputs import Truth
+from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
@@ -81,7 +81,7 @@ def story(agent_id: int) -> list[tuple[int, Stimulus | None]]:
     ]
 
 
-def fly(host: InProcessHost | ProcessHost) -> tuple[list[AgentOutput | AgentDied], list[Truth]]:
+def fly(host: InProcessHost | ProcessHost) -> tuple[list[Output | AgentDied], list[Truth]]:
     clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
     came, told = list(clock.advance(0)), host.take_truths()
     for now_s in range(1, 301):

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from agents import coordinator
 from agents.mussel.outputs import SoundSent
 from agents.packet_medium import Medium
 from agents.serial_port import SerialPort
@@ -59,7 +58,7 @@ class SerialLines:
             case Printed(_, agent_id, data):
                 self.printed(agent_id, data)
                 return True
-            case coordinator.AgentOutput(_, agent_id, SoundSent(_, data)):
+            case SoundSent(_, agent_id, data):
                 return self.report(agent_id, data, now_ms)
         return False
 

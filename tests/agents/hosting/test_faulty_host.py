@@ -8,7 +8,7 @@ from fleets import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.coordinator import AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import resting_on_bottom
 from agents.hosting.faulty_host import FaultyHost, LinkDefect
 from agents.hosting.host import Death, Grant, Reply
@@ -57,7 +57,9 @@ def _echoes(grant: Grant) -> list[Output]:
     assert list(grant.stimuli) == sorted(grant.stimuli, key=lambda it: it[0])
     assert all(at_ms <= grant.until_ms for at_ms, _ in grant.stimuli)
     return [
-        WifiSent(at_ms, it.data) for at_ms, it in grant.stimuli if isinstance(it, WifiArrived | SoundArrived)
+        WifiSent(at_ms, 1, it.data)
+        for at_ms, it in grant.stimuli
+        if isinstance(it, WifiArrived | SoundArrived)
     ]
 
 
@@ -77,9 +79,7 @@ def heard(
     for at_ms, stimulus in sorted(moments, key=lambda it: it[0]):
         if killed and stimulus is None:
             echo.kill(1)
-        came += [
-            (it.mission_ms, it.output) for it in coordinator.advance(at_ms) if isinstance(it, AgentOutput)
-        ]
+        came += [(it.at_ms, it) for it in coordinator.advance(at_ms) if not isinstance(it, AgentDied)]
         if stimulus is not None:
             coordinator.receive(1, stimulus, at_ms)
     return came
@@ -124,7 +124,7 @@ def test_every_bit_flips_at_probability_one() -> None:
 def test_a_cut_link_loses_all_and_counts_it() -> None:
     sent: list[tuple[int, Stimulus]] = [(1, WifiArrived(b"a")), (2, SoundArrived(b"b")), (3, PingArrived(5))]
     assert heard({LinkDefect.CUT: 0}, sent, []) == [
-        (at_ms, StimulusDropped(at_ms, "a packet on a link that was cut")) for at_ms in (1, 2, 3)
+        (at_ms, StimulusDropped(at_ms, 1, "a packet on a link that was cut")) for at_ms in (1, 2, 3)
     ]
 
 

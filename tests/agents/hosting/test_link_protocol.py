@@ -6,6 +6,7 @@ import os
 import socket
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import msgpack
 import pytest
@@ -52,9 +53,9 @@ FACTS = st.tuples(
     | st.builds(WifiArrived, st.binary(max_size=40)),
 )
 OUTPUTS: st.SearchStrategy[Output] = (
-    st.builds(WifiSent, TIMES, st.binary(max_size=40))
-    | st.builds(SoundSent, TIMES, st.binary(max_size=40))
-    | st.builds(StimulusDropped, TIMES, st.text(max_size=40))
+    st.builds(WifiSent, TIMES, st.just(7), st.binary(max_size=40))
+    | st.builds(SoundSent, TIMES, st.just(7), st.binary(max_size=40))
+    | st.builds(StimulusDropped, TIMES, st.just(7), st.text(max_size=40))
 )
 
 
@@ -88,7 +89,7 @@ AHEAD = st.builds(
 @given(key=KEYS, windows=st.lists(AHEAD, max_size=MOST_AHEAD))
 def test_windows_ahead_cross_the_link(key: tuple[int, int], windows: list[AheadWindow]) -> None:
     ahead = Ahead(key, tuple(windows))
-    assert decode_from_agent(ahead.encode()) == ahead
+    assert decode_from_agent(ahead.encode(), 7) == ahead
 
 
 @given(key=KEYS, due_ms=st.none() | TIMES, outputs=st.lists(OUTPUTS, max_size=700))
@@ -96,7 +97,7 @@ def test_an_answer_crosses_the_link_in_parts(
     key: tuple[int, int], due_ms: int | None, outputs: list[Output]
 ) -> None:
     frames = encode_answer(key, (1, 2), 30, 4, Reply(due_ms, tuple(outputs)))
-    answers = [decode_from_agent(frame) for frame in frames]
+    answers = [decode_from_agent(frame, 7) for frame in frames]
     assert all(len(frame) <= LIMIT_BYTES for frame in frames)
     came: list[Output] = []
     for part, answer in enumerate(answers):
@@ -109,10 +110,10 @@ def test_an_answer_crosses_the_link_in_parts(
 
 @given(sizes=st.lists(st.integers(0, 1024), min_size=60, max_size=300))
 def test_an_answer_of_large_packets_is_parted_by_their_bytes(sizes: list[int]) -> None:
-    outputs = tuple(WifiSent(n, bytes(size)) for n, size in enumerate(sizes))
+    outputs = tuple(WifiSent(n, 7, bytes(size)) for n, size in enumerate(sizes))
     frames = encode_answer((1, 3), (1, 2), 30, 4, Reply(None, outputs))
     assert all(len(frame) <= LIMIT_BYTES for frame in frames)
-    answers = [decode_from_agent(frame) for frame in frames]
+    answers = [decode_from_agent(frame, 7) for frame in frames]
     came = [it for answer in answers if isinstance(answer, WindowAnswer) for it in answer.reply.outputs]
     assert tuple(came) == outputs
     assert len(frames) <= 1 + (sum(sizes) + 32 * len(sizes)) // 7_000 + len(sizes) // 256
@@ -120,7 +121,7 @@ def test_an_answer_of_large_packets_is_parted_by_their_bytes(sizes: list[int]) -
 
 @given(data=st.binary(max_size=60))
 def test_garbage_is_a_link_error_either_way(data: bytes) -> None:
-    for decode in (decode_to_agent, decode_from_agent):
+    for decode in (decode_to_agent, partial(decode_from_agent, agent_id=7)):
         try:
             decode(data)
         except LinkError:
@@ -131,7 +132,7 @@ def test_garbage_is_a_link_error_either_way(data: bytes) -> None:
 def test_a_part_beyond_the_last_one_is_a_link_error(part: int, parts: int) -> None:
     """The supervisor would look for the parts that are missing, and find none."""
     with pytest.raises(LinkError, match="a part beyond the last one"):
-        decode_from_agent(msgpack.packb([3, 1, 1, 1, 1, 100, 0, part, parts, None, []]))
+        decode_from_agent(msgpack.packb([3, 1, 1, 1, 1, 100, 0, part, parts, None, []]), 7)
 
 
 def test_a_truncated_word_is_a_link_error() -> None:
@@ -177,7 +178,7 @@ def test_the_same_question_gets_the_same_answer_and_happens_once(
     assert servant.take(window) == first
     with pytest.raises(BlockingIOError):
         hearer.recv(LIMIT_BYTES, socket.MSG_DONTWAIT)
-    answer = decode_from_agent(first[0])
+    answer = decode_from_agent(first[0], 7)
     assert isinstance(answer, WindowAnswer)
     assert (answer.granted_ms, answer.truths) == (40_000, len(told.truths))
     assert [type(output) for output in answer.reply.outputs] == [WifiSent]
@@ -217,7 +218,7 @@ def test_an_old_epoch_is_fenced_off_and_moves_nothing(
     servant, _, pair = served
     servant.take(WindowGrant((1, 5), Grant(10_000)).encode())
     servant.take(Repeat((2, 0)).encode())
-    refusal = decode_from_agent(servant.take(WindowGrant((1, 6), Grant(20_000)).encode())[0])
+    refusal = decode_from_agent(servant.take(WindowGrant((1, 6), Grant(20_000)).encode())[0], 7)
     assert refusal == WindowRefusal((1, 6), True, "fenced off: epoch 2 has taken over from epoch 1")
     newest = pair.newest(None)
     assert newest is not None and newest.granted_ms == 10_000
@@ -227,9 +228,9 @@ def test_repeat_says_the_last_window_again_and_the_present_truth(
     served: tuple[WindowHandler, socket.socket, RecordRing],
 ) -> None:
     servant, hearer, _ = served
-    last = decode_from_agent(servant.take(WindowGrant((1, 5), Grant(40_000)).encode())[0])
+    last = decode_from_agent(servant.take(WindowGrant((1, 5), Grant(40_000)).encode())[0], 7)
     hearer.recv(LIMIT_BYTES)
-    again = decode_from_agent(servant.take(Repeat((2, 0)).encode())[0])
+    again = decode_from_agent(servant.take(Repeat((2, 0)).encode())[0], 7)
     assert isinstance(last, WindowAnswer) and isinstance(again, WindowAnswer)
     assert (again.key, again.window, again.granted_ms) == ((2, 0), (1, 5), 40_000)
     assert again.reply == last.reply
@@ -254,14 +255,14 @@ def test_a_bad_message_is_refused_and_the_next_good_one_works(
 ) -> None:
     servant, _, _ = served
     servant.take(WindowGrant((1, 1), Grant(10_000)).encode())
-    refusal = decode_from_agent(servant.take(data)[0])
+    refusal = decode_from_agent(servant.take(data)[0], 7)
     assert isinstance(refusal, WindowRefusal) and not refusal.fenced and reason in refusal.reason
-    answer = decode_from_agent(servant.take(WindowGrant((1, 2), Grant(20_000)).encode())[0])
+    answer = decode_from_agent(servant.take(WindowGrant((1, 2), Grant(20_000)).encode())[0], 7)
     assert isinstance(answer, WindowAnswer) and answer.granted_ms == 20_000
 
 
 def ran_ahead(servant: WindowHandler, key: tuple[int, int], windows: int, counted_ms: int) -> Ahead:
-    ahead = decode_from_agent(servant.take(RunAhead(key, windows, counted_ms).encode())[0])
+    ahead = decode_from_agent(servant.take(RunAhead(key, windows, counted_ms).encode())[0], 7)
     assert isinstance(ahead, Ahead)
     return ahead
 
@@ -294,7 +295,7 @@ def test_an_agent_goes_back_and_what_happens_then_counts(
     ran_ahead(servant, (1, 2), 3, 30_000)
     ran_ahead(servant, (1, 3), 3, 60_000)
     sunk = WindowGrant((1, 4), Grant(120_000, ((90_000, ContactClosed(0, 0)),)), 90_000)
-    answer = decode_from_agent(servant.take(sunk.encode())[0])
+    answer = decode_from_agent(servant.take(sunk.encode())[0], 7)
     assert isinstance(answer, WindowAnswer)
     assert [type(output) for output in answer.reply.outputs] == [StimulusDropped, WifiSent]
     assert [output.at_ms for output in answer.reply.outputs] == [90_000, 120_000]
@@ -333,7 +334,7 @@ def test_an_agent_ahead_refuses_what_would_lose_its_time(
     servant, _, _ = served
     servant.take(WindowGrant((1, 1), Grant(30_000)).encode())
     ran_ahead(servant, (1, 2), 3, 30_000)
-    refusal = decode_from_agent(servant.take(message.encode())[0])
+    refusal = decode_from_agent(servant.take(message.encode())[0], 7)
     assert refusal == WindowRefusal(message.key, False, reason)
-    answer = decode_from_agent(servant.take(WindowGrant((1, 10), Grant(90_000), 60_000).encode())[0])
+    answer = decode_from_agent(servant.take(WindowGrant((1, 10), Grant(90_000), 60_000).encode())[0], 7)
     assert isinstance(answer, WindowAnswer) and answer.granted_ms == 90_000

@@ -175,7 +175,7 @@ def test_what_cannot_be_is_dropped_with_a_reason(stimulus: Stimulus, reason: str
     mussel = agent()
     mussel.advance(5_000)
     before = mussel.physical
-    assert mussel.receive(stimulus, 5_000) == [StimulusDropped(5_000, reason)]
+    assert mussel.receive(stimulus, 5_000) == [StimulusDropped(5_000, 7, reason)]
     assert mussel.physical == before
 
 

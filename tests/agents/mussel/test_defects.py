@@ -108,7 +108,7 @@ def test_a_bouncing_contact_chatters_until_it_holds() -> None:
 
 def test_a_contact_bounces_in_a_dock_only() -> None:
     reason = "a contact bounced in a dock that does not hold this aMussel"
-    assert floating().receive(ContactBounced(20), 70_000) == [StimulusDropped(70_000, reason)]
+    assert floating().receive(ContactBounced(20), 70_000) == [StimulusDropped(70_000, 7, reason)]
 
 
 @given(

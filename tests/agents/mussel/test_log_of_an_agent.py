@@ -155,7 +155,7 @@ def test_it_stays_awake_while_somebody_takes_its_log() -> None:
     mussel.advance(wake_ms + 65_000)
     assert mussel.board.state is State.CHARGING
     (late,) = mussel.receive(WifiArrived(LogAck(7, 3).encode()), wake_ms + 70_000)
-    assert late == StimulusDropped(wake_ms + 70_000, "Wi-Fi is off")
+    assert late == StimulusDropped(wake_ms + 70_000, 7, "Wi-Fi is off")
 
 
 def test_a_long_log_goes_out_four_packets_at_once() -> None:

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from seas import FLEET, SEA
 
-from agents.coordinator import AgentDied, AgentOutput, Coordinator
+from agents.coordinator import AgentDied, Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
-from agents.mussel.outputs import Truth
+from agents.mussel.outputs import Output, Truth
 from agents.mussel.stimuli import ContactClosed, SoundArrived
 from agents.water.medium import PacketEnded, PacketOutcome
 from agents.water.sea import Sea, SeaConfig
@@ -217,7 +217,7 @@ def test_wifi_reaches_as_far_as_its_model_says() -> None:
         docks.run(100_000)
         for agent_id in (1, 2):
             docks.sea.send_sound(agent_id, command(Kind.PERMISSION, agent_id))
-        return Counter(it.agent_id for it in docks.run(2 * HOUR_MS) if isinstance(it, AgentOutput))
+        return Counter(it.agent_id for it in docks.run(2 * HOUR_MS) if isinstance(it, Output))
 
     docks = Bench(20, 2000, sea=replace(SEA, wifi=Wifi()))
     everything = heard_of(Bench(20, 2000))  # without Wi-Fi's model all of it arrives

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.coordinator import AgentDied, AgentOutput
+from agents.coordinator import AgentDied
 from agents.modem.frames import FrameKind, ModemFrame
 from agents.mussel.outputs import SoundSent
 from agents.mussel.stimuli import ContactClosed, SoundArrived, WasReset
@@ -29,14 +29,14 @@ MESSAGES: tuple[Message, ...] = (
     Window(60_000, None, ((3, 59_999, ContactClosed(-5, 7)), (4, 60_000, SoundArrived(b"")))),
     Windowed(
         (
-            AgentOutput(1, 3, SoundSent(60, b"hello")),
+            SoundSent(60, 3, b"hello"),
             AgentDied(2, 4, 90, ResetCause.WATCHDOG, "it stood still", None),
         ),
         (),
         2**62,
     ),
     Ticked(
-        (PacketEnded(3, 1, FRAME, None, RECEPTIONS), AgentOutput(1, 3, SoundSent(60, b""))),
+        (PacketEnded(3, 1, FRAME, None, RECEPTIONS), SoundSent(60, 3, b"")),
         ((4, 5, WasReset(2)),),
         {0: ModemPlace(1, 2, 3, in_water=True), -1: None},
         Counter({"sound: no place": 3}),

@@ -10,10 +10,10 @@ from typing import Any, cast
 import pytest
 from scenario_files import POOL_FILE
 
-from agents.coordinator import AgentOutput, Coordinator
+from agents.coordinator import Coordinator
 from agents.hosting.faulty_host import FaultyHost
 from agents.hosting.in_process import InProcessHost
-from agents.mussel.outputs import Truth
+from agents.mussel.outputs import Output, Truth
 from agents.mussel.physical import Physical
 from agents.mussel.stimuli import ContactClosed, ContactOpened, Stimulus, to_json
 from agents.packet_medium import Medium
@@ -341,9 +341,7 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
     assert again.simulated == {1, 4}
     coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.time_scale)
     again.mute_as_before(coordinator)
-    spoke = {
-        it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, AgentOutput)
-    }
+    spoke = {it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, Output)}
     assert spoke == {1, 4}
 
 

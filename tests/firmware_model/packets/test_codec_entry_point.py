@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
-from agents.coordinator import AgentOutput, Coordinator
+from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import SoundArrived
@@ -72,9 +72,9 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     spoken = {}
     for now_ms in (1000, 2000):
         for heard in fleet.advance(now_ms):
-            assert isinstance(heard, AgentOutput) and isinstance(heard.output, WifiSent)
-            spoken[heard.agent_id] = heard.output.data
-            supervisor.receive(WifiHeard(heard.mission_ms, heard.output.data))
+            assert isinstance(heard, WifiSent)
+            spoken[heard.agent_id] = heard.data
+            supervisor.receive(WifiHeard(fleet.scale.mission_ms(heard.at_ms), heard.data))
         supervisor.advance(now_ms)
     assert all(line.startswith(f"$STATUS,{agent_id},".encode()) for agent_id, line in spoken.items())
     assert [belief.agent_id for belief in supervisor.beliefs.all()] == list(range(1, 13))
@@ -84,8 +84,8 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     permission = lines.encode(CommandPacket(Kind.PERMISSION, 3))
     fleet.receive(3, SoundArrived(permission), 2000)
     for heard in fleet.advance(3000):
-        assert isinstance(heard, AgentOutput) and isinstance(heard.output, WifiSent)
-        supervisor.receive(WifiHeard(heard.mission_ms, heard.output.data))
+        assert isinstance(heard, WifiSent)
+        supervisor.receive(WifiHeard(fleet.scale.mission_ms(heard.at_ms), heard.data))
     supervisor.advance(3000)
     surfacing = [belief.agent_id for belief in supervisor.beliefs.all() if belief.state is State.SURFACING]
     assert surfacing == [3]
