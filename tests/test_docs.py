@@ -334,3 +334,13 @@ def test_each_hook_before_a_commit_has_a_program_that_finds_tests_or_takes_each_
         arguments = ["--collect-only"] if "pytest" in words else given
         done = subprocess.run([program, *words[1:], *arguments], cwd=ROOT, capture_output=True, text=True)
         assert given and done.returncode == 0, done.stdout[-500:]
+
+
+def test_the_road_of_a_status_packet_has_18_files_and_9_forms_at_most() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    _, _, road = page.partition("### The road of a status packet to a docking order\n")
+    steps = re.findall(r"^\d+\. .*(?:\n    .*)*", road.partition("\n### ")[0], re.MULTILINE)
+    forms = {form for step in steps for form in re.findall(r"`([A-Z]\w+)(?:\[\w+\])?`", step)}
+    code = [path.read_text() for room in ROOMS[2:5] for path in (ROOT / room).rglob("*.py")]
+    assert all(any(re.search(rf"^class {form}\b", text, re.MULTILINE) for text in code) for form in forms)
+    assert 0 < len(steps) <= 18 and 0 < len(forms) <= 9
