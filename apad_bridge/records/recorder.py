@@ -122,8 +122,7 @@ class Recorder:
         self.dropped: Counter[str] = Counter()
         self.dropped_before: Counter[str] = Counter()
         """The counts of this run's former supervisors, as far as they are known."""
-        self.dropped_in_flight: Callable[[], Counter[str]] = Counter
-        """Returns the counts of the recorded flight so far."""
+        self._dropped_in_flight: Callable[[], Counter[str]] = Counter
         self._directory = directory
         self.has_failed = False
         self._scenario, self._scale = scenario, scenario.time_scale
@@ -267,8 +266,13 @@ class Recorder:
         battery: BatteryReported | None,
         primitive: str,
         docks: tuple[int | None, ...],
+        dropped: Callable[[], Counter[str]] = Counter,
     ) -> None:
-        """Ends a mission tick: samples it, journals the changes, and writes the tick's lines to disk."""
+        """Ends a mission tick: samples it, journals the changes, and writes the tick's lines to disk.
+
+        `dropped` returns the counts of the recorded flight so far.
+        """
+        self._dropped_in_flight = dropped
         self._journal.refuse_gone()
         apad = None if pose is None else apad_sample(pose, battery, primitive, docks)
         self._beliefs = beliefs
@@ -377,7 +381,7 @@ class Recorder:
 
     def _dropped_so_far(self) -> Counter[str]:
         """The counts that the next supervisor would not count again."""
-        return self.dropped_before + self.dropped_in_flight() + self.dropped
+        return self.dropped_before + self._dropped_in_flight() + self.dropped
 
     def _all_dropped(self, ending: Ending) -> Counter[str]:
         unreadable = Counter({"a line of samples.jsonl that cannot be read": self._samples.unreadable})

@@ -271,7 +271,6 @@ def prepare(
     flight = _flight(
         config, context, flight_recorder, spec, _collection(config, context, recorder), show_tick
     )
-    recorder.dropped_in_flight = lambda: flight.all_dropped
 
     def finish() -> dict[str, Any]:
         end = flight.ended_by

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -68,6 +69,7 @@ class MemoryRecorder:
         battery: BatteryReported | None,
         primitive: str,
         docks: tuple[int | None, ...],
+        dropped: Callable[[], Counter[str]],
     ) -> None:
         pass
 

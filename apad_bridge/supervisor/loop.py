@@ -160,6 +160,7 @@ class Flight:
             supervisor.battery,
             supervisor.primitive,
             supervisor.mission.docks,
+            lambda: self.all_dropped,
         )
         self._roster.answer()
         for watch in self._watchers:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from agents.mussel.outputs import Truth
@@ -30,4 +31,7 @@ class FlightRecorder(Protocol):
         battery: BatteryReported | None,
         primitive: str,
         docks: tuple[int | None, ...],
-    ) -> None: ...
+        dropped: Callable[[], Counter[str]],
+    ) -> None:
+        """Ends a tick; `dropped` returns the counts of the flight so far."""
+        ...

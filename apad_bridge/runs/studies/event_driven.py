@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache, partial
@@ -266,6 +267,7 @@ class EventRecorder:
         battery: BatteryReported | None,
         primitive: str,
         docks: tuple[int | None, ...],
+        dropped: Callable[[], Counter[str]],
     ) -> None:
         pass
 

@@ -92,8 +92,7 @@ class Gate:
         """The reason why another party has the vehicle, until a person decides; empty while none has."""
         self.pilot = ""
         """The reason why nothing may be ordered for a pilot's sake; empty where none steers."""
-        self.goes_slowly = True
-        """The vehicle obeys a speed. Another one is not sent back inside the fence from here."""
+        self._obeys_speed = True
 
     @classmethod
     def without_guards(cls) -> Gate:
@@ -105,6 +104,10 @@ class Gate:
         """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
         stop = self.stops.in_force
         return stop.text() if stop is not None else self._others
+
+    def note_vehicle(self, *, obeys_speed: bool) -> None:
+        """Takes what the vehicle can do. One that obeys no speed is not sent back inside the fence from here."""
+        self._obeys_speed = obeys_speed
 
     def note_others(self, reason: str) -> None:
         """Another party has the vehicle, for this reason, until a person decides; the first reason counts."""
@@ -144,7 +147,7 @@ class Gate:
             return (0.0, 0.0), self.pilot or situation.position_fault
         if not situation.outside:
             return situation.place_m, "the aPad is inside the fence"
-        if not self.goes_slowly:
+        if not self._obeys_speed:
             return situation.place_m, "this aPad obeys no speed: bring it back by joystick"
         return self._waters.way_back(situation.place_m, WAY_BACK_M)
 

@@ -66,7 +66,7 @@ class GuardedVehicle:
         self._link = link
         self._safety = safety
         self.gate = safety.gate
-        self.gate.goes_slowly = obeys_speed
+        self.gate.note_vehicle(obeys_speed=obeys_speed)
         self._stops = safety.gate.stops
         self._facts: list[LinkFact] = []
         """Facts of this class's own that nobody has taken yet."""

@@ -232,8 +232,7 @@ def test_without_a_checkpoint_it_goes_on_and_says_that_it_believes_nothing(
 
 
 def ticked(recorder: Recorder, now_ms: int, dropped: dict[str, int]) -> None:
-    recorder.dropped_in_flight = lambda: Counter(dropped)
-    recorder.tick(now_ms, [], None, None, "none", FREE)
+    recorder.tick(now_ms, [], None, None, "none", FREE, lambda: Counter(dropped))
 
 
 def killed(directory: RunDirectory, path: Path) -> RunDirectory:
@@ -250,9 +249,11 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
         parts.initial_learned_state(CONFIG),
     )
     first.begin_checkpoint(learned, 0)
-    ticked(first, 1000, {"echo": 1})
-    ticked(first, 2000, {"echo": 2, "late": 1})
-    first.dropped_in_flight = lambda: Counter(echo=9)  # in the tick in which it is killed
+    dropped = {"echo": 1}
+    ticked(first, 1000, dropped)
+    dropped |= {"echo": 2, "late": 1}
+    ticked(first, 2000, dropped)
+    dropped["echo"] = 9  # in the tick in which it is killed
     left = killed(directory, tmp_path / "second")
     first.close()
 
