@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Suspicion
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import ExchangePhase, Phase
 from apad_bridge.events.run import EndReason
@@ -22,7 +22,7 @@ from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Places, Unavailable
+from apad_bridge.scenario.schema import Dispatch, DockedAtHome, Home, Places, Suspects, Unavailable
 from apad_bridge.scenario.schema import Mission as MissionConfig
 from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Primitive
 from apad_bridge.vehicle.docks import after_report
@@ -308,6 +308,29 @@ def bring_home(bench: Bench, agent_ids: tuple[int, ...], charge: float) -> None:
         assert isinstance(released, OpenDock)
         bench.told.say(released.agent_id, bench.now_ms, State.ACTIVE, charge)
     assert bench.mission.state.phase is Phase.IDLE
+
+
+def test_a_suspect_with_charge_is_fetched_for_a_look_brought_back_and_left_in_the_water() -> None:
+    bench = Bench(agents=2, config=replace(MISSION, batch=1, suspects=Suspects.FETCHED))
+
+    def suspect(was_docked: bool) -> None:
+        bench.told[2] = replace(bench.told[2], suspicion=Suspicion("its charge jumps", was_docked))
+
+    for agent_id in (1, 2):
+        bench.told.say(agent_id, 0, State.ACTIVE, 0.95)
+    assert not any(isinstance(order, GoToPoint) for order in bench.tick())
+    suspect(was_docked=False)
+    assert PermitSurfacing(2) in bench.tick()
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.collect(2)
+    suspect(was_docked=True)  # its twin has seen the docking
+    bring_home(bench, (2,), charge=1.0)
+    suspect(was_docked=True)
+    assert bench.mission.state.services == 1
+    assert not any(isinstance(order, GoToPoint) for order in (*bench.tick(), *bench.tick(600)))
+    bench.told.say(2, bench.now_ms, State.ACTIVE, 0.5)  # and served as any other
+    suspect(was_docked=True)
+    assert PermitSurfacing(2) in bench.tick()
 
 
 def test_one_that_is_docked_a_second_time_is_watched_anew() -> None:
