@@ -318,16 +318,16 @@ def test_a_suspect_with_charge_is_fetched_for_a_look_brought_back_and_left_in_th
 
     for agent_id in (1, 2):
         bench.told.say(agent_id, 0, State.ACTIVE, 0.95)
-    assert not any(isinstance(order, GoToPoint) for order in bench.tick())
+    assert not any(isinstance(order, GoTo) for order in bench.tick())
     suspect(was_docked=False)
     assert PermitSurfacing(2) in bench.tick()
-    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.orders = [order for order in bench.orders if isinstance(order, GoTo)]
     bench.collect(2)
     suspect(was_docked=True)  # its twin has seen the docking
     bring_home(bench, (2,), charge=1.0)
     suspect(was_docked=True)
     assert bench.mission.state.services == 1
-    assert not any(isinstance(order, GoToPoint) for order in (*bench.tick(), *bench.tick(600)))
+    assert not any(isinstance(order, GoTo) for order in (*bench.tick(), *bench.tick(600)))
     bench.told.say(2, bench.now_ms, State.ACTIVE, 0.5)  # and served as any other
     suspect(was_docked=True)
     assert PermitSurfacing(2) in bench.tick()
