@@ -19,8 +19,8 @@ from typing import Any
 
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import SoundSent, Truth, WifiSent
-from agents.mussel.stimuli import WasReset, from_json
-from agents.time_scale import MissionMs
+from agents.mussel.stimuli import Stimulus, WasReset, from_json
+from agents.time_scale import AgentMs, MissionMs
 from apad_bridge.assembly import fleet_parts, parts
 from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.division import members
@@ -33,7 +33,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
-from apad_bridge.records.journal import JournalContents, Line, read_journal
+from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
@@ -82,6 +82,8 @@ FIGURES = {
 """The compared figures of summary.json, and their names for people."""
 LOST_APAD = "it is lost in this branch"
 _BATTERY_HELD_MS = 60_000
+_FELT: tuple[type[Stimulated | ProcessDied], ...] = (Stimulated, ProcessDied)
+"""The events that reach an aMussel."""
 
 
 class NoBranch(ValueError):
@@ -216,8 +218,8 @@ def _again(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, JournalC
     )
     opened.runner.run(at_ms)
     for name, recorder in opened.recorders.items():
-        repeated = [{"t": t, "kind": kind, **data} for t, kind, data in recorder.events]
-        if _stimuli(repeated, at_ms) != _stimuli(journals[name].lines, at_ms):
+        repeated = JournalContents([{"t": t, "kind": kind, **data} for t, kind, data in recorder.events], 0)
+        if _stimuli(repeated, at_ms) != _stimuli(journals[name], at_ms):
             return None
     return _Opened(
         opened.runner,
@@ -228,12 +230,12 @@ def _again(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, JournalC
     )
 
 
-def _stimuli(lines: Sequence[Line], at_ms: MissionMs) -> list[tuple[int, int, int, str]]:
-    """The stimuli of the journal's lines before the moment, in one order."""
+def _stimuli(journal: JournalContents, at_ms: MissionMs) -> list[tuple[int, int, int, str]]:
+    """The journal's stimuli before the moment, in one order."""
     return sorted(
-        (line["t"], line["id"], line["agent_ms"], json.dumps(line.get("wire", "died")))
-        for line in lines
-        if line["kind"] in (Stimulated.kind, ProcessDied.kind) and line["t"] < at_ms
+        (t, it.id, it.agent_ms, json.dumps(it.wire) if isinstance(it, Stimulated) else it.cause)
+        for t, it in journal.events(*_FELT)
+        if t < at_ms
     )
 
 
@@ -245,18 +247,18 @@ def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, J
         raise NoBranch("a run by sound branches if it was flown in virtual time and repeats")
     ((name, journal),) = journals.items()
     at_ms = MissionMs(at_ms // TICK_MS * TICK_MS)
-    lines = [line for line in journal.lines if line["t"] <= at_ms]
-    if any(line["kind"] == PresenceChanged.kind for line in lines):
+    journal = JournalContents([line for line in journal.lines if line["t"] <= at_ms], 0)
+    if any(journal.events(PresenceChanged)):
         raise NoBranch("real aMussels, or retired ones, cannot go on in virtual time")
-    point = find_resume_point(JournalContents(lines, 0), epoch=2, gap_ms=0)
+    point = find_resume_point(journal, epoch=2, gap_ms=0)
     if point.state.phase in (Phase.COMMANDED, Phase.ENDED, Phase.STANDS_DOWN):
         raise NoBranch(
             f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
         )
     meter = UptimeMeter(scenario.time_scale, charge_models(scenario))
     recorder, config = _Recorder(scenario, meter), flight_config(scenario)
-    relived = _relive(scenario, config, lines, at_ms, recorder)
-    vehicle = InProcessVehicle(_apad_at(scenario, lines, point.state, at_ms))
+    relived = _relive(scenario, config, journal, at_ms, recorder)
+    vehicle = InProcessVehicle(_apad_at(scenario, journal, point.state, at_ms))
     context = FlightContext(
         vehicle=vehicle,
         pace=AsFastAsPossible(),
@@ -280,7 +282,7 @@ def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, J
 
 
 def _relive(
-    scenario: Scenario, config: FlightConfig, lines: Sequence[Line], at_ms: MissionMs, recorder: _Recorder
+    scenario: Scenario, config: FlightConfig, journal: JournalContents, at_ms: MissionMs, recorder: _Recorder
 ) -> _Relived:
     """Has each aMussel live through its recorded stimuli, tick by tick up to the moment, and hears what they send."""
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
@@ -292,10 +294,9 @@ def _relive(
     learned = parts.initial_learned_state(config)
     # It is told no position, so its mission orders nothing.
     listener = parts.supervisor(config, learned=learned)
-    felt: dict[int, list[Line]] = defaultdict(list)
-    for line in lines:
-        if line["kind"] in (Stimulated.kind, ProcessDied.kind):
-            felt[-(-line["t"] // TICK_MS) * TICK_MS].append(line)
+    felt: dict[int, list[Stimulated | ProcessDied]] = defaultdict(list)
+    for t, event in journal.events(*_FELT):
+        felt[-(-t // TICK_MS) * TICK_MS].append(event)
     newest: dict[int, Truth] = {}
     for now_ms in map(MissionMs, range(0, at_ms + 1, TICK_MS)):
         for result in fleet.advance(now_ms):
@@ -308,27 +309,31 @@ def _relive(
         recorder.truths(truths)
         newest.update((truth.agent_id, truth) for truth in truths)
         listener.advance(now_ms)
-        for line in felt.get(now_ms, ()):
-            if line.get("gave_up") is not None:
-                raise NoBranch(f"aMussel {line['id']} died for good before {at_ms / 1000:g} s")
-            died = line["kind"] == ProcessDied.kind
-            stimulus = WasReset(ResetCause[line["cause"]]) if died else from_json(line["wire"])
-            fleet.coordinator.receive_at(line["id"], stimulus, line["agent_ms"])
+        for event in felt.get(now_ms, ()):
+            stimulus: Stimulus
+            if isinstance(event, Stimulated):
+                stimulus = from_json(event.wire)
+            elif event.gave_up is None:
+                stimulus = WasReset(ResetCause[event.cause])
+            else:
+                raise NoBranch(f"aMussel {event.id} died for good before {at_ms / 1000:g} s")
+            fleet.coordinator.receive_at(event.id, stimulus, AgentMs(event.agent_ms))
     docked = tuple(agent_id for agent_id, truth in newest.items() if truth.physical.docked)
     return _Relived(fleet, learned, docked)
 
 
 def _apad_at(
-    scenario: Scenario, lines: Sequence[Line], state: MissionState, at_ms: MissionMs
+    scenario: Scenario, journal: JournalContents, state: MissionState, at_ms: MissionMs
 ) -> SimulatedAPad:
     """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
-    seen = next((line for line in reversed(lines) if line["kind"] == APadMoved.kind), None)
-    if seen is None:
+    moves = [it for _, it in journal.events(APadMoved)]
+    if not moves:
         raise NoBranch(f"the aPad was not seen before {at_ms / 1000:g} s")
+    seen = moves[-1]
     data, home_m = resolve(scenario), parts.home_stays(scenario).place_m
-    data["apad"]["start_m"] = [seen["north_m"], seen["east_m"]]
-    if seen["battery"] is not None:
-        data["apad"]["battery"]["start_fraction"] = seen["battery"]
+    data["apad"]["start_m"] = [seen.north_m, seen.east_m]
+    if seen.battery is not None:
+        data["apad"]["battery"]["start_fraction"] = seen.battery
     config = from_data(data, scenario.name).apad
     apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.docked), surface_of(scenario))
     for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:
