@@ -20,9 +20,10 @@ from shapely import Point, Polygon
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model, fly
+from apad_bridge.runs.studies.specification import load_study
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DriftMode
-from benchmarks import bounds, chaos, planner, plans, ten_days
+from benchmarks import bounds, chaos, planner, plans, second_model, ten_days
 from benchmarks.instances import check
 from benchmarks.mutations import first_changes, fresh_changes, held_out_changes
 from benchmarks.plan_study import route
@@ -454,3 +455,24 @@ def test_who_is_docked_at_the_end_still_owes_its_way_down() -> None:
 def test_a_plan_that_cannot_be_flown_is_an_error(steps: list[list[object]], mistake: str) -> None:
     with pytest.raises(ValueError, match=mistake):
         check.scored(small_instance(), {"steps": steps})
+
+
+def test_the_second_model_of_a_mission_comes_near_to_the_flight() -> None:
+    plan = load_study(second_model.CORE)
+    (setting,) = (
+        index
+        for index, it in enumerate(plan.settings)
+        if dict(it.parameters) | {"cell": "60 x 20 m, 20 aMussels, 2 docks", "duration_s": 9600}
+        == dict(it.parameters)
+    )
+    new = second_model.missions(plan, setting, seed=101)
+    modelled = (
+        second_model.flown_in_batches(new, second_model.cautious),
+        second_model.flown_in_batches(new, second_model.greedy),
+        second_model.flown_by_core(new),
+    )
+    for index, ours in enumerate(modelled):
+        flight = fly(plan.scenario(setting, index, 101), Model.EVENT_DRIVEN)
+        assert ours["uptime"] == pytest.approx(flight.uptime_paper_mean, abs=1.5)
+        assert ours["metres"] == pytest.approx(flight.metres, rel=0.35)
+    assert modelled[2]["uptime"] > modelled[1]["uptime"] + 2

@@ -1,0 +1,399 @@
+"""Strategies in the goal's cells, by a second model of a mission that shares no code with the flights.
+
+The model has one aPad on straight legs at one speed, docks, and the paper's equations (1) and (2). It leaves out how the
+aPad speeds up, drift, packets and ticks. Cells, places, start charges and seeds are those of the studies: of core.yaml,
+and of goal.yaml for the comparison with its archived flights. A mission takes milliseconds, so many configurations make
+the intervals narrow. It knows the strategies of the goal alone.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import dist, inf
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.runs.studies.specification import StudyPlan, load_study
+from apad_bridge.runs.studies.statistics import estimate_of
+from apad_bridge.scenario.starts import starts_of
+from benchmarks.rows import told
+
+ROOT = Path(__file__).parents[1]
+CORE, GOAL = (ROOT / f"launch_scripts/studies/{name}.yaml" for name in ("core", "goal"))
+FLOWN = ROOT / "docs/results/goal.csv"
+TRIES, SHORT_TRIES = 60, 2
+THETA, SPEED_M_S, DOCK_S, UNDOCK_S = 30, 0.5, 15.0, 5.0
+DRAIN = 0.0010427134 * THETA / 60
+CURVE = tuple(
+    (end, rate * THETA / 60) for end, rate in ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
+)
+"""Charges a second of the mission, on [0, 1]."""
+BY_LOAD = "by-load, one by one, exchanged, 0.6 to 0.9"
+KNEE, FULL, BATCH_BELOW = 0.5634, 0.99, 0.8
+LIFE_S = 1 / DRAIN
+Place = tuple[float, float]
+
+
+@dataclass(eq=False)
+class AMussel:
+    place_m: Place
+    charge: float
+    known_s: float = 0.0
+    docked: bool = False
+    active_s: float = 0.0
+    released_s: float = 0.0
+    was_served: bool = False
+
+
+def charging_s(charge: float, to: float) -> float:
+    seconds = 0.0
+    for end, per_s in CURVE:
+        if charge < min(end, to):
+            seconds += (min(end, to) - charge) / per_s
+            charge = min(end, to)
+    return seconds
+
+
+def charged(charge: float, seconds: float) -> float:
+    for end, per_s in CURVE:
+        if charge < end:
+            needed_s = (end - charge) / per_s
+            if seconds <= needed_s:
+                return charge + seconds * per_s
+            seconds, charge = seconds - needed_s, end
+    return charge
+
+
+@dataclass
+class Mission:
+    amussels: list[AMussel]
+    docks: int
+    place_m: Place
+    end_s: float
+    now_s: float = 0.0
+    metres: float = 0.0
+
+    def settle(self, *which: AMussel) -> None:
+        at_s = min(self.now_s, self.end_s)
+        for it in which or self.amussels:
+            seconds = at_s - it.known_s
+            if seconds <= 0:
+                continue
+            if it.docked:
+                it.charge = charged(it.charge, seconds)
+            else:
+                it.active_s += min(seconds, it.charge / DRAIN)
+                it.charge = max(0.0, it.charge - seconds * DRAIN)
+            it.known_s = at_s
+
+    def go(self, place_m: Place) -> None:
+        way_m = dist(self.place_m, place_m)
+        self.metres += way_m
+        self.now_s += way_m / SPEED_M_S
+        self.place_m = place_m
+
+    def collect(self, it: AMussel) -> None:
+        self.go(it.place_m)
+        self.now_s += DOCK_S
+        self.settle(it)
+        it.docked = True
+
+    def release(self, it: AMussel, place_m: Place) -> None:
+        self.go(place_m)
+        self.now_s += UNDOCK_S
+        self.settle(it)
+        it.docked, it.place_m, it.released_s, it.was_served = False, place_m, self.now_s, True
+
+    @property
+    def in_docks(self) -> list[AMussel]:
+        return [it for it in self.amussels if it.docked]
+
+    @property
+    def in_water(self) -> list[AMussel]:
+        return [it for it in self.amussels if not it.docked]
+
+    def figures(self) -> dict[str, float]:
+        self.now_s = self.end_s
+        self.settle()
+        shares = [100 * it.active_s / self.end_s for it in self.amussels]
+        left = fmean(it.charge for it in self.amussels)
+        return {"uptime": fmean(shares), "least": min(shares), "metres": self.metres, "left": left}
+
+
+Choose = Callable[[Mission, list[AMussel], int], list[AMussel]]
+"""Takes the mission, those that wait, and how many to collect; returns whom, in order."""
+Key = Callable[[Mission, AMussel, Place], Any]
+
+
+def by_least(key: Key) -> Choose:
+    def choose(mission: Mission, waiting: list[AMussel], count: int) -> list[AMussel]:
+        left, chosen, place_m = list(waiting), list[AMussel](), mission.place_m
+        while left and len(chosen) < count:
+            following = min(left, key=lambda it: key(mission, it, place_m))
+            left.remove(following)
+            chosen.append(following)
+            place_m = following.place_m
+        return chosen
+
+    return choose
+
+
+greedy = by_least(lambda _, it, place_m: dist(place_m, it.place_m))
+cautious = by_least(lambda _, it, __: it.charge)
+blend = by_least(lambda _, it, place_m: dist(place_m, it.place_m) - 50 * (1 - it.charge))
+
+
+def by_load(threshold: float) -> Choose:
+    """Triage that spares metres, in overload."""
+    usual_s = charging_s(threshold, FULL)
+
+    def key(mission: Mission, it: AMussel, place_m: Place) -> tuple[int, float]:
+        unserved_s, way_m = mission.now_s - it.released_s, dist(place_m, it.place_m)
+        if unserved_s > 8 * LIFE_S:
+            return 0, -unserved_s
+        seconds = way_m / SPEED_M_S + DOCK_S + UNDOCK_S + charging_s(it.charge, FULL)
+        return 1, way_m - 50 * (FULL - it.charge) / seconds * usual_s
+
+    return by_least(key)
+
+
+def core(mission: Mission, waiting: list[AMussel], count: int) -> list[AMussel]:
+    """Holds those that the docks sustain, near to each other."""
+    kept = sustained(mission.docks)
+    late_s = max(8 * LIFE_S, 670 * (len(mission.amussels) - kept) / (0.1 * mission.docks))
+    late = [it for it in waiting if mission.now_s - it.released_s > late_s]
+    if late:
+        return sorted(late, key=lambda it: it.released_s)[:count]
+    water, wanted = mission.in_water, max(1, kept - len(mission.in_docks))
+    alive = [it for it in water if it.charge >= 0.2]
+    members = alive if len(alive) >= wanted else water
+
+    def about(centre: AMussel) -> tuple[float, list[AMussel]]:
+        near = sorted(members, key=lambda it: (it.charge < 0.2, dist(centre.place_m, it.place_m)))[:wanted]
+        return sum(dist(centre.place_m, it.place_m) for it in near), near
+
+    held = min((about(it) for it in alive or water), key=lambda it: it[0])[1]
+    ready = [it for it in waiting if it in held]
+    if not ready:
+        once = (it for it in waiting if not it.was_served and it.charge >= KNEE)
+        return sorted(once, key=lambda it: it.charge)[:count]
+    best = (1 - KNEE) / (charging_s(KNEE, 1.0) + DOCK_S + UNDOCK_S)
+
+    def key(_: Mission, it: AMussel, place_m: Place) -> float:
+        way_m = dist(place_m, it.place_m)
+        seconds = way_m / SPEED_M_S + DOCK_S + UNDOCK_S + charging_s(it.charge, FULL)
+        return best * seconds + way_m / 50 - (FULL - it.charge)
+
+    return by_least(key)(mission, ready, count)
+
+
+def sustained(docks: int) -> int:
+    fast_s, handling_s = charging_s(KNEE, 1.0), DOCK_S + UNDOCK_S
+    return int(docks * (1 + ((1 - KNEE) / DRAIN - handling_s) / (fast_s + handling_s)))
+
+
+def in_batches(mission: Mission, choose: Choose) -> None:
+    """The paper's rule: collects as many as there are docks, and brings all back when all are full."""
+    while mission.now_s < mission.end_s:
+        mission.settle()
+        docked = mission.in_docks
+        waiting = [it for it in mission.in_water if it.charge <= BATCH_BELOW]
+        if docked:
+            mission.now_s += max(charging_s(it.charge, FULL) for it in docked) + 1e-6
+            while docked and mission.now_s < mission.end_s:
+                following = min(docked, key=lambda it: dist(mission.place_m, it.place_m))
+                docked.remove(following)
+                mission.release(following, following.place_m)
+        elif len(waiting) >= mission.docks:
+            for it in choose(mission, waiting, mission.docks):
+                mission.collect(it)
+        else:
+            falls = [(it.charge - BATCH_BELOW) / DRAIN for it in mission.in_water if it.charge > BATCH_BELOW]
+            mission.now_s += min(falls, default=inf) + 1e-6
+
+
+@dataclass(frozen=True)
+class OneByOne:
+    """Collects one as soon as a dock is free. Released ones take the places of collected ones."""
+
+    choose: Choose
+    begins: float
+    makes_room: float
+    knows_the_end: bool
+
+    def fly(self, mission: Mission) -> None:
+        while mission.now_s < mission.end_s:
+            self._step(mission)
+
+    def _step(self, mission: Mission) -> None:
+        mission.settle()
+        lasting = (mission.end_s - mission.now_s) * DRAIN if self.knows_the_end else inf
+        begins, room, full = (min(it, lasting) for it in (self.begins, self.makes_room, FULL))
+        waits = lasting >= 0.2
+        docked = mission.in_docks
+        waiting = [it for it in mission.in_water if waits and it.charge <= begins]
+        done = [it for it in docked if it.charge > full - 1e-9]
+        if not done and waiting:
+            done = sorted((it for it in docked if it.charge > room), key=lambda it: -it.charge)[:1]
+        if done:
+            early = min((it.charge for it in done if it.charge <= full - 1e-9), default=inf)
+            led = [it for it in waiting if it.charge < early]
+            self._exchange(mission, done, led, mission.docks - len(docked))
+            return
+        if len(docked) < mission.docks and waiting:
+            chosen = self.choose(mission, waiting, 1)
+            for it in chosen:
+                mission.collect(it)
+            if chosen:
+                return
+        mission.now_s += self._wait_s(mission, docked, waiting, begins, room, full)
+
+    def _exchange(self, mission: Mission, done: list[AMussel], led: list[AMussel], free: int) -> None:
+        leaving = sorted(done, key=lambda it: -it.charge)
+        for it in self.choose(mission, led, min(len(led), len(done))) if led else ():
+            place_m = it.place_m
+            following = leaving.pop(0)
+            if free:
+                mission.collect(it)
+                mission.release(following, place_m)
+            else:
+                mission.release(following, place_m)
+                mission.collect(it)
+        for it in leaving:
+            mission.release(it, it.place_m)
+
+    def _wait_s(
+        self,
+        mission: Mission,
+        docked: Sequence[AMussel],
+        waiting: Sequence[AMussel],
+        begins: float,
+        room: float,
+        full: float,
+    ) -> float:
+        """Until somebody is charged or comes to wait; a strategy that refused, and a known end, are asked each 5 s."""
+        waits = [charging_s(it.charge, full) for it in docked]
+        waits += [charging_s(it.charge, room) for it in docked if it.charge <= room]
+        waits += [(it.charge - begins) / DRAIN for it in mission.in_water if it.charge > begins]
+        refused = bool(waiting) and len(docked) < mission.docks
+        return max(
+            1e-3, min([*waits, 5.0] if refused or self.knows_the_end else [*waits, mission.end_s]) + 1e-6
+        )
+
+
+def missions(plan: StudyPlan, setting: int, seed: int) -> Callable[[], Mission]:
+    scenario = plan.scenario(setting, 0, seed)
+    starts = starts_of(scenario)
+
+    def new() -> Mission:
+        amussels = [AMussel((it.north_m, it.east_m), it.primary) for it in starts]
+        return Mission(amussels, scenario.apad.docks, scenario.apad.start_m, scenario.duration_s)
+
+    return new
+
+
+def flown_by_core(new: Callable[[], Mission]) -> dict[str, float]:
+    """The choice of core.yaml."""
+    mission = new()
+    if len(mission.amussels) > 2 * sustained(mission.docks):
+        rule = OneByOne(core, 0.62, 0.95, True)
+    elif is_overloaded(mission):
+        rule = OneByOne(by_load(0.62), 0.62, 0.95, True)
+    else:
+        rule = OneByOne(blend, 0.3, FULL, True)
+    rule.fly(mission)
+    return mission.figures()
+
+
+def is_overloaded(mission: Mission) -> bool:
+    return len(mission.amussels) > mission.docks * (1 + CURVE[-1][1] / DRAIN)
+
+
+def flown_by_load(new: Callable[[], Mission]) -> dict[str, float]:
+    """The rule BY_LOAD of goal.yaml."""
+    mission = new()
+    OneByOne(by_load(0.6) if is_overloaded(mission) else blend, 0.6, 0.9, False).fly(mission)
+    return mission.figures()
+
+
+def flown_in_batches(new: Callable[[], Mission], choose: Choose) -> dict[str, float]:
+    mission = new()
+    in_batches(mission, choose)
+    return mission.figures()
+
+
+def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
+    """`rows`: by cell and hours, the gain of `core` with its interval. `apart`: from archived flights."""
+    tries, plan, rows = SHORT_TRIES if short else tries, load_study(CORE), []
+    for index, setting in enumerate(plan.settings):
+        keys = dict(setting.parameters)
+        found = []
+        for seed in range(plan.seeds[0], plan.seeds[0] + tries):
+            new = missions(plan, index, seed)
+            found.append(
+                {
+                    "cautious": flown_in_batches(new, cautious),
+                    "greedy": flown_in_batches(new, greedy),
+                    "core": flown_by_core(new),
+                }
+            )
+        rows.append(_row(keys["cell"], round(keys["duration_s"] * THETA / 3600), found))
+        told(rows[-1])
+    return {"tries": tries, "rows": rows, "apart": _apart(1 if short else 8)}
+
+
+def _row(cell: str, hours: int, found: list[dict[str, dict[str, float]]]) -> dict[str, Any]:
+    better = max(("cautious", "greedy"), key=lambda name: fmean(it[name]["uptime"] for it in found))
+    row: dict[str, Any] = {"cell": cell, "hours": hours, "better": better}
+    for key in ("uptime", "least", "metres"):
+        gain = estimate_of([it["core"][key] - it[better][key] for it in found], 0.95)
+        assert gain is not None
+        row |= {f"better_{key}": fmean(it[better][key] for it in found), key: gain.mean}
+        row[f"{key}_half"] = gain.high - gain.mean
+    row["met"] = row["uptime"] >= 5 and row["least"] >= 0 and row["metres"] <= 0
+    return row
+
+
+def _apart(seeds: int) -> dict[str, float]:
+    """The mean distances in uptime and metres from the archived flights of the same configurations."""
+    plan, apart = load_study(GOAL), {"uptime": list[float](), "metres": list[float]()}
+    fly: dict[str, Callable[[Callable[[], Mission]], dict[str, float]]] = {
+        "cautious": lambda new: flown_in_batches(new, cautious),
+        "greedy": lambda new: flown_in_batches(new, greedy),
+        BY_LOAD: flown_by_load,
+    }
+    keys = [dict(it.parameters) for it in plan.settings]
+    labels = [f"{it['cell']}, {it['duration_s'] * THETA / 3600:.0f} h" for it in keys]
+    with FLOWN.open(newline="") as file:
+        rows = [it for it in csv.DictReader(file) if it["strategy"] in fly and int(it["seed"]) <= seeds]
+    for row in rows:
+        ours = fly[row["strategy"]](missions(plan, labels.index(row["setting"]), int(row["seed"])))
+        apart["uptime"].append(ours["uptime"] - float(row["uptime_paper_mean"]))
+        apart["metres"].append(100 * (ours["metres"] / float(row["metres"]) - 1))
+    mean = {f"{key}_mean": fmean(values) for key, values in apart.items()}
+    return mean | {f"{key}_distance": fmean(map(abs, values)) for key, values in apart.items()}
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(
+        title=f"core minus the better one, {result['tries']} configurations a cell, by the second model"
+    )
+    for name in ("cell", "hours", "better", "its uptime %", "uptime", "least", "its metres", "metres", "met"):
+        table.add_column(name, justify="left" if name in ("cell", "better") else "right")
+    for it in result["rows"]:
+        gains = [f"{it[key]:+.1f} +- {it[f'{key}_half']:.1f}" for key in ("uptime", "least", "metres")]
+        head = (it["cell"], str(it["hours"]), it["better"], f"{it['better_uptime']:.1f}", *gains[:2])
+        table.add_row(*head, f"{it['better_metres']:.0f}", gains[2], "yes" if it["met"] else "no")
+    console.print(table)
+    apart = result["apart"]
+    console.print(
+        f"From the archived flights of the same configurations: {apart['uptime_mean']:+.2f} points of uptime on the mean "
+        f"({apart['uptime_distance']:.2f} either way), {apart['metres_mean']:+.1f} % of metres "
+        f"({apart['metres_distance']:.1f})"
+    )
