@@ -2,6 +2,7 @@
 
 TCP keeps what is not acknowledged, and delivers it when a link is back: minutes later, a go-to would start a vehicle. Here
 a connection by which this node sends ends when nothing was acknowledged for `UNACKNOWLEDGED_S`, with all that it holds.
+A subscription sends nothing. It asks a silent publisher every few seconds whether its connection is still there.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from rospy.impl.tcpros_base import TCPROSTransport
 from apad_bridge.doctor.network import within
 
 UNACKNOWLEDGED_S = 3
+IDLE_S, AGAIN_S, UNANSWERED = 5, 2, 8
+"""After so much silence a subscription asks, and asks again; it ends after so many questions without an answer, or at once
+where the publisher has ended it. Few questions would end it by chance over a link that loses many packets."""
 
 
 def end_when_unacknowledged(sock: socket.socket) -> None:
@@ -37,15 +41,25 @@ def end_when_unacknowledged(sock: socket.socket) -> None:
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, UNACKNOWLEDGED_S)
 
 
+def notice_end(sock: socket.socket) -> None:
+    """A publisher that gave up during a short cut is known soon. rospy would ask it after a minute."""
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, IDLE_S)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, AGAIN_S)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, UNANSWERED)
+
+
 _connect = TCPROSTransport.connect
 
 
 def _connect_within(
     transport: Any, dest_addr: str, dest_port: int, endpoint_id: str, timeout: float | None = None
 ) -> None:
-    """Bounds what a service's client does, which gives no time-out. A subscription gives one, and sends nothing."""
+    """Bounds what a service's client does, which gives no time-out. A subscription gives one."""
     if timeout is not None or is_local_address(dest_addr):
         _connect(transport, dest_addr, dest_port, endpoint_id, timeout)
+        if timeout is not None and not is_local_address(dest_addr):
+            notice_end(transport.socket)
         return
     # The kernel by itself would try for two minutes.
     _connect(transport, dest_addr, dest_port, endpoint_id, UNACKNOWLEDGED_S)
@@ -67,6 +81,6 @@ def _look_up_within(proxy: Any, request: Any) -> Any:
 
 
 def bound_calls() -> None:
-    """For all services on other machines that this process calls from now on."""
+    """For all services on other machines that this process calls, and publishers there that it hears, from now on."""
     TCPROSTransport.connect = _connect_within
     ServiceProxy._get_service_uri = _look_up_within

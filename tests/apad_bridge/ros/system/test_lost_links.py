@@ -101,10 +101,16 @@ def test_rospy_s_clients_on_other_machines_are_bounded_and_those_here_are_as_the
         lost_links, "_connect", lambda it, address, port, endpoint, timeout: called.append((address, timeout))
     )
     monkeypatch.setattr(lost_links, "is_local_address", lambda address: address == "127.0.0.1")
-    for address, timeout in (("127.0.0.1", None), ("10.0.200.1", None), ("10.0.200.1", 60.0)):
+    asks_after_s = []
+    calls = [("127.0.0.1", None), ("10.0.200.1", None), ("127.0.0.1", 60.0), ("10.0.200.1", 60.0)]
+    for address, timeout in calls:
         lost_links._connect_within(Transport(), address, 1, "/a", timeout)
+        asks_after_s.append(Transport.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE))
     Transport.socket.close()
-    assert called == [("127.0.0.1", None), ("10.0.200.1", UNACKNOWLEDGED_S), ("10.0.200.1", 60.0)]
+    assert called == [calls[0], ("10.0.200.1", UNACKNOWLEDGED_S), *calls[2:]]
+    # A fleet whose link was cut for six seconds was not heard for a minute after them.
+    *_, before_s, subscription_s = asks_after_s
+    assert before_s > 60 > 10 > subscription_s
 
 
 def test_an_order_whose_service_is_found_only_when_the_link_is_back_is_not_sent(
