@@ -31,7 +31,7 @@ from firmware_model.bench.conformance_cases import CASES
 from firmware_model.bench.rigs import RigHistory, lasts_ms
 from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
-TRIES, SHORT_TRIES = 42, 2
+TRIES, SHORT_TRIES = 42, 1
 RANDOM = 150
 _CC = (
     "cc",

@@ -199,6 +199,8 @@ def test_a_fleet_that_sleeps_is_measured_just_below_its_law(monkeypatch: pytest.
 NAMES = sorted(path.stem for path in RUN.parent.glob("*.py"))
 QUICK = {"board"}
 """Their short tiers take a second or two."""
+PART = {"safety": ("--row", "wifi cut", "--generation", "b", "--tries", "1")}
+"""Of a tier that takes twenty minutes."""
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -217,7 +219,7 @@ def test_each_benchmark_has_a_short_tier(name: str) -> None:
 def test_a_short_tier_shows_its_rows_as_they_come(name: str) -> None:
     """Both outputs are one pipe, so a row that is told with the result would stand behind it."""
     done = subprocess.run(
-        [sys.executable, str(RUN), name, "--short", "--json"],
+        [sys.executable, str(RUN), name, "--short", "--json", *PART.get(name, ())],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
