@@ -13,7 +13,7 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -33,15 +33,7 @@ from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 
 TRIES, SHORT_TRIES = 42, 1
 RANDOM = 150
-_CC = (
-    "cc",
-    "-std=c99",
-    "-D_POSIX_C_SOURCE=200809L",
-    "-O1",
-    f"-I{NATIVE}",
-    f"-I{NATIVE / 'whole'}",
-    "-o",
-)
+_CC = ("cc", "-std=c99", "-D_POSIX_C_SOURCE=200809L", "-O2", f"-I{NATIVE}", f"-I{NATIVE / 'whole'}", "-o")
 
 
 @dataclass(frozen=True)
@@ -49,6 +41,8 @@ class Board:
     """A board in C: the files that are changed, and the cases that judge it."""
 
     files: tuple[Path, ...]
+    others: tuple[Path, ...]
+    """The files that are not changed."""
     cases: Sequence[Case]
     headers: tuple[Path, ...] = ()
     is_whole: bool = False
@@ -71,16 +65,15 @@ ROUTES = {
 }
 
 
+_WHOLE = NATIVE / "whole"
+_NOT_CHANGED = (_WHOLE / "hal_musselbed.c", _WHOLE / "whole_board.c", NATIVE / "musselbed.c")
 BOARDS = {
-    "worst case": Board((NATIVE / "worst_case.c",), CASES),
+    "worst case": Board((NATIVE / "worst_case.c",), (NATIVE / "musselbed.c",), CASES),
     "whole": Board(
-        tuple(
-            sorted(
-                it for it in (NATIVE / "whole").glob("*.c") if it.stem not in ("hal_musselbed", "whole_board")
-            )
-        ),
+        tuple(sorted(it for it in _WHOLE.glob("*.c") if it not in _NOT_CHANGED)),
+        _NOT_CHANGED,
         WHOLE_CASES,
-        (NATIVE / "whole" / "board.h", NATIVE / "whole" / "hal.h"),
+        (_WHOLE / "board.h", _WHOLE / "hal.h"),
         is_whole=True,
     ),
 }
@@ -258,22 +251,25 @@ def show(result: dict[str, Any], console: Console) -> None:
 def _judge_mutants(board: Board, route: str, folder: Path, tries: int) -> dict[str, Any]:
     count, caught, differing, by_chance = 0, 0, 0, 0
     survivors, equivalent = [], []
-    # Short cases first: most mutants are caught by one of them.
+    # Short cases first, and then those that caught one before: most mutants need few cases.
     cases = sorted(board.cases, key=lambda it: (it.source is RequirementSource.CHOICE, lasts_ms(it.script)))
+    by_hash = list(random_cases(RANDOM, 1, is_whole=board.is_whole))
     ours: dict[Case, RigHistory] = {}
-    for change in _chosen(board, route, folder, tries):
+    mutants = _Mutants(board, folder)
+    for change in _chosen(board, route, mutants, tries):
         count, where = count + 1, str(change)
-        if (case := _first_failed(folder / "mutant", cases, ours)) is not None:
+        if mutants.is_same_code(change):
+            equivalent.append(f"{where}: the same machine code")
+        elif (case := _first_failed(mutants.program, cases, ours)) is not None:
             caught += case.source is not RequirementSource.CHOICE
             differing += case.source is RequirementSource.CHOICE
             told({"mutant": where, "caught_by": case.name})
-        elif (
-            case := _first_failed(folder / "mutant", random_cases(RANDOM, 1, is_whole=board.is_whole), ours)
-        ) is not None:
+            cases.remove(case)
+            cases.insert(0, case)
+            cases.sort(key=lambda it: it.source is RequirementSource.CHOICE)
+        elif (case := _first_failed(mutants.program, by_hash, ours)) is not None:
             by_chance += 1
             told({"mutant": where, "caught_by": case.name})
-        elif _is_same_code(board, folder, change):
-            equivalent.append(f"{where}: the same machine code")
         elif (reason := EQUIVALENT.get(change.key)) is not None:
             equivalent.append(f"{where}: {reason}")
         else:
@@ -289,39 +285,51 @@ def _judge_mutants(board: Board, route: str, folder: Path, tries: int) -> dict[s
     }
 
 
-def _chosen(board: Board, chosen: str, folder: Path, tries: int) -> Iterator[Change]:
+def _chosen(board: Board, chosen: str, mutants: _Mutants, tries: int) -> Iterator[Change]:
     """Yields `tries` changes of a route that compile, and that are not among the first of a route before it.
 
-    `mutant` in the folder is the program with the one just yielded.
+    The program of `mutants` has the one just yielded.
     """
     before: set[Change] = set()
     for name, route in ROUTES.items():
         if name == chosen:
             changes = (it for it in route.changes(board) if it not in before)
-            yield from islice((it for it in changes if _compiled(board, folder, it, route.warnings)), tries)
+            yield from islice((it for it in changes if mutants.compiled(it, route.warnings)), tries)
             return
         # Twice as many as it tries: some do not compile.
         before |= set(islice(route.changes(board), 2 * tries))
 
 
-def _is_same_code(board: Board, folder: Path, change: Change) -> bool:
-    """True if an optimizing compiler makes the same program with and without the change."""
-    programs = []
-    for it in (change, replace(change, new=change.old)):
-        _compiled(board, folder, it, ("-w", "-O2", "-s"), "optimized")
-        programs.append((folder / "optimized").read_bytes())
-    return programs[0] == programs[1]
+class _Mutants:
+    """Compiles the mutants of a board, one after the other: the file of each that is changed, and no other."""
+
+    def __init__(self, board: Board, folder: Path) -> None:
+        self._folder = folder
+        self.program = folder / "mutant"
+        self._changed = folder / "changed.o"
+        self._objects = {path: folder / f"{path.stem}.o" for path in (*board.files, *board.others)}
+        for path, compiled in self._objects.items():
+            # A copy in the folder: an object has the name of its source.
+            (folder / path.name).write_text(path.read_text())
+            assert self._compiled(path, compiled, ("-Werror",)), path
+
+    def compiled(self, change: Change, warnings: Sequence[str]) -> bool:
+        """Makes the program with this change; False if the compiler refuses it."""
+        (self._folder / change.path.name).write_text(change.applied())
+        if not self._compiled(change.path, self._changed, warnings):
+            return False
+        objects = [self._changed if path == change.path else it for path, it in self._objects.items()]
+        return _runs([*_CC, str(self.program), *map(str, objects)])
+
+    def is_same_code(self, change: Change) -> bool:
+        """True if the compiler made the same of its file with and without the change that was compiled last."""
+        return self._changed.read_bytes() == self._objects[change.path].read_bytes()
+
+    def _compiled(self, path: Path, into: Path, warnings: Sequence[str]) -> bool:
+        return _runs([*_CC, str(into), "-c", *warnings, str(self._folder / path.name)])
 
 
-def _compiled(
-    board: Board, folder: Path, change: Change, options: Sequence[str], program: str = "mutant"
-) -> bool:
-    """Compiles the board with this change into `program`; False if the compiler refuses it."""
-    path = change.path
-    (folder / path.name).write_text(change.applied())
-    others = sorted(it for it in path.parent.glob("*.c") if it != path) if board.is_whole else []
-    sources = map(str, (folder / path.name, *others, NATIVE / "musselbed.c"))
-    command = [*_CC, str(folder / program), *options, *sources]
+def _runs(command: Sequence[str]) -> bool:
     return subprocess.run(command, capture_output=True, timeout=600, check=False).returncode == 0
 
 

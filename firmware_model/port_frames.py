@@ -7,6 +7,7 @@ after any noise. docs/firmware-port.md has the rules of the exchange.
 
 from __future__ import annotations
 
+import re
 import struct
 from binascii import crc_hqx
 from collections.abc import Iterator
@@ -23,6 +24,10 @@ MOST_FRAMES = 10_000
 """A board that sends so many frames at one time of its counter, in one turn or in many, does not come to an end."""
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<H")
+_BLOCK = re.compile(rb"[^\0]+")
+_CODES = [bytes([size + 1]) for size in range(254)]
+_SHORT = 64
+"""Data of so many bytes is split at its zeros at once."""
 _MAX_ENCODED = (_HEAD.size + MAX_PAYLOAD + _CRC.size) * 255 // 254 + 2
 _COUNTER_MASK = (1 << 32) - 1
 _HALF = 1 << 31
@@ -200,14 +205,26 @@ class FrameReader:
 
 
 def _stuffed(data: bytes) -> bytes:
+    return (
+        _stuffed_long(data)
+        if len(data) > _SHORT
+        else b"".join([_CODES[len(it)] + it for it in data.split(b"\0")])
+    )
+
+
+def _stuffed_long(data: bytes) -> bytes:
+    """Goes from one block to the next: a page of flash is long runs of zeros, each of which is a block without bytes."""
     out = bytearray()
-    for block in data.split(b"\0"):
+    at = 0
+    for found in _BLOCK.finditer(data):
+        block = found[0]
+        out += b"\1" * (found.start() - at)
         while len(block) >= 254:
             out += b"\xff" + block[:254]
             block = block[254:]
-        out.append(len(block) + 1)
-        out += block
-    return bytes(out)
+        out += _CODES[len(block)] + block
+        at = found.end() + 1
+    return bytes(out + b"\1" * (len(data) + 1 - at))
 
 
 def _unstuffed(encoded: bytes) -> bytes:

@@ -18,14 +18,34 @@ _COMPILE_TIMEOUT_S = 120
 
 
 def compiled(factory: pytest.TempPathFactory, name: str = "worst_case") -> Path:
-    """A board of `firmware_model/native`, compiled with every warning an error."""
-    board = factory.mktemp("native") / name
-    subprocess.run(
-        ["make", "-s", "-C", str(NATIVE), f"BUILD={board.parent}", str(board)],
-        check=True,
-        timeout=_COMPILE_TIMEOUT_S,
-    )
+    """A board of `firmware_model/native`, compiled once for all tests of this process, every warning an error."""
+    board = factory.getbasetemp() / "native" / name
+    if not board.exists():
+        board.parent.mkdir(exist_ok=True)
+        subprocess.run(
+            ["make", "-s", "-C", str(NATIVE), f"BUILD={board.parent}", str(board)],
+            check=True,
+            timeout=_COMPILE_TIMEOUT_S,
+        )
     return board
+
+
+def compiled_with(factory: pytest.TempPathFactory, changed: Path, text: str, program: Path) -> None:
+    """Makes `program`: the board that `changed` belongs to, with this text in its place."""
+    objects = factory.getbasetemp() / "native" / changed.parent.name
+    whole = changed.parent != NATIVE
+    sources = [*(changed.parent.glob("*.c") if whole else (changed,)), NATIVE / "musselbed.c"]
+    compiler = ["cc", "-std=c99", "-D_POSIX_C_SOURCE=200809L", "-w", f"-I{NATIVE}", f"-I{changed.parent}"]
+    if not objects.exists():
+        objects.mkdir(parents=True)
+        _run([*compiler, "-c", *map(str, sources)], objects)
+    (program.parent / changed.name).write_text(text)
+    others = [str(objects / f"{it.stem}.o") for it in sources if it != changed]
+    _run([*compiler, "-o", str(program), changed.name, *others], program.parent)
+
+
+def _run(command: list[str], directory: Path) -> None:
+    subprocess.run(command, cwd=directory, check=True, timeout=_COMPILE_TIMEOUT_S)
 
 
 def script(directory: Path, text: str, name: str = "board") -> Path:

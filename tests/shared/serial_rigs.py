@@ -20,8 +20,10 @@ Cable = Callable[[bytes], bytes]
 
 
 def compiled_for_serial(factory: pytest.TempPathFactory, *, is_whole: bool = False) -> Path:
-    """A board with the serial line below its library, every warning an error."""
-    board = factory.mktemp("serial") / "serial_board"
+    """A board with the serial line below its library, compiled once for all tests of this process, with all warnings."""
+    board = factory.getbasetemp() / ("serial_whole" if is_whole else "serial_board")
+    if board.exists():
+        return board
     own = sorted((NATIVE / "whole").glob("*.c")) if is_whole else [NATIVE / "worst_case.c"]
     sources = [*map(str, own), str(NATIVE / "musselbed.c"), str(NATIVE / "serial_line.c")]
     warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]

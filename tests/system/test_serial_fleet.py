@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,9 @@ from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived
 from agents.nursery.fleet_file import RestartPolicy
 from agents.time_scale import TimeScale
 from apad_bridge.commands.main import main
+from firmware_model.bench.conformance import Case
+from firmware_model.bench.conformance_cases import CASES
+from firmware_model.bench.whole_conformance_cases import WHOLE_CASES
 from firmware_model.packets import CommandPacket, Kind
 
 pytestmark = pytest.mark.system
@@ -122,38 +125,41 @@ def test_a_board_whose_cable_stays_out_stays_dead_and_the_others_fly_on(
     assert {it.agent_id for it in clock.advance(600_000) if isinstance(it, Output)} == {OURS, C}
 
 
-@pytest.mark.parametrize("verb", ["run", "conform"])
-def test_a_real_board_runs_and_is_judged_as_a_program_is(
-    programs: tuple[Path, Path], rig: SerialRig, verb: str
-) -> None:
+def test_a_real_board_runs_as_a_program_does(programs: tuple[Path, Path], rig: SerialRig) -> None:
     """It answers each turn at once, so hours of its time take seconds."""
-    words = [] if verb == "run" else ["--json"]
-    ends = []
-    for firmware in (str(programs[0]), f"serial:{rig.device}"):
-        done = subprocess.run(
-            [sys.executable, str(MUSSELBED), "mu", verb, *words, firmware],
+    shown = [
+        subprocess.run(
+            [sys.executable, str(MUSSELBED), "mu", "run", firmware],
             timeout=PATIENCE_S,
             capture_output=True,
             text=True,
             check=True,
-        )
-        ends.append(done.stdout if verb == "run" else [it["verdict"] for it in json.loads(done.stdout)])
-    assert ends[0] == ends[1]
+        ).stdout
+        for firmware in (str(programs[0]), f"serial:{rig.device}")
+    ]
+    assert shown[0] == shown[1]
 
 
-@pytest.mark.parametrize("options", [["--serial"], []], ids=["those of minutes", "all"])
+def test_a_real_board_passes_its_cases(rig: SerialRig, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every third case: the same board as a program passes all of them, and the line alone is another."""
+    assert passed([f"serial:{rig.device}"], CASES[::3], capsys) > 40
+
+
 def test_a_real_whole_board_passes_its_cases(
-    tmp_path_factory: pytest.TempPathFactory,
-    tmp_path: Path,
-    options: list[str],
-    capsys: pytest.CaptureFixture[str],
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = SerialRig(compiled_for_serial(tmp_path_factory, is_whole=True), tmp_path / "ttyUSB0")
     try:
-        firmware = f"serial:{rig.device}"
-        assert main(["mu", "conform", firmware, "--profile", "mu", *options, "--json"]) == 0
+        assert passed([f"serial:{rig.device}", "--profile", "mu"], WHOLE_CASES[::3], capsys) > 80
     finally:
         rig.close()
+
+
+def passed(board: list[str], cases: Sequence[Case], capsys: pytest.CaptureFixture[str]) -> int:
+    """The number of these cases, all of which the board passes."""
+    chosen = [word for it in cases for word in ("--case", it.name)]
+    assert main(["mu", "conform", *board, *chosen, "--json"]) == 0
     results = json.loads(capsys.readouterr().out)
-    assert len(results) >= (10 if options else 110)
+    assert len(results) == len(cases)
     assert {it["verdict"] for it in results} == {"passed"}
+    return len(results)
