@@ -303,8 +303,8 @@ def test_a_mutant_of_the_whole_board_is_caught(
 
 
 def test_generated_mutants_of_both_boards_are_caught() -> None:
-    """The short form of `benchmarks/run mutants`."""
-    rows = mutants.measure(short=True, row=["first"])["boards"]
+    """A short form of `benchmarks/run mutants`."""
+    rows = mutants.measure(tries=2, row=["first"])["boards"]
     assert [(it["board"], it["mutants"], it["caught"]) for it in rows] == [
         ("worst case", 2, 2),
         ("whole", 2, 2),
