@@ -86,8 +86,9 @@ SHORT = Tier(
     changes={
         "area": {"polygon_m": [[13.5, 10], [14.5, 10], [14.5, 11], [13.5, 11]]},
         "fleet": {"start": {"charge": [0.6, 0.605]}},
-        # A belief moves by the hundredth that gives a line in the journal in less than three seconds.
-        "board": {"discharge_per_min": 0.001},
+        # A belief moves by the hundredth that gives a line in the journal in five seconds. An aMussel that waited for its
+        # turn is full again in some more.
+        "board": {"discharge_per_min": 0.0005},
         "mission": {"pool_threshold": 0.61, "full_threshold": 0.62, "batch": 1, "permission_repeat_s": 2.0},
         "docking": {"dock_s": 1.0, "undock_s": 1.0},
     },
