@@ -82,6 +82,7 @@ _NO_STATE = "a state that outside equals the other one: both take the same trigg
 _SMALL = "below every tolerance"
 _TIE = "of two equal values either"
 _ORDER = "the two do not depend on each other"
+_EXCLUSIVE = "no state is two of them"
 EQUIVALENT = {
     ("if (by == SURFACING_TIMED_OUT)", "if (by != SURFACING_TIMED_OUT)"): _TEXT,
     (
@@ -199,6 +200,34 @@ EQUIVALENT = {
         "else if (board.state == REPORTING)",
         "if (board.state == REPORTING)",
     ): "a board that reports has Wi-Fi",
+    (
+        "if (first == UNKNOWN || (found && first < newest))",
+        "if (first == UNKNOWN || (found && first <= newest))",
+    ): "no two pages begin with one record",
+    (
+        "is_answering = true; hal_timer(ANSWER_TASK, hal_now() + config->turnaround_ms);",
+        "hal_timer(ANSWER_TASK, hal_now() + config->turnaround_ms); is_answering = true;",
+    ): _ORDER,
+    (
+        "pin.flipped = hal_now(); pin.settling = true;",
+        "pin.settling = true; pin.flipped = hal_now();",
+    ): _ORDER,
+    ("else if (state == HOVERING)", "if (state == HOVERING)"): _EXCLUSIVE,
+    ("else if (state == SINKING)", "if (state == SINKING)"): _EXCLUSIVE,
+    (
+        "pin.check = (hal_now() / check_ms + 1) * check_ms;",
+        "pin.check = (hal_now() / check_ms) * check_ms;",
+    ): "one more look, at the reset, finds the level that was read just before",
+    (
+        "put_bytes(&at, waiting < UINT16_MAX ? waiting : UINT16_MAX, 2);",
+        "put_bytes(&at, waiting < UINT16_MAX ? waiting : UINT8_MAX, 2);",
+    ): "the flash has room for 2720 records",
+    (
+        "changed.slot_ms = (uint32_t)get_bytes(arguments + 4, 4); "
+        "changed.guard_ms = (uint32_t)get_bytes(arguments + 8, 2);",
+        "changed.guard_ms = (uint32_t)get_bytes(arguments + 8, 2); "
+        "changed.slot_ms = (uint32_t)get_bytes(arguments + 4, 4);",
+    ): _ORDER,
 }
 """Changes that nothing outside of the board can show, each with its reason."""
 
