@@ -5,7 +5,7 @@ scenario, so its bounds are those that `musselbed capacity` prints for that scen
 the checker's world: collect the nearest, the lowest, or a blend of both, one by one or in batches, from a threshold up to
 a charge. Two others share nothing with them: routes with prizes by PyVRP (plan_study/route.py), and for the small instances
 an exact search (plan_study/exact.py). The best of all plans is kept as the best known one. It is no optimum. For a small
-instance no plan whose waits are whole minutes is better.
+instance no plan is better whose waits are whole minutes, and in which no step undoes the step before.
 
 It writes the files anew, and keeps a plan from elsewhere that has a better score.
 """
@@ -224,7 +224,7 @@ def _row(number: int) -> dict[str, Any]:
             scores["exact"] = scored(instance, plans["exact"])["score"]
     best = plans[max(scores, key=lambda by: scores[by])]
     if is_proven:
-        # No plan on whole minutes is better, so the best known score is the exact one.
+        # The search found none that is better, so the best known score is the exact one.
         scores["exact"] = max(scores.values())
     kept.write_text(json.dumps(best) + "\n")
     (FOLDER / f"{name}.json").write_text(json.dumps(instance) + "\n")
