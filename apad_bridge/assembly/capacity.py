@@ -48,7 +48,7 @@ flights stay below.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, fsum, inf, isfinite
 from statistics import fmean
@@ -169,12 +169,17 @@ def _cycles_per_apad_charge(scenario: Scenario, full_min: float, amussels: int) 
     return apad.battery.capacity_wh / needed_wh if needed_wh else None
 
 
-def active_minutes(fleet: Sequence[Rates], minutes: float, docks: int) -> float:
-    """The largest sum of active time of a fleet, in agent minutes: the linear programme of this module's docstring."""
+def active_minutes(
+    fleet: Sequence[Rates], minutes: float, docks: int, taken: Callable[[Rates], float] = lambda _: 1.0
+) -> float:
+    """The largest sum of active time of a fleet, in agent minutes: the linear programme of this module's docstring.
+
+    `taken` gives the minutes of its dock that a docked minute of an aMussel takes.
+    """
     total, left = 0.0, docks * minutes
-    for it in sorted(fleet, key=lambda rates: -rates.charge / rates.drain):
-        docked = min(left, max(0.0, (it.drain * minutes - it.start) / (it.charge + it.drain)))
-        left -= docked
+    for it in sorted(fleet, key=lambda rates: -rates.charge / (rates.drain * taken(rates))):
+        docked = min(left / taken(it), max(0.0, (it.drain * minutes - it.start) / (it.charge + it.drain)))
+        left -= docked * taken(it)
         total += min(minutes - docked, (it.start + it.charge * docked) / it.drain)
     return total
 
@@ -406,15 +411,11 @@ def uptime_with_closing(scenario: Scenario) -> float:
     aMussel at a time.
     """
     fleet, minutes = rates_of(scenario), scenario.time_scale.agent_time(scenario.duration_s) / 60
-    total, left = 0.0, _docks_of(scenario) * minutes
-    for it in sorted(fleet, key=lambda rates: -rates.charge_held / rates.drain):
-        wanted = it.charge * (it.drain * minutes - it.start) / (it.charge + it.drain)
-        gain = min(left * it.charge_held, max(0.0, wanted))
-        if gain:
-            left -= gain / it.charge_held
-        docked = gain / it.charge if gain else 0.0
-        total += min(minutes - docked, (it.start + gain) / it.drain)
-    return 100 * total / (len(fleet) * minutes)
+
+    def taken(it: Rates) -> float:
+        return it.charge / it.charge_held if it.charge_held else 1.0
+
+    return 100 * active_minutes(fleet, minutes, _docks_of(scenario), taken) / (len(fleet) * minutes)
 
 
 def _curve_of(board: BoardConfig) -> list[tuple[float, float]]:
