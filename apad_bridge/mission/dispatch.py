@@ -42,17 +42,30 @@ class DispatchRule(Protocol):
         """Returns the number of the pool to collect on the tour on which so many are released."""
 
 
-def to_exchange_with(
-    leaving: Docked, rule: DispatchRule, config: Mission, watch: ChargingWatch, pool: Pool
-) -> tuple[Sequence[Belief], int]:
-    """Selects those of the pool who may take the places of the `leaving`, and says how many of them to collect now.
+def due_now(
+    rule: DispatchRule,
+    config: Mission,
+    watch: ChargingWatch,
+    pool: Pool,
+    docked: Docked,
+    free_docks: int,
+    kept: Collection[int] = (),
+) -> tuple[tuple[int, ...], Sequence[Belief], int]:
+    """Decides what is due: (the docked ones to release, those to collect from, how many of these to collect).
 
-    They are collected on the tour on which the others are released: nobody, where the scenario exchanges no places.
+    A release comes first, and a collection beside it is an exchange of places on the same tour. `kept` are docked ones that
+    cannot be released now. The mission flies what this says, and a shadow compares with it.
     """
-    if config.places is not Places.EXCHANGED:
-        return (), 0
-    led = _worth_an_exchange(pool(), leaving, config, watch)
-    return led, rule.to_exchange(led, len(leaving))
+    released = tuple(it for it in rule.to_release(docked, pool) if it not in kept) if docked else ()
+    if released:
+        if config.places is not Places.EXCHANGED:
+            return released, (), 0
+        led = _worth_an_exchange(pool(), {it: docked[it] for it in released}, config, watch)
+        return released, led, rule.to_exchange(led, len(released))
+    if not free_docks:
+        return (), (), 0
+    waiting = pool()
+    return (), waiting, rule.to_collect(waiting, docked, free_docks)
 
 
 def _worth_an_exchange(

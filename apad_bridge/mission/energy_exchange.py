@@ -26,7 +26,7 @@ from apad_bridge.events.mission import (
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, fullest_first, to_exchange_with
+from apad_bridge.mission.dispatch import DispatchRule, Docked, dispatch_of, due_now, fullest_first
 from apad_bridge.mission.docking_routine import (
     NOT_FOUND,
     DockingRoutine,
@@ -328,17 +328,17 @@ class EnergyExchange(OrderBook):
         return None if self._returns else self._decide_service({}, now_ms)
 
     def _decide_service(self, docked: Docked, now_ms: int) -> _NextAct | None:
-        """A release comes first. It may be an exchange of places, which collects others on the same tour."""
-        if docked:
-            done = self._dispatch.to_release(docked, lambda: self._candidates(now_ms))
-            released = tuple(it for it in done if it not in self._beyond_reach)
-            if released:
-                return partial(self._exchange_or_release, released)
-        free_docks = self.docks.count(None)
-        if not free_docks:
-            return None
-        pool = self._candidates(now_ms)
-        count = self._dispatch.to_collect(pool, docked, free_docks)
+        released, pool, count = due_now(
+            self._dispatch,
+            self._config,
+            self._charging,
+            lambda: self._candidates(now_ms),
+            docked,
+            self.docks.count(None),
+            self._beyond_reach.keys(),
+        )
+        if released:
+            return partial(self._exchange_or_release, released, pool, count)
         return partial(self._collect, pool, count) if count else None
 
     def _collect(self, pool: Sequence[Belief], count: int, now_ms: int) -> None:
@@ -490,19 +490,17 @@ class EnergyExchange(OrderBook):
             return self._go_home
         return self._decide_service(docked, now_ms)
 
-    def _exchange_or_release(self, released: Collection[int], now_ms: int) -> None:
-        if not self._exchange(released, now_ms):
+    def _exchange_or_release(
+        self, released: Collection[int], pool: Sequence[Belief], count: int, now_ms: int
+    ) -> None:
+        if not self._exchange(released, pool, count, now_ms):
             self._release(released, now_ms)
 
-    def _exchange(self, released: Collection[int], now_ms: int) -> bool:
+    def _exchange(self, released: Collection[int], pool: Sequence[Belief], count: int, now_ms: int) -> bool:
         """Has the docked aMussels take the places of others that are collected on the same tour; False if none is."""
-        leaving = {it: self._beliefs.get(it) for it in released}
-        pool, count = to_exchange_with(
-            leaving, self._dispatch, self._config, self._charging, lambda: self._candidates(now_ms)
-        )
         if not count:
             return False
-        known = [belief or placeholder_belief(it, self._here) for it, belief in leaving.items()]
+        known = [self._beliefs.get(it) or placeholder_belief(it, self._here) for it in released]
         is_planned = self._plan_collection(pool, count, now_ms, fullest_first(known))
         if is_planned:
             self._next_step(now_ms)

@@ -33,7 +33,7 @@ from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Docked, Released
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.dispatch import dispatch_of, fullest_first, to_exchange_with
+from apad_bridge.mission.dispatch import dispatch_of, due_now, fullest_first
 from apad_bridge.mission.plans import plan_or_reason
 from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.state import MissionState, with_exchanged_homes, with_new_homes
@@ -409,15 +409,13 @@ class Shadow:
         candidates = self._pool.candidates(now_ms, served=self._state.served)
         pool = [it for it in candidates if it.agent_id not in held]
         free = self._state.dock_count - len(held)
-        released = self._dispatch.to_release(docked, lambda: pool) if docked else ()
+        released, waiting, count = due_now(
+            self._dispatch, self._mission, self._charging, lambda: pool, docked, free
+        )
         if released:
-            leaving = {it: docked[it] for it in released}
-            known = [belief or placeholder_belief(it, place_m) for it, belief in leaving.items()]
-            led, count = to_exchange_with(
-                leaving, self._dispatch, self._mission, self._charging, lambda: pool
-            )
+            known = [docked[it] or placeholder_belief(it, place_m) for it in released]
             if count:
-                return self._collection_steps(place_m, led, count, fullest_first(known))
+                return self._collection_steps(place_m, waiting, count, fullest_first(known))
             others = [it for it in self._beliefs.all() if it.agent_id not in released]
             situation = self._situation(place_m, known, held, others)
             return self._steps(
@@ -428,7 +426,6 @@ class Shadow:
                     StepKind.DEPLOY,
                 )
             )
-        count = self._dispatch.to_collect(pool, docked, free) if free else 0
         if held and self._collects and self._mission.dispatch is Dispatch.BATCH:
             # Their batch is under way, and we have another opinion of its rest.
             count = min(self._mission.batch - len(held), len(pool), free)
