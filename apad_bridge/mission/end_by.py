@@ -72,9 +72,16 @@ class KnownEnd:
     def is_worth_a_service(self, now_ms: int) -> bool:
         return self.lasting_charge(now_ms) >= LEAST_SERVICE
 
+    def changes_pool(self, rules: Mission, now_ms: int) -> bool:
+        """True once fewer aMussels may be in the pool than by these rules: near the end."""
+        most = self.lasting_charge(now_ms)
+        return most < max(LEAST_SERVICE, rules.pool_threshold, rules.again_threshold or 0.0)
+
     def rules(self, rules: Mission, now_ms: int) -> Mission:
         """The mission's rules with no threshold above the charge that lasts."""
         most = self.lasting_charge(now_ms)
+        if most >= 1.0:
+            return rules
         return replace(
             rules,
             pool_threshold=min(rules.pool_threshold, most),

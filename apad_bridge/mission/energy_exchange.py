@@ -185,8 +185,7 @@ class EnergyExchange(OrderBook):
         if self._awaits_person:
             self._remind_to_sink(now_ms)
             return self.take_orders()
-        if self._known_end is not None:
-            self._follow(self._known_end.rules(self._rules, now_ms))
+        self._follow_known_end(now_ms)
         if self._must_begin:
             if not self._can_begin(now_ms):
                 return self.take_orders()
@@ -207,9 +206,14 @@ class EnergyExchange(OrderBook):
         """Tells whether `advance` does something at `now_ms`, by the beliefs of that time. The question changes nothing.
 
         It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will be.
+        Near a known end the pool may shrink from tick to tick, and on a leg the way is counted at each: both are due.
         """
-        if self._must_begin or self._known_end is not None:
+        if self._must_begin:
             return True
+        if self._known_end is not None:
+            if self.state.leg is not None or self._known_end.changes_pool(self._rules, now_ms):
+                return True
+            self._follow_known_end(now_ms)  # until the next tick, which follows its own time
         if self._sink_reminders.due(self._beliefs.all(), self._expected, self._called_up, now_ms):
             return True
         if self.state.phase in _COLLECTING:
@@ -636,6 +640,10 @@ class EnergyExchange(OrderBook):
             self._go_deploy(now_ms)
 
     # Helpers.
+
+    def _follow_known_end(self, now_ms: int) -> None:
+        if self._known_end is not None:
+            self._follow(self._known_end.rules(self._rules, now_ms))
 
     def _follow(self, config: Mission) -> None:
         self._config = self._charging.config = self._pool.config = self.docking_routine.config = config

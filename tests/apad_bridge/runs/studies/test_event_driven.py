@@ -152,6 +152,17 @@ CASES: dict[str, dict[str, Any]] = {
         "mission__charge_to": 0.85,
         "duration_s": 1500.0,
     },
+    "one by one until the mission's end": {
+        "seed": 23,
+        "mission__collection": "core",
+        "mission__dispatch": "asynchronous",
+        "mission__places": "exchanged",
+        "mission__horizon": "end",
+        "mission__pool_threshold": 0.3,
+        "mission__charge_to": 0.9,
+        "duration_s": 3000.0,
+        "fleet__start": {"charge": [0.2, 0.9]},
+    },
     "it looks ahead": {
         "seed": 9,
         "mission__dispatch": "asynchronous",
@@ -205,6 +216,7 @@ def test_a_mission_s_figures_are_those_of_the_mission_flown_tick_by_tick(case: s
     [
         "asynchronous, the nearest, and dockings miss",
         "batches with a lead",
+        "one by one until the mission's end",
         "it goes home to be charged",
         "real time",
         "they sink before it comes",
