@@ -206,12 +206,12 @@ class EnergyExchange(OrderBook):
         """Tells whether `advance` does something at `now_ms`, by the beliefs of that time. The question changes nothing.
 
         It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will be.
-        Near a known end the pool may shrink from tick to tick, and on a leg the way is counted at each: both are due.
+        Near a known end the pool may shrink from tick to tick, so each is due.
         """
         if self._must_begin:
             return True
         if self._known_end is not None:
-            if self.state.leg is not None or self._known_end.changes_pool(self._rules, now_ms):
+            if self._known_end.changes_pool(self._rules, now_ms):
                 return True
             self._follow_known_end(now_ms)  # until the next tick, which follows its own time
         if self._sink_reminders.due(self._beliefs.all(), self._expected, self._called_up, now_ms):

@@ -7,6 +7,7 @@ heading is one step of many, and rest is none. It reports at the ticks at which 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import assert_never
 
 from apad_bridge.scenario.schema import APad
@@ -67,13 +68,20 @@ class CruisingAPad:
         """Energy drawn since the start, by its use."""
         return self._battery.ledger
 
-    def advance_until(self, limit_ms: int, least_fraction: float) -> int:
+    def advance_until(
+        self, limit_ms: int, least_fraction: float, passes: Callable[[float, float], None] | None = None
+    ) -> int:
         """Lets time pass to the first whole second that somebody must see, at most `limit_ms`; returns it.
 
-        That is the second of an arrival, and any second by which the battery might fall to `least_fraction`.
+        That is the second of an arrival, and any second by which the battery might fall to `least_fraction`. `passes` is
+        told the place, north and east in metres, at each whole second before.
         """
         safe_s = math.floor(self._least_h_to(least_fraction) * 3600)
-        self._run(min(limit_ms, self._now_ms + max(1, safe_s) * _SECOND_MS))
+        limit_ms = min(limit_ms, self._now_ms + max(1, safe_s) * _SECOND_MS)
+        self._run(limit_ms if passes is None else self._now_ms + _SECOND_MS)
+        while passes is not None and self._now_ms < limit_ms and not self._facts:
+            passes(self._motion.pose.north_m, self._motion.pose.east_m)
+            self._run(self._now_ms + _SECOND_MS)
         return self._now_ms
 
     def least_charging_ms(self, fraction: float) -> int:

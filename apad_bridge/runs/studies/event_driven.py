@@ -44,6 +44,7 @@ from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import (
     DriftMode,
     HearingMode,
+    Horizon,
     Positioning,
     Scenario,
 )
@@ -300,6 +301,7 @@ class Ticks:
         self._ends_at = scenario.mission.end_at_apad_fraction
         self._least_battery = max(self._ends_at, goes_home_at)
         """The part of the aPad's battery at which the mission acts."""
+        self._knows_end = scenario.mission.horizon is Horizon.END
         self._full_charge = _least_charge_above(scenario.mission.full_threshold)
 
     def next_tick_ms(self, now_ms: MissionMs, agents_due_ms: int | None) -> int:
@@ -309,8 +311,11 @@ class Ticks:
         limit_ms = min(self._end_ms, *(it for it in events_ms if it is not None))
         limit_ms = max(soonest_ms, -(-limit_ms // TICK_MS) * TICK_MS)
         limit_ms = self._first_due_ms(now_ms, soonest_ms, limit_ms)
-        is_home = self._mission.state.phase is Phase.AT_HOME
-        return self._vehicle.advance_until(limit_ms, self._ends_at if is_home else self._least_battery)
+        state = self._mission.state
+        least = self._ends_at if state.phase is Phase.AT_HOME else self._least_battery
+        # A mission with a known end counts its way second by second.
+        passes = self._mission.moved if self._knows_end and state.leg is not None else None
+        return self._vehicle.advance_until(limit_ms, least, passes)
 
     def _vehicle_due_ms(self, now_ms: int) -> int | None:
         """The time by which there must be a tick for the aPad's sake, if it reports nothing before."""
