@@ -7,14 +7,17 @@ a charge. Two others share nothing with them: routes with prizes by PyVRP (plan_
 an exact search (plan_study/exact.py). The best of all plans is kept as the best known one. It is no optimum. For a small
 instance no plan is better whose waits are whole minutes, and in which no step undoes the step before.
 
-It writes the files anew, and keeps a plan from elsewhere that has a better score.
+It writes the files anew, and keeps a plan from elsewhere that has a better score. `--row 053` takes one instance alone.
+
+`--row queue` flies `njnp` on the queue of its paper, and compares its latency and throughput with that of a Markov chain
+(plan_study/nearest_job.py), which shares no code with it.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import product
 from math import dist
@@ -27,12 +30,16 @@ from rich.table import Table
 
 from apad_bridge.assembly.capacity import battery_worth_min, bounds_of
 from apad_bridge.assembly.energy_model import energy_model
+from apad_bridge.planning.registry import collection
+from apad_bridge.runs.studies.statistics import estimate_of
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from benchmarks.instances.check import World, scored
 from benchmarks.plan_study import route
 from benchmarks.plan_study.exact import ExactSearch
+from benchmarks.plan_study.nearest_job import MEAN_WAY, Law, RequestQueue, busy_rate_per_s, latency_s
+from benchmarks.plan_study.request_flight import RequestFlight, Served
 from benchmarks.rows import told
 
 HERE = Path(__file__).parent
@@ -54,6 +61,15 @@ _EXACT_AT_MOST_S = 300.0
 """Processor time for an instance."""
 _PATIENCE_S = 1.0
 """A rule that waits for a charge looks again after so long."""
+QUEUE = "queue"
+SIDE_M, SPEED_M_S = 100.0, 0.5
+CHARGE_WAYS = (0.0, 1.0, 2.0)
+"""The charging time, in mean ways between two random points of the square."""
+LOADS = (0.2, 0.4, 0.6, 0.8, 0.9)
+"""The requests that come while a charger that takes them as they come serves one."""
+BUSY_WITH = (1, 2, 4, 8, 16)
+RUNS, SERVICES = 20, 20_000
+_CONFIDENCE = 0.95
 
 Instance = dict[str, Any]
 
@@ -198,10 +214,78 @@ def _merged(steps: Sequence[Sequence[Any]]) -> list[list[Any]]:
     return merged
 
 
-def measure(short: bool = False) -> dict[str, Any]:
-    """Writes the instances and their best known plans; a row for each. Without PyVRP no route is planned."""
-    numbers = SHORT if short else range(1, COUNT + SMALL_COUNT + 1)
-    return {"rows": [_row(number) for number in numbers]}
+def measure(short: bool = False, row: Sequence[str] | None = None) -> dict[str, Any]:
+    """Writes the instances and their best known plans; a row for each. Without PyVRP no route is planned.
+
+    Beside them is what `njnp` takes on the queue of its paper. `row` chooses instances by name, or "queue".
+    """
+    numbers: Sequence[int] = SHORT if short else range(1, COUNT + SMALL_COUNT + 1)
+    if row is not None:
+        numbers = [int(name) for name in row if name != QUEUE]
+    result: dict[str, Any] = {"rows": [_row(number) for number in numbers]}
+    if row is None or QUEUE in row:
+        result[QUEUE] = queue_rows(RUNS // 5, SERVICES // 5, LOADS[1::2]) if short else queue_rows()
+    return result
+
+
+def queue_rows(
+    runs: int = RUNS, services: int = SERVICES, loads: Sequence[float] = LOADS
+) -> list[dict[str, Any]]:
+    """Latency in minutes at each load, and throughput in an hour where so many requests always wait."""
+    way_s = MEAN_WAY * SIDE_M / SPEED_M_S
+    rows = []
+    for charge_ways in CHARGE_WAYS:
+        queue = RequestQueue(SIDE_M, SPEED_M_S, charge_ways * way_s, 1.0)
+        for each_load in loads:
+            loaded = replace(queue, rate_per_s=each_load / (way_s + queue.charge_s))
+            flown, turned = _served(loaded, runs, services), _served(loaded, runs, services, turns=True)
+            redrawn = _served(loaded, runs, services, redrawn=True)
+            about = {"figure": "latency, min", "charge_ways": charge_ways, "at": each_load}
+            rows.append(
+                _against(about, latency_s(loaded) / 60, [it.latency_s / 60 for it in flown])
+                | _against(
+                    {},
+                    latency_s(loaded, Law.BY_PLACE) / 60,
+                    [it.latency_s / 60 for it in redrawn],
+                    "redrawn_",
+                )
+                | _against(
+                    {}, latency_s(loaded, turns=True) / 60, [it.latency_s / 60 for it in turned], "turns_"
+                )
+                | _against({}, 3600 * loaded.rate_per_s, [3600 * it.rate_per_s for it in flown], "rate_")
+            )
+        for busy_with in BUSY_WITH:
+            flown = _served(queue, runs, services, busy_with=busy_with)
+            redrawn = _served(queue, runs, services, busy_with=busy_with, redrawn=True)
+            about = {"figure": "charged in an hour", "charge_ways": charge_ways, "at": busy_with}
+            by_place = busy_rate_per_s(queue, busy_with, Law.BY_PLACE)
+            rows.append(
+                _against(
+                    about, 3600 * busy_rate_per_s(queue, busy_with), [3600 * it.rate_per_s for it in flown]
+                )
+                | _against({}, 3600 * by_place, [3600 * it.rate_per_s for it in redrawn], "redrawn_")
+            )
+    return [told(row) for row in rows]
+
+
+def _served(queue: RequestQueue, runs: int, services: int, **how: Any) -> list[Served]:
+    strategy = collection("njnp")
+    return [RequestFlight(strategy, queue, seed, **how).served(services) for seed in range(runs)]
+
+
+def _against(
+    about: dict[str, Any], analysis: float, flown: Sequence[float], prefix: str = ""
+) -> dict[str, Any]:
+    """The analysis, the mean of the flights, half of its interval, and how far the flights lie above the analysis."""
+    estimate = estimate_of(flown, _CONFIDENCE)
+    assert estimate is not None
+    figures = {
+        "analysis": analysis,
+        "flown": estimate.mean,
+        "half": estimate.high - estimate.mean,
+        "above_percent": 100 * (estimate.mean / analysis - 1),
+    }
+    return about | {prefix + key: value for key, value in figures.items()}
 
 
 def _row(number: int) -> dict[str, Any]:
@@ -277,3 +361,24 @@ def show(result: dict[str, Any], console: Console) -> None:
             *(f"{it['metres']:.0f}", it["by"]),
         )
     console.print(table)
+    if QUEUE in result:
+        console.print(_queue_table(result[QUEUE]))
+
+
+def _queue_table(rows: Sequence[dict[str, Any]]) -> Table:
+    table = Table(
+        title="njnp on the queue of its paper: analysis; flown, and what it lies above the analysis"
+    )
+    kinds = {"": "", "redrawn_": "places drawn anew", "turns_": "turns round", "rate_": "charged in an hour"}
+    for heading in ("figure", "charging, mean ways", "load, or waiting", *kinds.values()):
+        table.add_column(heading)
+    for row in rows:
+        cells = (
+            f"{row[kind + 'analysis']:.3f}; {row[kind + 'flown']:.3f} +- {row[kind + 'half']:.3f}, "
+            f"{row[kind + 'above_percent']:+.1f} %"
+            if kind + "flown" in row
+            else ""
+            for kind in kinds
+        )
+        table.add_row(row["figure"], f"{row['charge_ways']:g}", f"{row['at']:g}", *cells)
+    return table
