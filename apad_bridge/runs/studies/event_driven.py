@@ -144,14 +144,15 @@ class TruthfulReports(HoldLast):
         drift_of = fleet_drift(scenario.seed, amplitude_um)
         self._drift = {agent_id: drift_of(agent_id) for agent_id in scenario.fleet.ids}
         self.truths: dict[int, Truth] = {}
-        self._drifts_from: dict[int, int] = dict.fromkeys(scenario.fleet.ids, 0)
-        """The drift step before the first one that each aMussel took in the water."""
+        self._drifts_from = dict.fromkeys(scenario.fleet.ids, (0, 0))
+        """The drift up to the first step that each aMussel took in the water."""
         self._all: list[Belief] | None = None
 
     def take(self, truth: Truth) -> None:
         before = self.truths.get(truth.agent_id)
         if before is not None and before.physical.docked and not truth.physical.docked:
-            self._drifts_from[truth.agent_id] = self._scale.mission_span(truth.at_ms) // TICK_MS
+            step = self._scale.mission_span(truth.at_ms) // TICK_MS
+            self._drifts_from[truth.agent_id] = self._drift[truth.agent_id](step)
         self.truths[truth.agent_id] = truth
 
     def show(self, at_ms: MissionMs) -> None:
@@ -183,9 +184,8 @@ class TruthfulReports(HoldLast):
         agent_ms = self._scale.agent_ms(now_ms)
         north_um, east_um = physical.north_um, physical.east_um
         if not physical.docked:
-            drift = self._drift[truth.agent_id]
-            north_from, east_from = drift(self._drifts_from[truth.agent_id])
-            north_to, east_to = drift(now_ms // TICK_MS)
+            north_from, east_from = self._drifts_from[truth.agent_id]
+            north_to, east_to = self._drift[truth.agent_id](now_ms // TICK_MS)
             north_um += north_to - north_from
             east_um += east_to - east_from
         return Belief(
