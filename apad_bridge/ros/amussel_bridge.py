@@ -24,7 +24,7 @@ from apad_bridge.acoustics.serial.nanomodem import (
 )
 from apad_bridge.ros.gateway.claims import LEASE_S, PERIOD_S, TOPIC
 from apad_bridge.ros.links.packet_topics import PacketTopics
-from apad_bridge.ros.system.handshakes import bound_handshakes
+from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.system.ros_time import follow_master
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.supervisor.packet_relay import PacketOrigin, RelayedPacket
@@ -69,9 +69,8 @@ class AMusselBridge:
         master_uri = rosgraph.get_master_uri()
         try:
             rosgraph.Master("/musselbed_bridge").getPid()
-            bound_handshakes()
             # Nodes for other aMussels, with modems of their own, may stand beside this one.
-            rospy.init_node(f"musselbed_bridge_{min(ids)}", argv=[], disable_signals=True)
+            start_node(f"musselbed_bridge_{min(ids)}")
         except (OSError, rosgraph.MasterException, rospy.ROSException) as error:
             raise PeerFailed(f"no ROS master answers at {master_uri} ({error})") from error
         return cls(ids, codec, modem, tell)

@@ -13,8 +13,8 @@ from typing import Any
 import rospy
 
 from apad_bridge.records.bag import RecordedConnection, RecordedMessage
-from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.node import start_node
 
 
 class GraphListener:
@@ -22,8 +22,7 @@ class GraphListener:
 
     def __init__(self, topics: Iterable[str], node: str) -> None:
         """`node` begins the node's name, which ROS makes unique."""
-        bound_handshakes()
-        rospy.init_node(node, argv=[], anonymous=True, disable_signals=True, disable_rosout=True)
+        start_node(node, is_anonymous=True, logs_on_graph=False)
         self._inbox: Inbox[RecordedMessage] = Inbox()
         self._connections: dict[tuple[str, str], RecordedConnection] = {}
         self._subscribers: dict[str, rospy.Subscriber] = {}

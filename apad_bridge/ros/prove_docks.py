@@ -16,6 +16,7 @@ import rospy
 from actionlib import SimpleActionClient
 from std_msgs.msg import Float32MultiArray
 
+from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.vehicle.generation_a.messages import ENDS, PERCH, RELEASE
@@ -92,7 +93,7 @@ def by_arms(apad: str, docks: int) -> str:
 
 def main() -> int:
     apad, docks = sys.argv[1], int(sys.argv[2])
-    rospy.init_node("musselbed_prove_docks", anonymous=True, disable_signals=True)
+    start_node("musselbed_prove_docks", is_anonymous=True)
     try:
         try:
             rospy.wait_for_service(of_apad(apad, "check_docking_availability"), 1.0)

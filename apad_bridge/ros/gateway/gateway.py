@@ -24,7 +24,6 @@ from typing import Any
 
 import rosgraph
 import rospy
-from rospy.impl.paramserver import get_param_server_cache
 
 from agents.hosting.descriptors import raise_descriptor_limit
 from agents.time_scale import MissionMs, TimeScale
@@ -35,8 +34,8 @@ from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
-from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.system.lost_links import bound_calls
+from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
@@ -62,7 +61,6 @@ from musselbed_msgs.msg import Forecast as ForecastMessage  # noqa: E402
 from underwater_msgs.msg import MediumTransmission  # noqa: E402
 
 _FLEET_QUEUE = 10
-_LOGS_WITHOUT_TOPICS = "/rosout_disable_topics_generation"
 _EVENT_QUEUE = 1000
 """Events are not repeated: a slow reader should still receive those of a whole mission."""
 
@@ -97,17 +95,8 @@ def open_gateway(
     master_uri = rosgraph.get_master_uri()
     try:
         refuse_second_fleet(rospy.resolve_name(node_name), [] if is_resumed else ids, master_uri)
-        bound_handshakes()
         bound_calls()
-        rospy.init_node(
-            node_name,
-            argv=list(remappings),
-            disable_signals=True,
-            log_level=rospy.WARN,
-            xmlrpc_port=xmlrpc_port,
-        )
-        # While it is not set, rospy asks the master for it at each line of a node's log, and waits where that stands still.
-        get_param_server_cache().set(_LOGS_WITHOUT_TOPICS, rospy.get_param(_LOGS_WITHOUT_TOPICS, False))
+        start_node(node_name, remappings, xmlrpc_port=xmlrpc_port, log_level=rospy.WARN)
     except OSError as error:
         raise GatewayFailed(
             f"no ROS master answers at {master_uri} ({error}): is it running, and is ROS_MASTER_URI right?"

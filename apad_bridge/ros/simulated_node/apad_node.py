@@ -23,7 +23,7 @@ from agents.hosting.started import outlive_starter
 from apad_bridge.assembly.division import with_apad
 from apad_bridge.assembly.stacks import load as load_part
 from apad_bridge.assembly.stacks import stack_of
-from apad_bridge.ros.system.handshakes import bound_handshakes
+from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.ros_names.names import plain
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
@@ -94,8 +94,7 @@ def _on_graph(whole: Scenario, scenario: Scenario, xmlrpc_port: int) -> LegacySe
     # Its own supervisor publishes the changes of its docks.
     remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
     name = f"{plain(scenario.apad.name)}_simulated"
-    bound_handshakes()
-    rospy.init_node(name, argv=remappings, disable_signals=True, xmlrpc_port=xmlrpc_port)
+    start_node(name, remappings, xmlrpc_port=xmlrpc_port)
     server: type[LegacyServer[Any]] = load_part(stack_of(scenario.apad.generation).server)
     return server.of_scenario(scenario)
 

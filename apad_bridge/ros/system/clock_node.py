@@ -23,8 +23,8 @@ from rosgraph_msgs.msg import Clock
 
 from agents.hosting import interrupts
 from agents.hosting.started import outlive_starter
-from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.node import start_node
 from apad_bridge.ros.system.paced_clock import PATIENCE_S, PacedClock
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED
@@ -99,8 +99,7 @@ def _join_graph() -> str | None:
     others = {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}
     if others:
         return f"/clock comes from {', '.join(sorted(others))} already: end it first"
-    bound_handshakes()
-    rospy.init_node(NODE, argv=[], disable_signals=True)
+    start_node(NODE)
     return None
 
 

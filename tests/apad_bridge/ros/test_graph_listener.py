@@ -27,8 +27,7 @@ def test_what_comes_once_and_before_the_clock_is_handed_on_with_its_first_time(
 ) -> None:
     """Of each publisher of a topic: /tf_static has several. What comes again is dropped until the clock is there."""
     now_s = [0]
-    monkeypatch.setattr(rospy, "init_node", lambda *_, **__: None)
-    monkeypatch.setattr(graph_listener, "bound_handshakes", lambda: None)
+    monkeypatch.setattr(graph_listener, "start_node", lambda *_, **__: None)
     monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(now_s[0]))
     listener = GraphListener((), "listener")
     listener._put(message("/one", b"old", is_latched=True), "/tf_static")

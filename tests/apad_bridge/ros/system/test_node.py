@@ -1,0 +1,69 @@
+"""How a process of ours becomes a node."""
+
+from __future__ import annotations
+
+import ast
+import select
+import subprocess
+import sys
+from pathlib import Path
+from typing import IO
+
+import pytest
+from killing import standing_still
+from patient import PATIENCE_S
+
+from apad_bridge.ros.system.master import loopback_environment, start_master
+
+ROOT = Path(__file__).parents[4]
+NODE = """
+import sys
+import rospy
+from apad_bridge.ros.system.node import start_node
+
+start_node("talker")
+print("ready", flush=True)
+sys.stdin.readline()
+rospy.logwarn("a line for /rosout")
+print("logged", flush=True)
+"""
+
+
+def line_of(stream: IO[str]) -> str:
+    readable, _, _ = select.select([stream], [], [], PATIENCE_S)
+    assert readable, "it said nothing"
+    return stream.readline()
+
+
+@pytest.mark.system
+def test_a_line_of_the_log_does_not_wait_for_a_master_that_stands_still(tmp_path: Path) -> None:
+    master = start_master(tmp_path / "ros", PATIENCE_S, orphan_s=0)
+    node = subprocess.Popen(
+        [sys.executable, "-c", NODE],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=loopback_environment(tmp_path / "ros", master.uri),
+        cwd=ROOT,
+        text=True,
+    )
+    try:
+        assert node.stdin is not None and node.stdout is not None
+        assert line_of(node.stdout) == "ready\n"
+        with standing_still(master.pid):
+            node.stdin.write("log\n")
+            node.stdin.flush()
+            assert line_of(node.stdout) == "logged\n"
+    finally:
+        node.kill()
+        node.communicate()
+        master.stop()
+
+
+def test_all_nodes_of_ours_start_by_the_same_rules() -> None:
+    starting = [
+        path.name
+        for path in sorted((ROOT / "apad_bridge").rglob("*.py"))
+        for it in ast.walk(ast.parse(path.read_text()))
+        if isinstance(it, ast.Attribute) and it.attr == "init_node"
+    ]
+    assert starting == ["node.py"]
