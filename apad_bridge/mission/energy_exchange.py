@@ -39,7 +39,7 @@ from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
-from apad_bridge.mission.plans import plan_event, plan_or_reason
+from apad_bridge.mission.plans import plan_event, plan_or_reason, refuses
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
@@ -126,6 +126,8 @@ class EnergyExchange(OrderBook):
         """Number of go-tos to the aMussel of the step under way."""
         self._dockings = 0
         """Number of failed dockings of the step under way."""
+        self._refused = frozenset[int]()
+        """The whole pool that the strategy refused last, if it says that it will for a while."""
         self._legs_ahead = None if legs is None or legs.is_calm else legs
         self._beyond_reach: dict[int, str] = {}
         """The reason, by aMussel to which the sea bars the way for the present."""
@@ -233,6 +235,7 @@ class EnergyExchange(OrderBook):
         self._rules, self._known_end = config, known_end
         self._follow(config)
         self._collection, self._redeployment, self._model = collection, redeployment, model
+        self._refused = frozenset()
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
@@ -343,7 +346,14 @@ class EnergyExchange(OrderBook):
         )
         if released:
             return partial(self._exchange_or_release, released, pool, count)
-        return partial(self._collect, pool, count) if count else None
+        if not count or (
+            self._refused.issuperset(it.agent_id for it in pool) and self._refuses(pool, now_ms)
+        ):
+            return None
+        return partial(self._collect, pool, count)
+
+    def _refuses(self, pool: Sequence[Belief], now_ms: int) -> bool:
+        return refuses(self._collection, self._situation(pool, {}, now_ms, self._others_than(pool)))
 
     def _collect(self, pool: Sequence[Belief], count: int, now_ms: int) -> None:
         if self._plan_collection(pool, count, now_ms):
@@ -371,6 +381,8 @@ class EnergyExchange(OrderBook):
         if isinstance(solution, str):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return False
+        is_refused = not solution.steps and refuses(self._collection, situation)
+        self._refused = frozenset(it.agent_id for it in pool if is_refused)
         if solution.steps:
             flown, pairs = tour(solution, situation), exchanges(solution, situation)
             solution = Solution(tuple(it for it in flown.steps if it.kind is StepKind.COLLECT))

@@ -27,6 +27,14 @@ def plan_or_reason(
     return solution
 
 
+def refuses(strategy: object, situation: Situation) -> bool:
+    """The strategy says that it refuses this pool for the present (`CollectionStrategy`). A user's error counts as no."""
+    try:
+        return bool(getattr(strategy, "refuses", lambda _: False)(situation))
+    except Exception:
+        return False
+
+
 def plan_event(
     what: str, name: str, solution: Solution, situation: Situation, scales: Scales, strategy: object = None
 ) -> PlanMade:

@@ -18,7 +18,8 @@ class CollectionStrategy(Protocol):
     """Chooses the agents to collect, and their order.
 
     A strategy may have an attribute `pre_empts`: if it is True, the mission plans the rest of a batch anew after each
-    docking.
+    docking. It may have a method `refuses(situation)`: True if it refuses the whole pool, and will until another aMussel
+    joins it. Falling charges and time may end that, and places may not. A study then skips the time until the end.
     """
 
     @property

@@ -138,6 +138,23 @@ class Core:
             return self._by_load.plan(situation, batch)
         return collect_in_order(self._chosen(situation, model, best, kept, amussels)[:count], situation)
 
+    def refuses(self, situation: Situation) -> bool:
+        """True if it refuses the pool wherever its aMussels drift: they are empty, and enough others are alive."""
+        if situation.model is None:
+            return False
+        model, best = situation.model, _best_part(situation.model)
+        kept = int(_sustained(best, model))
+        amussels = len(situation.candidates) + len(situation.others) + len(situation.leaving)
+        late_s = _floor_s(amussels - kept, best, model)
+        alive = sum(it.charge >= ALIVE for it in _water(situation))
+        return (
+            amussels > HEAVY * kept
+            and alive >= _wanted(situation, kept)
+            and all(
+                it.charge < min(ALIVE, best.begin) and it.unserved_s <= late_s for it in situation.candidates
+            )
+        )
+
     def _chosen(
         self, situation: Situation, model: EnergyModel, best: _Part, kept: int, amussels: int
     ) -> list[Candidate]:
@@ -211,11 +228,19 @@ def _floor_s(left_out: int, best: _Part, model: EnergyModel) -> float:
     return max(SPARING_FLOOR_DISCHARGES / model.drain_per_s, more_s * left_out / (FLOORS_SHARE * model.docks))
 
 
+def _water(situation: Situation) -> list[Candidate]:
+    return [*situation.candidates, *(it for it in situation.others if it.dock_index is None)]
+
+
+def _wanted(situation: Situation, kept: int) -> int:
+    """The number of the core in the water."""
+    docked = sum(it.dock_index is not None for it in situation.others) + len(situation.leaving)
+    return max(1, kept - docked)
+
+
 def _core(situation: Situation, kept: int) -> set[int]:
     """The ids of the core in the water: those nearest to each other, of all that have charge, or of all if too few have."""
-    docked = sum(it.dock_index is not None for it in situation.others) + len(situation.leaving)
-    water = [*situation.candidates, *(it for it in situation.others if it.dock_index is None)]
-    wanted = max(1, kept - docked)
+    water, wanted = _water(situation), _wanted(situation, kept)
     alive = [it for it in water if it.charge >= ALIVE]
     lacking = len(alive) < wanted
 

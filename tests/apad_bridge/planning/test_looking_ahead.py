@@ -293,6 +293,31 @@ def test_in_heavy_overload_the_core_refuses_the_empty_while_enough_are_alive() -
     assert collected(empty, [*alive[:2], docked]) == []
 
 
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(0, 0.3), st.floats(0, 30_000)), min_size=1, max_size=12),
+    st.lists(st.floats(0.1, 1), max_size=6),
+    st.lists(st.floats(-50, 50), min_size=36, max_size=36),
+)
+def test_a_pool_that_the_core_refuses_for_a_while_gives_no_plan_wherever_they_drift(
+    pool: list[tuple[float, float]], rest: list[float], places: list[float]
+) -> None:
+    candidates = [swimming(k, places[k], places[-1 - k], *it) for k, it in enumerate(pool)]
+    others = [swimming(20 + k, places[12 + k], places[18 + k], charge) for k, charge in enumerate(rest)]
+    if CORE.refuses(Situation(0, 0, tuple(candidates), (0,), tuple(others), ONE_DOCK)):
+        assert collected(candidates, others) == []
+
+
+def test_a_pool_is_refused_for_a_while_if_all_are_empty_and_enough_are_alive() -> None:
+    def refused(charges: list[float], alive: int) -> bool:
+        others = tuple(swimming(10 + k, k, 0, 0.9) for k in range(alive))
+        pool = tuple(swimming(k, k, 0, charge) for k, charge in enumerate(charges))
+        return CORE.refuses(Situation(0, 0, pool, (0,), others, ONE_DOCK))
+
+    assert refused([0.0] * 5, 3)
+    assert not refused([0.0] * 5, 2) and not refused([0.0] * 4 + [0.25], 3) and not refused([0.0], 3)
+
+
 def test_in_heavy_overload_the_core_is_those_near_to_each_other() -> None:
     served = {"is_served": True}
     near = [replace(swimming(k, 50 + k, 50, 0.5), **served) for k in (1, 2, 3)]

@@ -163,6 +163,17 @@ CASES: dict[str, dict[str, Any]] = {
         "duration_s": 3000.0,
         "fleet__start": {"charge": [0.2, 0.9]},
     },
+    "a pool of empty ones is refused": {
+        "seed": 24,
+        "mission__collection": "core",
+        "mission__dispatch": "asynchronous",
+        "mission__places": "exchanged",
+        "mission__pool_threshold": 0.3,
+        "mission__batch": 1,
+        "apad__docks": 1,
+        "duration_s": 3000.0,
+        "fleet__start": {"charge": [0.1, 0.9]},
+    },
     "it looks ahead": {
         "seed": 9,
         "mission__dispatch": "asynchronous",
@@ -217,6 +228,7 @@ def test_a_mission_s_figures_are_those_of_the_mission_flown_tick_by_tick(case: s
     "case",
     [
         "asynchronous, the nearest, and dockings miss",
+        "a pool of empty ones is refused",
         "batches with a lead",
         "one by one until the mission's end",
         "it goes home to be charged",
