@@ -52,11 +52,12 @@ from firmware_model.states import State
 Packet = TypeVar("Packet", StatusPacket, ShortStatus)
 SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
 MISSION_S = 36_000
-"""Four rounds of charge and more for most aMussels: 300 h of agent time."""
+"""More than the aPad's battery lasts, which ends a flight after 4.5 to 5.1 h: three rounds of charge and more for most
+aMussels."""
 SHORT_S = 1800
 """The short tier flies a population that the twins were tuned on or judged by: others are kept for the judgement."""
-SEEN = (3401, 3402, 3403, 917001, 917002, 917003, 917004, 917005, 917006)
-JUDGED_ON = (917007, 917008, 917009, 917010)
+SEEN = (3401, 3402, 3403, 917001, 917002, 917003, 917004, 917005, 917006, 917007, 917008, 917009, 917010)
+JUDGED_ON = (917011, 917012, 917013, 917014)
 """Drawn and written down before any of them was flown."""
 HEARD = (1.0, 0.3, 0.1)
 SAMPLED_MS = 10_000
