@@ -205,17 +205,18 @@ class EnergyExchange(OrderBook):
         return self.take_orders()
 
     def is_due(self, now_ms: int) -> bool:
-        """Tells whether `advance` does something at `now_ms`, by the beliefs of that time. The question changes nothing.
+        """Tells whether `advance` does something at `now_ms`, by the beliefs and the rules of that time.
 
-        It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will be.
-        Near a known end the pool may shrink from tick to tick, so each is due.
+        The question changes no plan. With a known end it leaves the rules of `now_ms` until the next tick, which sets its
+        own. It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will
+        be. Near a known end the pool may shrink from tick to tick, so each is due.
         """
         if self._must_begin:
             return True
         if self._known_end is not None:
             if self._known_end.changes_pool(self._rules, now_ms):
                 return True
-            self._follow_known_end(now_ms)  # until the next tick, which follows its own time
+            self._follow_known_end(now_ms)
         if self._sink_reminders.due(self._beliefs.all(), self._expected, self._called_up, now_ms):
             return True
         if self.state.phase in _COLLECTING:

@@ -131,20 +131,16 @@ class Core:
         model, count = situation.model, docks_to_fill(situation, batch)
         if model is None:
             raise ValueError("core needs the mission's energy model, which a script's plan has not")
-        amussels = len(situation.candidates) + len(situation.others) + len(situation.leaving)
-        best = _best_part(model)
-        kept = int(_sustained(best, model))
+        best, kept, amussels = _load(situation, model)
         if amussels <= HEAVY * kept:
             return self._by_load.plan(situation, batch)
         return collect_in_order(self._chosen(situation, model, best, kept, amussels)[:count], situation)
 
     def refuses(self, situation: Situation) -> bool:
         """True if it refuses the pool wherever its aMussels drift: they are empty, and enough others are alive."""
-        if situation.model is None:
+        if (model := situation.model) is None:
             return False
-        model, best = situation.model, _best_part(situation.model)
-        kept = int(_sustained(best, model))
-        amussels = len(situation.candidates) + len(situation.others) + len(situation.leaving)
+        best, kept, amussels = _load(situation, model)
         late_s = _floor_s(amussels - kept, best, model)
         alive = sum(it.charge >= ALIVE for it in _water(situation))
         return (
@@ -220,6 +216,13 @@ def _sustained(best: _Part, model: EnergyModel) -> float:
     """The aMussels that the docks keep alive if each service is the best one: work, charge and handling take turns."""
     work_s = best.charge / model.drain_per_s
     return model.docks * (1 + (work_s - _handling_s(model)) / (best.charging_s + _handling_s(model)))
+
+
+def _load(situation: Situation, model: EnergyModel) -> tuple[_Part, int, int]:
+    """The best part, the number of aMussels that the docks keep alive by it, and the number of all."""
+    best = _best_part(model)
+    amussels = len(situation.candidates) + len(situation.others) + len(situation.leaving)
+    return best, int(_sustained(best, model)), amussels
 
 
 def _floor_s(left_out: int, best: _Part, model: EnergyModel) -> float:

@@ -21,10 +21,11 @@ def start_node(
     is_anonymous: bool = False,
     logs_on_graph: bool = True,
 ) -> None:
-    """Joins the graph of the master at ROS_MASTER_URI, for which rospy waits for ever.
+    """Joins the graph of the master at ROS_MASTER_URI. rospy waits for ever for one, so a caller asks for it first.
 
     Handshakes are bounded (`handshakes.py`), signals stay the caller's, and a line of the node's log does not wait for the
-    master. `is_anonymous` makes the name unique. Raises what `rospy.init_node` raises, and OSError without a master.
+    master. `is_anonymous` makes the name unique. Raises what `rospy.init_node` raises, and OSError if the master goes
+    away meanwhile.
     """
     bound_handshakes()
     rospy.init_node(
