@@ -220,7 +220,7 @@ def in_batches(mission: Mission, choose: Choose) -> None:
 
 @dataclass(frozen=True)
 class OneByOne:
-    """Collects one as soon as a dock is free. Released ones take the places of collected ones."""
+    """Collects one as soon as a dock is free. Released ones take the places of collected ones, or the nearest empty."""
 
     choose: Choose
     begins: float
@@ -257,16 +257,19 @@ class OneByOne:
     def _exchange(self, mission: Mission, done: list[AMussel], led: list[AMussel], free: int) -> None:
         leaving = sorted(done, key=lambda it: -it.charge)
         for it in self.choose(mission, led, min(len(led), len(done))) if led else ():
-            place_m = it.place_m
-            following = leaving.pop(0)
+            place_m, following = it.place_m, leaving.pop(0)
+            empty_m = following.place_m
             if free:
                 mission.collect(it)
                 mission.release(following, place_m)
             else:
                 mission.release(following, place_m)
                 mission.collect(it)
+            it.place_m = empty_m
         for it in leaving:
-            mission.release(it, it.place_m)
+            owner = min(mission.in_docks, key=lambda other: dist(mission.place_m, other.place_m))
+            place_m, owner.place_m = owner.place_m, it.place_m
+            mission.release(it, place_m)
 
     def _wait_s(
         self,

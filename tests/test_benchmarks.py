@@ -551,14 +551,18 @@ def test_the_second_model_of_a_mission_comes_near_to_the_flight() -> None:
         if dict(it.parameters) | {"cell": "60 x 20 m, 20 aMussels, 2 docks", "duration_s": 9600}
         == dict(it.parameters)
     )
-    new = second_model.missions(plan, setting, seed=101)
-    modelled = (
-        second_model.flown_in_batches(new, second_model.cautious),
-        second_model.flown_in_batches(new, second_model.greedy),
-        second_model.flown_by_core(new),
+    flies = (
+        lambda new: second_model.flown_in_batches(new, second_model.cautious),
+        lambda new: second_model.flown_in_batches(new, second_model.greedy),
+        second_model.flown_by_core,
     )
+    news = {seed: second_model.missions(plan, setting, seed) for seed in (101, 102, 103)}
+    modelled = [[fly_model(new) for new in news.values()] for fly_model in flies]
     for index, ours in enumerate(modelled):
-        flight = fly(plan.scenario(setting, index, 101), Model.EVENT_DRIVEN)
-        assert ours["uptime"] == pytest.approx(flight.uptime_paper_mean, abs=1.5)
-        assert ours["metres"] == pytest.approx(flight.metres, rel=0.35)
-    assert modelled[2]["uptime"] > modelled[1]["uptime"] + 2
+        flights = [fly(plan.scenario(setting, index, seed), Model.EVENT_DRIVEN) for seed in news]
+        for own, flight in zip(ours, flights, strict=True):
+            assert own["uptime"] == pytest.approx(flight.uptime_paper_mean, abs=1.5)
+        # One release at a far place doubles the way of a compact core, so the metres are those of all three.
+        metres = fmean(it.metres for it in flights)
+        assert fmean(own["metres"] for own in ours) == pytest.approx(metres, rel=0.35)
+    assert all(core["uptime"] > greedy["uptime"] + 2 for _, greedy, core in zip(*modelled, strict=True))

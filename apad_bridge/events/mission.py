@@ -146,7 +146,9 @@ class PlanMade(Event):
     from_: Annotated[_Point | None, Meaning("the aPad's place, north and east", "m")] = None
     exchanged: Annotated[
         list[PlannedExchange] | None,
-        Meaning("who exchange places: the one that is released takes that of the one that is collected"),
+        Meaning(
+            "who exchange places: the one that is released takes that of the other, which is collected now or was before"
+        ),
     ] = None
     options: Annotated[
         list[PlanOption] | None,
@@ -159,9 +161,9 @@ class PlanMade(Event):
 
     def text(self) -> str:
         whom = ", ".join(str(step["agent"]) for step in self.steps) or "nobody"
-        released = ", ".join(str(it["released"]) for it in self.exchanged or ())
-        exchange = f", in exchange for {released}" if released else ""
-        return f"plan to {self.what} by {self.strategy}: {whom}{exchange}"
+        pairs = self.exchanged or ()
+        places = "".join(f"; {it['released']} takes the place of {it['collected']}" for it in pairs)
+        return f"plan to {self.what} by {self.strategy}: {whom}{places}"
 
 
 @dataclass(frozen=True)

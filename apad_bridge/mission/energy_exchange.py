@@ -7,7 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -46,10 +46,10 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionEnd, MissionState, with_exchanged_homes, with_new_homes
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.planning.exchange import exchanges, tour
+from apad_bridge.planning.exchange import exchanges, nearest_places, tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.scenario.schema import Mission
+from apad_bridge.scenario.schema import Mission, Places
 from apad_bridge.scenario.surface import LegForecast
 from apad_bridge.vehicle.commands import GoTo, Hold
 from apad_bridge.vehicle.primitives import DockChanged, Outcome, PrimitiveFailed, PrimitiveSucceeded
@@ -387,10 +387,34 @@ class EnergyExchange(OrderBook):
         if solution.steps:
             flown, pairs = tour(solution, situation), exchanges(solution, situation)
             solution = Solution(tuple(it for it in flown.steps if it.kind is StepKind.COLLECT))
-            self.tell(plan_event("collect", name, solution, situation, self._config.costs, self._collection))
+            last_m = next(
+                it.place_m for it in situation.candidates if it.agent_id == solution.steps[-1].agent_id
+            )
+            taken = self._nearest_places([it.agent_id for it in leaving[len(pairs) :]], last_m, dict(pairs))
+            self.tell(
+                plan_event(
+                    "collect", name, solution, situation, self._config.costs, self._collection, pairs + taken
+                )
+            )
             self.set(plan=flown)
             self._exchange_homes(pairs)
         return bool(solution.steps)
+
+    def _nearest_places(
+        self, leaving: Sequence[int], from_m: tuple[float, float], elsewhere: Container[int] = ()
+    ) -> list[tuple[int, int]]:
+        """Gives those that leave the nearest places of the docked ones, if places are exchanged; returns the pairs.
+
+        Those that go `elsewhere` keep theirs.
+        """
+        if self._config.places is not Places.EXCHANGED:
+            return []
+        homes, docked = self._homes(), (agent_id for _, agent_id in self.state.docked)
+        pairs = nearest_places(
+            leaving, {it: homes[it] for it in docked if it in homes and it not in elsewhere}, from_m
+        )
+        self.set(homes=with_exchanged_homes(self.state.homes, pairs))
+        return pairs
 
     def _exchange_homes(self, pairs: Sequence[tuple[int, int]]) -> None:
         """Has each pair (released, collected) exchange its homes, and watches it. A new one ends an older one."""
@@ -524,8 +548,12 @@ class EnergyExchange(OrderBook):
         return is_planned or self.state.phase is Phase.ENDED
 
     def _release(self, agent_ids: Collection[int], now_ms: int) -> None:
-        """Has the docked aMussels brought back, in the order of the redeployment strategy."""
+        """Has the docked aMussels brought back, in the order of the redeployment strategy.
+
+        Where places are exchanged, each goes to the nearest one that stands empty.
+        """
         known = [self._beliefs.get(it) or placeholder_belief(it, self._here) for it in agent_ids]
+        taken = self._nearest_places([it.agent_id for it in fullest_first(known)], self._here)
         situation = self._situation(known, self._to_release, now_ms)
         name = self._config.redeployment
         solution = plan_or_reason(
@@ -534,7 +562,9 @@ class EnergyExchange(OrderBook):
         if isinstance(solution, str):
             self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return
-        self.tell(plan_event("redeploy", name, solution, situation, self._config.costs, self._redeployment))
+        self.tell(
+            plan_event("redeploy", name, solution, situation, self._config.costs, self._redeployment, taken)
+        )
         self.set(plan=solution)
         self._next_step(now_ms)
 

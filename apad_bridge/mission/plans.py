@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any
 
-from apad_bridge.events.mission import PlanMade, PlannedExchange
+from apad_bridge.events.mission import PlanMade
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
-from apad_bridge.planning.exchange import exchanges
 from apad_bridge.planning.registry import label
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
 
@@ -36,9 +35,18 @@ def refuses(strategy: object, situation: Situation) -> bool:
 
 
 def plan_event(
-    what: str, name: str, solution: Solution, situation: Situation, scales: Scales, strategy: object = None
+    what: str,
+    name: str,
+    solution: Solution,
+    situation: Situation,
+    scales: Scales,
+    strategy: object = None,
+    exchanged: Sequence[tuple[int, int]] = (),
 ) -> PlanMade:
-    """The plan for the journal, with the reasons that `strategy` gives, if it gives any."""
+    """The plan for the journal, with the reasons that `strategy` gives, if it gives any.
+
+    `exchanged` are the pairs (released, other), who exchange places.
+    """
     costs, north_east = cost_of(solution, situation, scales), situation.apad_m
     return PlanMade(
         what,
@@ -62,14 +70,9 @@ def plan_event(
             for c in situation.candidates
         ],
         from_=north_east,
-        exchanged=_exchanged(solution, situation),
+        exchanged=[{"released": out, "collected": other} for out, other in exchanged] or None,
         **_reasons(strategy, situation, solution),
     )
-
-
-def _exchanged(solution: Solution, situation: Situation) -> list[PlannedExchange] | None:
-    pairs = exchanges(solution, situation)
-    return [{"released": out, "collected": other} for out, other in pairs] if pairs else None
 
 
 def _reasons(strategy: object, situation: Situation, solution: Solution) -> dict[str, Any]:

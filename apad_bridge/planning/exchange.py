@@ -1,15 +1,20 @@
 """Exchange of places: a charged aMussel takes the place of one that is collected, so that one way serves both.
 
-All aMussels measure alike, so the mission's places stay covered whoever is where. The paper brings each back to its own
-place, and names other redeployments as possible (section V).
+One for whom nobody waits takes the nearest of the places that stand empty, which are those of the docked ones. Most often
+that is the place at which the aPad charges them, so no way is driven for the release.
+
+All aMussels measure alike, so as many of the mission's places are covered whoever is where. The paper brings each back to
+its own place, and names other redeployments as possible (section V).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.planning.strategy import nearest
 
 
 def tour(collection: Solution, situation: Situation) -> Solution:
@@ -55,6 +60,24 @@ def exchanges(collection: Solution, situation: Situation) -> list[tuple[int, int
         (leaving.agent_id, step.agent_id)
         for leaving, step in zip(situation.leaving, collection.steps, strict=False)
     ]
+
+
+def nearest_places(
+    leaving: Sequence[int], homes_m: Mapping[int, tuple[float, float]], from_m: tuple[float, float]
+) -> list[tuple[int, int]]:
+    """The pairs (released, docked), who exchange places so that those that leave get the nearest ones.
+
+    `homes_m` has the places of the docked ones by id, in m; one that leaves without a place is left out. The first place is
+    the nearest to `from_m`, the second the nearest to the first, and so on. Whoever has one of them keeps it.
+    """
+    left, going = dict(homes_m), [it for it in leaving if it in homes_m]
+    owners: list[int] = []
+    for _ in going:
+        owners.append(nearest(from_m, left))
+        from_m = left.pop(owners[-1])
+    return list(
+        zip((it for it in going if it not in owners), (it for it in owners if it not in going), strict=True)
+    )
 
 
 def _dock(dock_index: int | None) -> int:

@@ -110,7 +110,10 @@ class Projection:
             yield best
 
     def _fly_tour(self, collected: Iterable[int], leaving: Iterable[int] = ()) -> None:
-        """Collects one after the other, and releases the leaving ones there; the rest at their own, nearest first."""
+        """Collects one after the other, and releases the leaving ones there.
+
+        The rest are released at the nearest places: those of all docked ones where places are exchanged, or else their own.
+        """
         left = list(leaving)
         for index in collected:
             if self._now_s >= self._horizon_s:
@@ -124,10 +127,13 @@ class Projection:
                 self._undock(released)
         while left and self._now_s < self._horizon_s:
             way_m, place_m, places = self._way_m, self._place_m, self._places
-            nearest = min(left, key=lambda it: (way_m(place_m, places[it]), it))
-            left.remove(nearest)
-            self._go_to(nearest)
-            self._undock(nearest)
+            owners = self._docked if self._model.exchanges_places else left
+            owner = min(owners, key=lambda it: (way_m(place_m, places[it]), it))
+            released = owner if owner in left else left[0]
+            places[owner], places[released] = places[released], places[owner]
+            left.remove(released)
+            self._go_to(released)
+            self._undock(released)
 
     def _advance_asynchronous(self) -> bool:
         """Flies one release or one collection, or waits for the next; False if nothing more will happen."""

@@ -311,7 +311,7 @@ class Dispatch(StrEnum):
 
 class Places(StrEnum):
     """The place to which an aMussel is brought back. `own`: its own, as in the paper. `exchanged`: that of one which is
-    collected on the same tour, while one is; the two exchange places."""
+    collected on the same tour, or else the nearest of the docked ones' places; the two exchange places."""
 
     OWN = "own"
     EXCHANGED = "exchanged"

@@ -1089,13 +1089,30 @@ def test_a_partly_charged_one_takes_the_place_of_one_that_it_leads_and_not_of_a_
 
 
 @pytest.mark.parametrize(
-    ("charge", "exchanged"), [(0.65, []), (1.0, [{"released": 1, "collected": 3}])], ids=["partly", "full"]
+    ("charge", "what", "other"), [(0.65, "redeploy", 2), (1.0, "collect", 3)], ids=["partly", "full"]
 )
 def test_one_that_makes_room_takes_the_place_of_a_fuller_one_only_when_it_is_full(
-    charge: float, exchanged: list[dict[str, int]]
+    charge: float, what: str, other: int
 ) -> None:
+    """Else it takes that of 2, which is in a dock: the aPad is there."""
     note = plan_one_by_one(exchanging(), charge, 0.3, 0.7, 0.75, charge_to=0.6)
-    assert note.get("exchanged", []) == exchanged
+    assert note["what"] == what and note["exchanged"] == [{"released": 1, "collected": other}]
+
+
+def test_one_for_whom_nobody_waits_is_released_at_the_nearest_empty_place() -> None:
+    """The aPad is at 20 m, where 2 was collected. 1 has its home at 10 m."""
+    bench = exchanging()
+    assert bench.mission.pose == (20.0, 0.0)
+    note = plan_one_by_one(bench, 1.0, 0.3, 0.99, 0.99)
+    assert note["what"] == "redeploy" and note["exchanged"] == [{"released": 1, "collected": 2}]
+    there = release(bench, 1)
+    assert (there.north_m, there.east_m) == (20.0, 0.0)
+    assert homes_of(bench) == {1: 20.0, 2: 10.0, 3: 30.0, 4: 40.0}
+
+
+def test_with_own_places_it_goes_to_its_own() -> None:
+    note = plan_one_by_one(exchanging(), 1.0, 0.3, 0.99, 0.99, places=Places.OWN)
+    assert note["what"] == "redeploy" and "exchanged" not in note
 
 
 def test_a_tour_that_is_resumed_after_every_step_is_flown_to_its_end() -> None:

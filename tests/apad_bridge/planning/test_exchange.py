@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from math import dist
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.mission.state import with_exchanged_homes
 from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.exchange import exchanges, tour
+from apad_bridge.planning.exchange import exchanges, nearest_places, tour
 from apad_bridge.planning.paper_strategies import Cautious
 from apad_bridge.planning.solution import Solution, Step, StepKind
 
@@ -89,3 +91,32 @@ def test_every_place_stays_somebody_s(
 def test_two_exchange_their_places() -> None:
     homes = ((1, 1.0, 0.0), (2, 2.0, 0.0), (3, 3.0, 0.0))
     assert with_exchanged_homes(homes, [(1, 3)]) == ((1, 3.0, 0.0), (2, 2.0, 0.0), (3, 1.0, 0.0))
+
+
+PLACES = st.dictionaries(
+    st.integers(1, 6), st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=6
+)
+
+
+@given(PLACES, st.data())
+def test_those_that_leave_get_the_nearest_places_and_nobody_loses_one(
+    places: dict[int, tuple[int, int]], data: st.DataObject
+) -> None:
+    leaving = data.draw(st.lists(st.sampled_from(sorted(places)), unique=True))
+    pairs = nearest_places(leaving, places, (0.0, 0.0))
+    homes = tuple((agent_id, *place) for agent_id, place in sorted(places.items()))
+    taken = {it[0]: it[1:] for it in with_exchanged_homes(homes, pairs)}
+    assert sorted(taken.values()) == sorted(places.values())
+    # By the definition: each stop is the nearest of all that the stops before it have left.
+    left, place_m, stops = list(places.values()), (0, 0), []
+    for _ in leaving:
+        place_m = min(left, key=lambda it: (dist(place_m, it), [k for k in places if places[k] == it]))
+        left.remove(place_m)
+        stops.append(place_m)
+    assert sorted(taken[it] for it in leaving) == sorted(stops)
+
+
+def test_whoever_has_one_of_the_nearest_places_keeps_it() -> None:
+    homes = {1: (9.0, 0.0), 2: (1.0, 0.0), 3: (2.0, 0.0)}
+    assert nearest_places([1, 2], homes, (0.0, 0.0)) == [(1, 3)]
+    assert nearest_places([7], homes, (0.0, 0.0)) == []  # it has no place to give
