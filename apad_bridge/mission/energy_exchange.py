@@ -250,13 +250,16 @@ class EnergyExchange(OrderBook):
 
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
+        self._end(end, now_ms)
+        return self.take_orders()
+
+    # The phases.
+
+    def _end(self, end: MissionEnd, now_ms: int) -> None:
         if self.state.phase is not Phase.ENDED:
             self.docking_routine.pre_empt()
             self.hold_at_end()
             self._enter(Phase.ENDED, now_ms, ended_by=end)
-        return self.take_orders()
-
-    # The phases.
 
     def _can_begin(self, now_ms: int) -> bool:
         """A resumed step waits until its aMussel is heard again, or has been silent for the stated time."""
@@ -380,7 +383,7 @@ class EnergyExchange(OrderBook):
             name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT
         )
         if isinstance(solution, str):
-            self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
+            self._end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return False
         is_refused = not solution.steps and refuses(self._collection, situation)
         self._refused = frozenset(it.agent_id for it in pool if is_refused)
@@ -560,7 +563,7 @@ class EnergyExchange(OrderBook):
             name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY
         )
         if isinstance(solution, str):
-            self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
+            self._end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return
         self.tell(
             plan_event("redeploy", name, solution, situation, self._config.costs, self._redeployment, taken)
@@ -582,7 +585,7 @@ class EnergyExchange(OrderBook):
     def _stay_at_home(self, now_ms: int) -> None:
         self._home_failed_ms = None
         if self._returns:
-            self._orders += self.end(MissionEnd(EndReason.END_BY), now_ms)
+            self._end(MissionEnd(EndReason.END_BY), now_ms)
             return
         self._hold(now_ms)
         self._enter(Phase.AT_HOME, now_ms)

@@ -754,6 +754,9 @@ def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: s
     assert str(bench.mission.state.ended_by).startswith("failure of strategy 'cautious'")
     assert why in str(bench.mission.state.ended_by)
     assert isinstance([o for o in bench.orders if isinstance(o, Primitive)][-1], Hold)
+    assert len(bench.notes("mission")) == 1
+    ids = [o.command_id for o in bench.orders if isinstance(o, Primitive)]
+    assert ids == sorted(set(ids)), "each order is given once"
 
 
 def ready_state() -> MissionState:
