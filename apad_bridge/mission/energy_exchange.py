@@ -39,7 +39,7 @@ from apad_bridge.mission.end_by import EndBy, KnownEnd
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
-from apad_bridge.mission.plans import plan_event, plan_or_reason, refuses
+from apad_bridge.mission.plans import plan_event, plan_or_reason, refuses_or_reason
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
@@ -350,14 +350,16 @@ class EnergyExchange(OrderBook):
         )
         if released:
             return partial(self._exchange_or_release, released, pool, count)
-        if not count or (
-            self._refused.issuperset(it.agent_id for it in pool) and self._refuses(pool, now_ms)
-        ):
+        if not count:
             return None
+        if self._refused.issuperset(it.agent_id for it in pool):
+            situation = self._situation(pool, {}, now_ms, self._others_than(pool))
+            is_refused = refuses_or_reason(self._config.collection, self._collection, situation)
+            if isinstance(is_refused, str):
+                return partial(self._end, MissionEnd(EndReason.STRATEGY_FAILED, is_refused))
+            if is_refused:
+                return None
         return partial(self._collect, pool, count)
-
-    def _refuses(self, pool: Sequence[Belief], now_ms: int) -> bool:
-        return refuses(self._collection, self._situation(pool, {}, now_ms, self._others_than(pool)))
 
     def _collect(self, pool: Sequence[Belief], count: int, now_ms: int) -> None:
         if self._plan_collection(pool, count, now_ms):
@@ -385,7 +387,10 @@ class EnergyExchange(OrderBook):
         if isinstance(solution, str):
             self._end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return False
-        is_refused = not solution.steps and refuses(self._collection, situation)
+        is_refused = not solution.steps and refuses_or_reason(name, self._collection, situation)
+        if isinstance(is_refused, str):
+            self._end(MissionEnd(EndReason.STRATEGY_FAILED, is_refused), now_ms)
+            return False
         self._refused = frozenset(it.agent_id for it in pool if is_refused)
         if solution.steps:
             flown, pairs = tour(solution, situation), exchanges(solution, situation)

@@ -22,16 +22,20 @@ def plan_or_reason(
         solution = plan()
         check_solution(solution, situation, kind)
     except Exception as error:
-        return f"{EndReason.STRATEGY_FAILED} {label(name)!r}: {type(error).__name__}: {error}"
+        return _failure(name, error)
     return solution
 
 
-def refuses(strategy: object, situation: Situation) -> bool:
-    """The strategy says that it refuses this pool for the present (`CollectionStrategy`). A user's error counts as no."""
+def refuses_or_reason(name: str, strategy: object, situation: Situation) -> bool | str:
+    """True if the strategy refuses this pool for the present (`CollectionStrategy`); a user's error is a reason to end."""
     try:
         return bool(getattr(strategy, "refuses", lambda _: False)(situation))
-    except Exception:
-        return False
+    except Exception as error:
+        return _failure(name, error)
+
+
+def _failure(name: str, error: Exception) -> str:
+    return f"{EndReason.STRATEGY_FAILED} {label(name)!r}: {type(error).__name__}: {error}"
 
 
 def plan_event(

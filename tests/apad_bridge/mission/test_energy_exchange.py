@@ -743,11 +743,39 @@ class Foreign:
         return Solution((Step(StepKind.COLLECT, 99, 0),))
 
 
-@pytest.mark.parametrize(("strategy", "why"), [(Raises(), "no idea"), (Foreign(), "99")])
+class FailsToRefuse:
+    """Has no plan, and raises when it is asked if it refuses, after so many answers."""
+
+    plans = "collect"
+
+    def __init__(self, answered: int) -> None:
+        self._answered = answered
+
+    def plan(self, situation: object, batch: int) -> Solution:
+        return Solution(())
+
+    def refuses(self, situation: object) -> bool:
+        self._answered -= 1
+        if self._answered < 0:
+            raise RuntimeError("cannot tell")
+        return True
+
+
+@pytest.mark.parametrize(
+    ("strategy", "why"),
+    [
+        (Raises(), "no idea"),
+        (Foreign(), "99"),
+        (FailsToRefuse(0), "RuntimeError: cannot tell"),
+        (FailsToRefuse(1), "RuntimeError: cannot tell"),
+    ],
+)
 def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: str) -> None:
     bench = Bench()
     bench.mission._collection = strategy  # type: ignore[assignment]
     bench.tick()
+    if bench.mission.state.phase is Phase.IDLE:
+        bench.tick()  # asks again whether it still refuses
     assert bench.mission.state.phase is Phase.ENDED
     assert bench.mission.state.ended_by is not None
     assert bench.mission.state.ended_by.reason is EndReason.STRATEGY_FAILED
