@@ -28,8 +28,8 @@ class StrategyFailed(Exception):
 
 
 def fly(scenario: Scenario, model: Model) -> Figures:
-    """Flies the scenario's mission; StrategyFailed when its strategy ended it."""
-    figures = fly_event_driven(scenario) if model is Model.EVENT_DRIVEN else fly_each_tick(scenario)
+    """Flies the scenario's mission; StrategyFailed when its strategy ended it. ValueError for a string that is no model."""
+    figures = fly_event_driven(scenario) if Model(model) is Model.EVENT_DRIVEN else fly_each_tick(scenario)
     if figures.end_reason is EndReason.STRATEGY_FAILED:
         raise StrategyFailed(figures.ended_by)
     return figures

@@ -473,3 +473,12 @@ def test_a_strategy_that_fails_fails_the_study(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("apad_bridge.planning.paper_strategies.Cautious.plan", broken)
     with pytest.raises(StrategyFailed, match="no idea"):
         fly(changed(seed=1), Model.EVENT_DRIVEN)
+
+
+def test_a_plain_string_names_its_model_or_raises() -> None:
+    scenario = changed(duration_s=60.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delattr("apad_bridge.runs.studies.models.fly_each_tick")
+        assert fly(scenario, "event-driven") == fly(scenario, Model.EVENT_DRIVEN)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="event driven"):
+        fly(scenario, "event driven")  # type: ignore[arg-type]
