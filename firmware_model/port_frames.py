@@ -24,10 +24,9 @@ MOST_FRAMES = 10_000
 """A board that sends so many frames at one time of its counter, in one turn or in many, does not come to an end."""
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<H")
-_BLOCK = re.compile(rb"[^\0]+")
-_CODES = [bytes([size + 1]) for size in range(254)]
-_SHORT = 64
-"""Data of so many bytes is split at its zeros at once."""
+_BLOCK = re.compile(rb"([^\0]{254})|([^\0]{1,253})\0|\0+")
+"""A block of COBS: as many bytes as a code can count, or fewer that a zero ends; or a row of blocks without bytes."""
+_CODES = [bytes([size + 1]) for size in range(255)]
 _MAX_ENCODED = (_HEAD.size + MAX_PAYLOAD + _CRC.size) * 255 // 254 + 2
 _COUNTER_MASK = (1 << 32) - 1
 _HALF = 1 << 31
@@ -205,26 +204,15 @@ class FrameReader:
 
 
 def _stuffed(data: bytes) -> bytes:
-    return (
-        _stuffed_long(data)
-        if len(data) > _SHORT
-        else b"".join([_CODES[len(it)] + it for it in data.split(b"\0")])
-    )
+    """COBS: each block behind its code, as if a zero ended the data."""
+    return _BLOCK.sub(_coded, data + b"\0")
 
 
-def _stuffed_long(data: bytes) -> bytes:
-    """Goes from one block to the next: a page of flash is long runs of zeros, each of which is a block without bytes."""
-    out = bytearray()
-    at = 0
-    for found in _BLOCK.finditer(data):
-        block = found[0]
-        out += b"\1" * (found.start() - at)
-        while len(block) >= 254:
-            out += b"\xff" + block[:254]
-            block = block[254:]
-        out += _CODES[len(block)] + block
-        at = found.end() + 1
-    return bytes(out + b"\1" * (len(data) + 1 - at))
+def _coded(block: re.Match[bytes]) -> bytes:
+    if block.lastindex is None:
+        return b"\1" * len(block[0])
+    content = block[block.lastindex]
+    return _CODES[len(content)] + content
 
 
 def _unstuffed(encoded: bytes) -> bytes:

@@ -14,6 +14,8 @@ from firmware_model.port_frames import (
     BadFrame,
     Frame,
     FrameReader,
+    _stuffed,
+    _unstuffed,
     alarm_ms,
     counter_at,
 )
@@ -35,6 +37,31 @@ def test_a_frame_s_bytes_by_hand() -> None:
     assert 0 not in check
     by_hand = bytes.fromhex("04420301 01 0280 01 0205 01 01".replace(" ", "")) + b"\x04\x01" + check + b"\0"
     assert Frame(0x42, 3, 0x8000, 5, b"\1").encode() == by_hand
+
+
+@pytest.mark.parametrize(
+    ("data", "encoded"),
+    [
+        (b"", "01"),
+        (b"\0\0", "01 01 01"),
+        (b"\x11\x22\0\x33", "03 11 22 02 33"),
+        (b"\x11\0\0\0", "02 11 01 01 01"),
+        (bytes(range(1, 256)), f"ff {bytes(range(1, 255)).hex()} 02 ff"),
+        (bytes([*range(2, 256), 0]), f"ff {bytes(range(2, 256)).hex()} 01 01"),
+        (bytes([*range(3, 256), 0, 1]), f"fe {bytes(range(3, 256)).hex()} 02 01"),
+    ],
+)
+def test_blocks_are_those_of_the_published_examples_of_cobs(data: bytes, encoded: str) -> None:
+    """The examples: https://en.wikipedia.org/wiki/Consistent_Overhead_Byte_Stuffing"""
+    assert _stuffed(data) == bytes.fromhex(encoded)
+    assert _unstuffed(bytes.fromhex(encoded)) == data
+
+
+def test_a_full_block_at_the_end_may_have_an_empty_one_behind_it_or_not() -> None:
+    """The published example has none there; ours has, and both are COBS of the same bytes."""
+    data = bytes(range(1, 255))
+    assert _stuffed(data) == b"\xff" + data + b"\1"
+    assert _unstuffed(b"\xff" + data) == _unstuffed(b"\xff" + data + b"\1") == data
 
 
 @given(st.lists(FRAMES, max_size=5), st.lists(st.integers(1, 50), min_size=1, max_size=20))
