@@ -26,13 +26,12 @@ from rosgraph.network import (
 )
 
 from apad_bridge.doctor.network import Unreachable, call, connect
+from apad_bridge.ros.system.lost_links import notice_end
 
 _AGAIN_S = 5.0
 """A second connection that was refused, or ended, is tried again after this time."""
 _MOST_UNPAIRED = 600
 """A minute of positions at 10 Hz that one connection brought and the other has not."""
-_IDLE_S = 60
-"""rospy's own connections ask after this time, too."""
 _LONGEST = 65_536
 """Bytes of a position: one that is longer is none."""
 _SUFFIX = "_again"
@@ -121,8 +120,7 @@ class SecondConnections:
                     return
             # A vehicle may publish seldom. The end of its machine shows by the keep-alive.
             sock.settimeout(None)
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, _IDLE_S)
+            notice_end(sock)
             # What came behind the header belongs to the first message.
             stream = io.BufferedReader(_Continued(begun.getvalue()[: begun.tell()], sock))
             while len(size := stream.read(_LENGTH.size)) == _LENGTH.size:

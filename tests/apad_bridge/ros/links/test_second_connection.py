@@ -21,6 +21,7 @@ from apad_bridge.ros.links import second_connection
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers, NavSts
 from apad_bridge.ros.links.second_connection import FirstArrivals, SecondConnections
 from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.lost_links import notice_end
 
 SOON_S = 10.0
 TOPIC = "/apad1/position"
@@ -158,6 +159,23 @@ def test_each_publisher_gets_one_second_connection_and_another_after_its_end(
     assert other.handshakes.empty()
     connections.close()
     other.close()
+
+
+def test_a_silent_publisher_is_asked_as_soon_as_over_the_first_connection(publisher: Publisher) -> None:
+    got: queue.Queue[Any] = queue.Queue()
+    connections = SecondConnections(got.put)
+    connections.follow(subscriber_of(publisher))
+    publisher.handshakes.get(timeout=SOON_S).sendall(framed(position(0)))
+    got.get(timeout=SOON_S)
+    second = connections._open[publisher.uri]
+    assert second is not None
+    with socket.socket() as first:
+        notice_end(first)
+        for option in (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT):
+            asked, told = (it.getsockopt(socket.IPPROTO_TCP, option) for it in (first, second))
+            assert asked == told
+    assert second.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    connections.close()
 
 
 def test_a_publisher_that_refuses_is_asked_again_only_later() -> None:
