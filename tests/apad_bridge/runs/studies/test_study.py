@@ -224,7 +224,13 @@ AREAS_M = {
 
 
 @pytest.mark.parametrize(
-    ("file", "seed"), [("cells.yaml", 20261126), ("goal.yaml", 20261127), ("core.yaml", 20261127)]
+    ("file", "seed"),
+    [
+        ("cells.yaml", 20261126),
+        ("goal.yaml", 20261127),
+        ("core.yaml", 20261127),
+        ("rules.yaml", 20261128),
+    ],
 )
 def test_the_cells_of_a_comparison_are_those_that_a_stated_seed_draws(file: str, seed: int) -> None:
     study = load_study(SHIPPED / file).study

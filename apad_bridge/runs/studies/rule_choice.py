@@ -1,0 +1,124 @@
+"""The choice among rules for one scenario, by trial missions on random configurations of it.
+
+No rule is best everywhere: what pays depends on the area, the fleet, the docks and the mission's length. So each rule is
+flown, and the one with the most uptime is taken of those that cost nothing else. A choice among rules by features of the
+situation is a hyper-heuristic; here the features are the trials' own figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import Any
+
+from apad_bridge.runs.studies.event_driven import model_gap
+from apad_bridge.runs.studies.models import Model
+from apad_bridge.runs.studies.runner import Row
+from apad_bridge.runs.studies.specification import StudyPlan, plan_of
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+
+_COMMON: dict[str, Any] = {
+    "collection": "core",
+    "costs": {"distance_per_m": 1.0, "energy_per_charge": 50.0},
+    "dispatch": "asynchronous",
+    "places": "exchanged",
+}
+RULES: dict[str, dict[str, Any]] = {
+    name: {**_COMMON, **thresholds}
+    for name, thresholds in {
+        "from 0.02": {"pool_threshold": 0.02},
+        "from 0.2 when one is empty": {"pool_threshold": 0.2, "again_threshold": 0.0},
+        "from 0.3": {"pool_threshold": 0.3},
+        "0.5 to 0.9": {"pool_threshold": 0.5, "charge_to": 0.9},
+        "0.6 to 0.97": {"pool_threshold": 0.6, "charge_to": 0.97},
+        "0.62 to 0.95": {"pool_threshold": 0.62, "charge_to": 0.95},
+        "0.65 to 0.92": {"pool_threshold": 0.65, "charge_to": 0.92},
+    }.items()
+}
+"""The keys of `mission` of each rule, from the one that drives least on. Found on squares of 40 and 150 m."""
+AS_IT_IS = "as the scenario has it"
+_BATCHES = {"dispatch": "batch", "places": "own"}
+PAPERS: dict[str, dict[str, Any]] = {
+    "cautious, in batches": {"collection": "cautious", **_BATCHES},
+    "greedy, in batches": {"collection": "greedy", **_BATCHES},
+}
+TRIALS = 8
+UPTIME, LEAST, METRES, LOST = "uptime_paper_mean", "uptime_paper_min", "metres", "amussels_lost"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The rule that is taken in one setting, and its mean differences to the better one of the `known` rules."""
+
+    rule: str
+    better: str
+    uptime: float
+    """Points of mean uptime."""
+    least: float
+    """Points of the least aMussel's uptime."""
+    metres: float
+    """Of the mission's straight legs."""
+
+
+def choice_of(rows: Sequence[Row], known: Collection[str]) -> Choice:
+    """Chooses by the rows of one setting: of the rules that spare, the one with the most mean uptime.
+
+    The better one of the `known` rules has the most uptime of these. A rule spares if it loses no more aMussels than that
+    one, leaves the least aMussel no worse, and drives no more. Its metres have to be fewer by a standard error, because
+    trials are few. The better one spares by itself, so no choice is worse than it in the trials. All rules need the same
+    seeds. Raises ValueError if a known rule has no row.
+    """
+    by_rule: dict[str, dict[int, Row]] = {}
+    for row in rows:
+        by_rule.setdefault(row["strategy"], {})[row["seed"]] = row
+    if missing := [it for it in known if it not in by_rule]:
+        raise ValueError(f"no mission of {', '.join(missing)}")
+
+    def mean(rule: str, column: str) -> float:
+        return fmean(row[column] for row in by_rule[rule].values())
+
+    better = max(known, key=lambda it: mean(it, UPTIME))
+
+    def differences(rule: str, column: str) -> list[float]:
+        own, others = by_rule[rule], by_rule[better]
+        return [own[seed][column] - others[seed][column] for seed in own]
+
+    def spares(rule: str) -> bool:
+        metres = differences(rule, METRES)
+        error = stdev(metres) / sqrt(len(metres)) if len(metres) > 1 else 0.0
+        return (
+            fmean(differences(rule, LOST)) <= 0
+            and fmean(differences(rule, LEAST)) >= 0
+            and fmean(metres) + error <= 0
+        )
+
+    rule = max((it for it in by_rule if spares(it)), key=lambda it: mean(it, UPTIME))
+    return Choice(rule, better, *(fmean(differences(rule, it)) for it in (UPTIME, LEAST, METRES)))
+
+
+def rules_study(path: Path, trials: int = TRIALS) -> StudyPlan:
+    """The study of one scenario: its own rule, the paper's, and `RULES`, on as many configurations of its own start.
+
+    ScenarioError for a scenario with a mistake.
+    """
+    scenario = load(path)
+    strategies = [{"name": name, **keys} for name, keys in rules_of(scenario).items()]
+    data = {
+        "name": f"{scenario.name}-rules",
+        "scenarios": [str(path.absolute())],
+        "strategies": [{"name": AS_IT_IS, "collection": scenario.mission.collection}, *strategies],
+        "seeds": trials,
+        "start": "scenario",
+        "primary": UPTIME,
+        "model": (Model.EVENT_DRIVEN if model_gap(scenario) is None else Model.MISSION).value,
+    }
+    return plan_of(data, str(path), path.parent)
+
+
+def rules_of(scenario: Scenario) -> Mapping[str, dict[str, Any]]:
+    """The rules that a scenario's own is compared with: the paper's, and `RULES`."""
+    return {**PAPERS, **RULES}
