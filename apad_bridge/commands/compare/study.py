@@ -11,6 +11,7 @@ from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     from apad_bridge.assembly.capacity import Bounds
     from apad_bridge.runs.studies.capacity_diagram import SizedFlights
     from apad_bridge.runs.studies.report import Comparison
-    from apad_bridge.runs.studies.runner import Fly
+    from apad_bridge.runs.studies.rule_choice import Choice
+    from apad_bridge.runs.studies.runner import Fly, Row
     from apad_bridge.runs.studies.sleep_schedules import ScheduleOutcome
     from apad_bridge.runs.studies.specification import StudyPlan
 
@@ -49,7 +51,8 @@ def add_parser(commands: Any) -> None:
         "prints means, paired differences and upper bounds. After an interruption the same command continues the study. "
         f"`musselbed study {TABLE_TWO}` repeats the paper's Table II, and `musselbed study {SLEEP}` compares schedules of "
         f"sleep and recommends one. `musselbed study {CAPACITY}` maps from which fleets and start charges the docks hold a "
-        "fleet. Results: "
+        "fleet. `musselbed study SCENARIO.yaml` flies rules of collecting and releasing on random configurations of a "
+        "scenario, and recommends one. Results: "
         "results.parquet with a row for each mission, report.html with figures.",
         epilog=ending(
             "musselbed study launch_scripts/studies/pool.yaml",
@@ -57,11 +60,14 @@ def add_parser(commands: Any) -> None:
             f"musselbed study {TABLE_TWO} --theta 1 --seeds 50",
             f"musselbed study {SLEEP} --seeds 10",
             f"musselbed study {CAPACITY}",
+            "musselbed study mine.yaml --seeds 20",
             note="See docs/studies.md.",
         ),
     )
     parser.add_argument(
-        "study", metavar="STUDY.yaml", help=f"the study's file, or {TABLE_TWO}, {SLEEP} or {CAPACITY}"
+        "study",
+        metavar="STUDY.yaml",
+        help=f"the study's file, or {TABLE_TWO}, {SLEEP}, {CAPACITY}, or a scenario's file",
     )
     parser.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N, instead of the study's")
     parser.add_argument(
@@ -96,6 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_parquet,
         write_report,
     )
+    from apad_bridge.runs.studies.rule_choice import KNOWN, choice_of
     from apad_bridge.runs.studies.runner import AnotherStudy, StudyFailed, fly_study
     from apad_bridge.runs.studies.sleep_schedules import reason_of, schedules_of
     from apad_bridge.runs.studies.table_two import apad_energy, contradictions, table_two
@@ -132,6 +139,7 @@ def run(arguments: argparse.Namespace) -> int:
     compared = table_two(plan, rows) if is_table_two else []
     schedules = schedules_of(plan, rows) if arguments.study == SLEEP else []
     phases = phases_of(plan, rows) if arguments.study == CAPACITY else []
+    choice = choice_of(rows, KNOWN) if set(KNOWN) <= set(plan.strategies) else None
     if phases:  # a figure for each of its many settings would say less
         write_diagram(directory / DIAGRAM, phases, found[0].bounds)
     else:
@@ -144,7 +152,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
         paper = {"table2": compared, "contradictions": contradictions()} if is_table_two else {}
         held = {"phases": [asdict(it) for it in phases]} if phases else {}
-        print(json.dumps({**as_data(plan, found), **paper, **slept, **held, "files": str(directory)}))
+        chosen = {"choice": asdict(choice)} if choice else {}
+        parts = {**paper, **slept, **held, **chosen}
+        print(json.dumps({**as_data(plan, found), **parts, "files": str(directory)}))
         return Exit.DONE
     console = Console(markup=False, highlight=False)
     if is_table_two:
@@ -154,7 +164,9 @@ def run(arguments: argparse.Namespace) -> int:
     if phases:
         _print_phases(console, phases, list(borders_of(phases)), found[0].bounds)
         console.print(f"The diagram: {directory / DIAGRAM}", soft_wrap=True)
-    for each in () if schedules or phases else found:
+    if choice:
+        _print_choice(console, plan, rows, choice)
+    for each in () if schedules or phases or choice else found:
         _print_comparison(console, each, plan.baseline, plan.study.primary)
     console.print(f"A row for each mission: {directory / RESULTS}", soft_wrap=True)
     if not phases:
@@ -164,8 +176,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plan_of(arguments: argparse.Namespace) -> StudyPlan:
     from apad_bridge.runs.studies.capacity_diagram import capacity_study
+    from apad_bridge.runs.studies.rule_choice import TRIALS, rules_study
     from apad_bridge.runs.studies.sleep_schedules import sleep_study
-    from apad_bridge.runs.studies.specification import load_study, with_seeds
+    from apad_bridge.runs.studies.specification import is_scenario, load_study, with_seeds
     from apad_bridge.runs.studies.table_two import THETA, table_two_study
 
     if arguments.seeds is not None and arguments.seeds < 1:
@@ -181,6 +194,8 @@ def _plan_of(arguments: argparse.Namespace) -> StudyPlan:
             return sleep_study(arguments.seeds or _SLEEP_SEEDS)
         if arguments.study == CAPACITY:
             return capacity_study(arguments.seeds or _CAPACITY_SEEDS)
+        if is_scenario(Path(arguments.study)):
+            return rules_study(Path(arguments.study), arguments.seeds or TRIALS)
         plan = load_study(Path(arguments.study))
         return plan if arguments.seeds is None else with_seeds(plan, arguments.seeds)
     except ScenarioError as error:
@@ -301,6 +316,35 @@ def _print_schedules(console: Console, schedules: Sequence[ScheduleOutcome], rea
         )
     console.print(table)
     console.print(f"Recommended: {schedules[0].text}. {reason}", soft_wrap=True)
+
+
+def _print_choice(console: Console, plan: StudyPlan, rows: Sequence[Row], choice: Choice) -> None:
+    """Prints a line for each rule, and the chosen one as the lines of a scenario."""
+    from apad_bridge.runs.studies.rule_choice import LEAST, LOST, METRES, RULES, UPTIME
+
+    headings = ("", "lost", "uptime %", "least %", "way m")
+    table = _table(f"rules for {plan.named[0].name}, means of {len(plan.seeds)} configurations", headings)
+    for rule in plan.strategies:
+        own = [row for row in rows if row["strategy"] == rule]
+        cells = [f"{fmean(row[key] for row in own):.1f}" for key in (LOST, UPTIME, LEAST, METRES)]
+        table.add_row(rule, *cells, style="bold" if rule == choice.rule else "")
+    console.print(table)
+    if choice.rule not in RULES:
+        console.print(
+            f"Recommended: {choice.rule}. No other rule has more uptime without another cost.", soft_wrap=True
+        )
+        return
+    console.print(
+        f"Recommended: {choice.rule}, one by one, with exchanged places. Against {choice.better!r} it has "
+        f"{choice.uptime:+.1f} points of uptime, {choice.least:+.1f} for the least aMussel, and {choice.metres:+.0f} m of "
+        "way. It has the most uptime of the rules that lose no more aMussels, leave the least aMussel no worse and drive "
+        "no more. In the scenario:",
+        soft_wrap=True,
+    )
+    console.print("mission:")
+    for key, value in RULES[choice.rule].items():
+        console.print(f"  {key}: {json.dumps(value) if isinstance(value, dict) else value}")
+    console.print()
 
 
 def _print_phases(

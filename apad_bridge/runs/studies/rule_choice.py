@@ -7,7 +7,7 @@ situation is a hyper-heuristic; here the features are the trials' own figures.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
@@ -19,7 +19,7 @@ from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import RandomStart
 
 _COMMON: dict[str, Any] = {
     "collection": "core",
@@ -46,6 +46,8 @@ PAPERS: dict[str, dict[str, Any]] = {
     "cautious, in batches": {"collection": "cautious", **_BATCHES},
     "greedy, in batches": {"collection": "greedy", **_BATCHES},
 }
+KNOWN = (AS_IT_IS, *PAPERS)
+"""Those with which a choice for a scenario is compared."""
 TRIALS = 8
 UPTIME, LEAST, METRES, LOST = "uptime_paper_mean", "uptime_paper_min", "metres", "amussels_lost"
 
@@ -61,7 +63,7 @@ class Choice:
     least: float
     """Points of the least aMussel's uptime."""
     metres: float
-    """Of the mission's straight legs."""
+    """Metres of the straight legs."""
 
 
 def choice_of(rows: Sequence[Row], known: Collection[str]) -> Choice:
@@ -101,24 +103,22 @@ def choice_of(rows: Sequence[Row], known: Collection[str]) -> Choice:
 
 
 def rules_study(path: Path, trials: int = TRIALS) -> StudyPlan:
-    """The study of one scenario: its own rule, the paper's, and `RULES`, on as many configurations of its own start.
+    """The study of one scenario: its own rule, the paper's, and `RULES`, on so many random configurations.
 
-    ScenarioError for a scenario with a mistake.
+    A start that the scenario draws is kept. One from a file is a single draw, so the trials draw others, as each study
+    does. ScenarioError for a scenario with a mistake.
     """
     scenario = load(path)
-    strategies = [{"name": name, **keys} for name, keys in rules_of(scenario).items()]
     data = {
         "name": f"{scenario.name}-rules",
         "scenarios": [str(path.absolute())],
-        "strategies": [{"name": AS_IT_IS, "collection": scenario.mission.collection}, *strategies],
+        "strategies": [
+            {"name": AS_IT_IS, "collection": scenario.mission.collection},
+            *({"name": name, **keys} for name, keys in (PAPERS | RULES).items()),
+        ],
         "seeds": trials,
-        "start": "scenario",
+        **({"start": "scenario"} if isinstance(scenario.fleet.start, RandomStart) else {}),
         "primary": UPTIME,
         "model": (Model.EVENT_DRIVEN if model_gap(scenario) is None else Model.MISSION).value,
     }
     return plan_of(data, str(path), path.parent)
-
-
-def rules_of(scenario: Scenario) -> Mapping[str, dict[str, Any]]:
-    """The rules that a scenario's own is compared with: the paper's, and `RULES`."""
-    return {**PAPERS, **RULES}

@@ -176,11 +176,16 @@ def load_study(path: Path) -> StudyPlan:
         raise ScenarioError(
             [f"{path}: is no study: a study is a mapping of name, scenarios, strategies and seeds"]
         )
-    if "scenarios" not in data and {"fleet", "mission"} <= data.keys():
-        raise ScenarioError(
-            [f"{path}: this is a scenario: name it under `scenarios` in a study, or fly it by `run`"]
-        )
     return plan_of(data, str(path), path.parent)
+
+
+def is_scenario(path: Path) -> bool:
+    """True for a file that is a scenario and no study; what is neither is left to `load_study`."""
+    try:
+        data = parse_yaml(read_text(path))
+    except (OSError, ValueError):
+        return False
+    return isinstance(data, dict) and "scenarios" not in data and {"fleet", "mission"} <= data.keys()
 
 
 def plan_of(data: Any, source: str, directory: Path) -> StudyPlan:

@@ -82,7 +82,6 @@ def test_a_library_that_lacks_is_told_in_one_line(library: str, words: list[str]
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["study", str(POOL_FILE)], "this is a scenario: name it under `scenarios` in a study"),
         (["study", __file__], "is no YAML but a Python script"),
         (["study", str(POOL_FILE.with_suffix(".csv"))], "is no "),
         (["run", "launch_scripts/studies/pool.yaml", "--dry-run"], "this is a study: fly it by"),
