@@ -1,9 +1,8 @@
-"""Strategies in the goal's cells, by a second model of a mission that shares no code with the flights.
+"""The rules in the goal's cells, by a second model of a mission that shares no code with the flights.
 
 The model has one aPad on straight legs at one speed, docks, and the paper's equations (1) and (2). It leaves out how the
-aPad speeds up, drift, packets and ticks. Cells, places, start charges and seeds are those of the studies: of core.yaml,
-and of goal.yaml for the comparison with its archived flights. A mission takes milliseconds, so many configurations make
-the intervals narrow. It knows the strategies of the goal alone.
+aPad speeds up, drift, packets and ticks. Cells, places, start charges and seeds are those of rules.yaml. A mission takes
+milliseconds, so many configurations make the intervals narrow. Its own trials choose a rule for each cell.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import dist, inf
 from pathlib import Path
 from statistics import fmean
@@ -19,22 +19,23 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.runs.studies.rule_choice import LEAST, LOST, METRES, RULES, TRIALS, UPTIME, choice_of
 from apad_bridge.runs.studies.specification import StudyPlan, load_study
 from apad_bridge.runs.studies.statistics import estimate_of
 from apad_bridge.scenario.starts import starts_of
 from benchmarks.rows import told
 
 ROOT = Path(__file__).parents[1]
-CORE, GOAL = (ROOT / f"launch_scripts/studies/{name}.yaml" for name in ("core", "goal"))
-FLOWN = ROOT / "docs/results/goal.csv"
+STUDY, FLOWN = ROOT / "launch_scripts/studies/rules.yaml", ROOT / "docs/results/rules.csv"
 TRIES, SHORT_TRIES = 60, 2
+FIRST_JUDGE = 101
+GOAL_HOURS = (80, 240)
 THETA, SPEED_M_S, DOCK_S, UNDOCK_S = 30, 0.5, 15.0, 5.0
 DRAIN = 0.0010427134 * THETA / 60
 CURVE = tuple(
     (end, rate * THETA / 60) for end, rate in ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
 )
 """Charges a second of the mission, on [0, 1]."""
-BY_LOAD = "by-load, one by one, exchanged, 0.6 to 0.9"
 KNEE, FULL, BATCH_BELOW = 0.5634, 0.99, 0.8
 LIFE_S = 1 / DRAIN
 Place = tuple[float, float]
@@ -123,7 +124,7 @@ class Mission:
         self.settle()
         shares = [100 * it.active_s / self.end_s for it in self.amussels]
         left = fmean(it.charge for it in self.amussels)
-        return {"uptime": fmean(shares), "least": min(shares), "metres": self.metres, "left": left}
+        return {UPTIME: fmean(shares), LEAST: min(shares), METRES: self.metres, "left": left}
 
 
 Choose = Callable[[Mission, list[AMussel], int], list[AMussel]]
@@ -146,6 +147,7 @@ def by_least(key: Key) -> Choose:
 
 greedy = by_least(lambda _, it, place_m: dist(place_m, it.place_m))
 cautious = by_least(lambda _, it, __: it.charge)
+PAPERS = {"cautious": cautious, "greedy": greedy}
 blend = by_least(lambda _, it, place_m: dist(place_m, it.place_m) - 50 * (1 - it.charge))
 
 
@@ -225,7 +227,8 @@ class OneByOne:
     choose: Choose
     begins: float
     makes_room: float
-    knows_the_end: bool
+    again: float = inf
+    """Those that were served wait until one has at most this charge."""
 
     def fly(self, mission: Mission) -> None:
         while mission.now_s < mission.end_s:
@@ -233,11 +236,13 @@ class OneByOne:
 
     def _step(self, mission: Mission) -> None:
         mission.settle()
-        lasting = (mission.end_s - mission.now_s) * DRAIN if self.knows_the_end else inf
+        lasting = (mission.end_s - mission.now_s) * DRAIN
         begins, room, full = (min(it, lasting) for it in (self.begins, self.makes_room, FULL))
         waits = lasting >= 0.2
         docked = mission.in_docks
         waiting = [it for it in mission.in_water if waits and it.charge <= begins]
+        if all(it.charge > self.again + 1e-9 for it in waiting):
+            waiting = [it for it in waiting if not it.was_served]
         done = [it for it in docked if it.charge > full - 1e-9]
         if not done and waiting:
             done = sorted((it for it in docked if it.charge > room), key=lambda it: -it.charge)[:1]
@@ -280,14 +285,11 @@ class OneByOne:
         room: float,
         full: float,
     ) -> float:
-        """Until somebody is charged or comes to wait; a strategy that refused, and a known end, are asked each 5 s."""
+        """Until somebody is charged or comes to wait; the known end is asked for each 5 s."""
         waits = [charging_s(it.charge, full) for it in docked]
         waits += [charging_s(it.charge, room) for it in docked if it.charge <= room]
         waits += [(it.charge - begins) / DRAIN for it in mission.in_water if it.charge > begins]
-        refused = bool(waiting) and len(docked) < mission.docks
-        return max(
-            1e-3, min([*waits, 5.0] if refused or self.knows_the_end else [*waits, mission.end_s]) + 1e-6
-        )
+        return max(1e-3, min([*waits, 5.0]) + 1e-6)
 
 
 def missions(plan: StudyPlan, setting: int, seed: int) -> Callable[[], Mission]:
@@ -301,28 +303,24 @@ def missions(plan: StudyPlan, setting: int, seed: int) -> Callable[[], Mission]:
     return new
 
 
-def flown_by_core(new: Callable[[], Mission]) -> dict[str, float]:
-    """The choice of core.yaml."""
+def flown_one_by_one(
+    new: Callable[[], Mission], begins: float, makes_room: float = FULL, again: float = inf
+) -> dict[str, float]:
+    """A rule of rules.yaml: `core`, which in lighter overload is `by-load`, and without it a blend."""
     mission = new()
     if len(mission.amussels) > 2 * sustained(mission.docks):
-        rule = OneByOne(core, 0.62, 0.95, True)
-    elif is_overloaded(mission):
-        rule = OneByOne(by_load(0.62), 0.62, 0.95, True)
+        choose: Choose = core
+    elif is_overloaded(mission, begins):
+        choose = by_load(begins)
     else:
-        rule = OneByOne(blend, 0.3, FULL, True)
-    rule.fly(mission)
+        choose = blend
+    OneByOne(choose, begins, makes_room, again).fly(mission)
     return mission.figures()
 
 
-def is_overloaded(mission: Mission) -> bool:
-    return len(mission.amussels) > mission.docks * (1 + CURVE[-1][1] / DRAIN)
-
-
-def flown_by_load(new: Callable[[], Mission]) -> dict[str, float]:
-    """The rule BY_LOAD of goal.yaml."""
-    mission = new()
-    OneByOne(by_load(0.6) if is_overloaded(mission) else blend, 0.6, 0.9, False).fly(mission)
-    return mission.figures()
+def is_overloaded(mission: Mission, begins: float) -> bool:
+    per_s = (FULL - begins) / charging_s(begins, FULL)
+    return len(mission.amussels) > mission.docks * (1 + per_s / DRAIN)
 
 
 def flown_in_batches(new: Callable[[], Mission], choose: Choose) -> dict[str, float]:
@@ -331,67 +329,94 @@ def flown_in_batches(new: Callable[[], Mission], choose: Choose) -> dict[str, fl
     return mission.figures()
 
 
+Fly = Callable[[Callable[[], Mission]], dict[str, float]]
+
+
+def rules_of(plan: StudyPlan) -> dict[str, Fly]:
+    """The paper's strategies, and the rules of the study that the choice is among."""
+    flies: dict[str, Fly] = {it: partial(flown_in_batches, choose=PAPERS[it]) for it in PAPERS}
+    for given in plan.study.strategies:
+        if isinstance(given, dict) and given["name"] in RULES:
+            keys = (given["pool_threshold"], given.get("charge_to", FULL), given.get("again_threshold", inf))
+            flies[given["name"]] = partial(
+                flown_one_by_one, begins=keys[0], makes_room=keys[1], again=keys[2]
+            )
+    return flies
+
+
 def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
-    """`rows`: by cell and hours, the gain of `core` with its interval. `apart`: from archived flights."""
-    tries, plan, rows = SHORT_TRIES if short else tries, load_study(CORE), []
+    """`rows`: by cell and hours, the gain of the chosen rule with its interval. `apart`: from archived flights."""
+    tries, plan, rows = SHORT_TRIES if short else tries, load_study(STUDY), []
+    flies = rules_of(plan)
     for index, setting in enumerate(plan.settings):
         keys = dict(setting.parameters)
-        found = []
-        for seed in range(plan.seeds[0], plan.seeds[0] + tries):
-            new = missions(plan, index, seed)
-            found.append(
-                {
-                    "cautious": flown_in_batches(new, cautious),
-                    "greedy": flown_in_batches(new, greedy),
-                    "core": flown_by_core(new),
-                }
-            )
-        rows.append(_row(keys["cell"], round(keys["duration_s"] * THETA / 3600), found))
+        hours = round(keys["duration_s"] * THETA / 3600)
+        if hours not in GOAL_HOURS:
+            continue
+        seeds = [*range(1, TRIALS + 1), *range(FIRST_JUDGE, FIRST_JUDGE + tries)]
+        found = [
+            {"strategy": name, "seed": seed, **fly(missions(plan, index, seed)), LOST: 0}
+            for name, fly in flies.items()
+            for seed in seeds
+        ]
+        choice = choice_of([it for it in found if it["seed"] <= TRIALS], tuple(PAPERS))
+        rows.append(_row(keys["cell"], hours, choice.rule, [it for it in found if it["seed"] > TRIALS]))
         told(rows[-1])
-    return {"tries": tries, "rows": rows, "apart": _apart(1 if short else 8)}
+    return {"tries": tries, "rows": rows, "apart": _apart(plan, 1 if short else 8)}
 
 
-def _row(cell: str, hours: int, found: list[dict[str, dict[str, float]]]) -> dict[str, Any]:
-    better = max(("cautious", "greedy"), key=lambda name: fmean(it[name]["uptime"] for it in found))
-    row: dict[str, Any] = {"cell": cell, "hours": hours, "better": better}
-    for key in ("uptime", "least", "metres"):
-        gain = estimate_of([it["core"][key] - it[better][key] for it in found], 0.95)
+def _row(cell: str, hours: int, rule: str, found: list[dict[str, Any]]) -> dict[str, Any]:
+    def values(name: str, key: str) -> list[float]:
+        return [it[key] for it in found if it["strategy"] == name]
+
+    better = max(PAPERS, key=lambda name: fmean(values(name, UPTIME)))
+    row: dict[str, Any] = {"cell": cell, "hours": hours, "better": better, "rule": rule}
+    for key, name in ((UPTIME, "uptime"), (LEAST, "least"), (METRES, "metres")):
+        theirs = values(better, key)
+        gain = estimate_of([own - other for own, other in zip(values(rule, key), theirs, strict=True)], 0.95)
         assert gain is not None
-        row |= {f"better_{key}": fmean(it[better][key] for it in found), key: gain.mean}
-        row[f"{key}_half"] = gain.high - gain.mean
+        row |= {f"better_{name}": fmean(theirs), name: gain.mean, f"{name}_half": gain.high - gain.mean}
     row["met"] = row["uptime"] >= 5 and row["least"] >= 0 and row["metres"] <= 0
     return row
 
 
-def _apart(seeds: int) -> dict[str, float]:
+def _apart(plan: StudyPlan, seeds: int) -> dict[str, float]:
     """The mean distances in uptime and metres from the archived flights of the same configurations."""
-    plan, apart = load_study(GOAL), {"uptime": list[float](), "metres": list[float]()}
-    fly: dict[str, Callable[[Callable[[], Mission]], dict[str, float]]] = {
-        "cautious": lambda new: flown_in_batches(new, cautious),
-        "greedy": lambda new: flown_in_batches(new, greedy),
-        BY_LOAD: flown_by_load,
-    }
+    apart, flies = {"uptime": list[float](), "metres": list[float]()}, rules_of(plan)
     keys = [dict(it.parameters) for it in plan.settings]
     labels = [f"{it['cell']}, {it['duration_s'] * THETA / 3600:.0f} h" for it in keys]
+    judged = range(FIRST_JUDGE, FIRST_JUDGE + seeds)
     with FLOWN.open(newline="") as file:
-        rows = [it for it in csv.DictReader(file) if it["strategy"] in fly and int(it["seed"]) <= seeds]
-    for row in rows:
-        ours = fly[row["strategy"]](missions(plan, labels.index(row["setting"]), int(row["seed"])))
-        apart["uptime"].append(ours["uptime"] - float(row["uptime_paper_mean"]))
-        apart["metres"].append(100 * (ours["metres"] / float(row["metres"]) - 1))
+        rows = [it for it in csv.DictReader(file) if it["strategy"] in flies and int(it["seed"]) in judged]
+    for row in (it for it in rows if it["setting"].endswith(tuple(f", {hours} h" for hours in GOAL_HOURS))):
+        ours = flies[row["strategy"]](missions(plan, labels.index(row["setting"]), int(row["seed"])))
+        apart["uptime"].append(ours[UPTIME] - float(row[UPTIME]))
+        apart["metres"].append(100 * (ours[METRES] / float(row[METRES]) - 1))
     mean = {f"{key}_mean": fmean(values) for key, values in apart.items()}
     return mean | {f"{key}_distance": fmean(map(abs, values)) for key, values in apart.items()}
 
 
 def show(result: dict[str, Any], console: Console) -> None:
     table = Table(
-        title=f"core minus the better one, {result['tries']} configurations a cell, by the second model"
+        title=f"the chosen rule minus the better one, {result['tries']} configurations a cell, by the second model"
     )
-    for name in ("cell", "hours", "better", "its uptime %", "uptime", "least", "its metres", "metres", "met"):
-        table.add_column(name, justify="left" if name in ("cell", "better") else "right")
+    texts = ("cell", "rule", "better")
+    for name in (
+        "cell",
+        "hours",
+        *texts[1:],
+        "its uptime %",
+        "uptime",
+        "least",
+        "its metres",
+        "metres",
+        "met",
+    ):
+        table.add_column(name, justify="left" if name in texts else "right")
     for it in result["rows"]:
         gains = [f"{it[key]:+.1f} +- {it[f'{key}_half']:.1f}" for key in ("uptime", "least", "metres")]
-        head = (it["cell"], str(it["hours"]), it["better"], f"{it['better_uptime']:.1f}", *gains[:2])
+        names = (it["cell"], str(it["hours"]), it["rule"], it["better"])
+        head = (*names, f"{it['better_uptime']:.1f}", *gains[:2])
         table.add_row(*head, f"{it['better_metres']:.0f}", gains[2], "yes" if it["met"] else "no")
     console.print(table)
     apart = result["apart"]

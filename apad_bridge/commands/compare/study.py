@@ -51,7 +51,7 @@ def add_parser(commands: Any) -> None:
         "prints means, paired differences and upper bounds. After an interruption the same command continues the study. "
         f"`musselbed study {TABLE_TWO}` repeats the paper's Table II, and `musselbed study {SLEEP}` compares schedules of "
         f"sleep and recommends one. `musselbed study {CAPACITY}` maps from which fleets and start charges the docks hold a "
-        "fleet. `musselbed study SCENARIO.yaml` flies rules of collecting and releasing on random configurations of a "
+        "fleet. `musselbed study SCENARIO` flies rules of collecting and releasing on random configurations of a "
         "scenario, and recommends one. Results: "
         "results.parquet with a row for each mission, report.html with figures.",
         epilog=ending(
@@ -60,14 +60,14 @@ def add_parser(commands: Any) -> None:
             f"musselbed study {TABLE_TWO} --theta 1 --seeds 50",
             f"musselbed study {SLEEP} --seeds 10",
             f"musselbed study {CAPACITY}",
-            "musselbed study mine.yaml --seeds 20",
+            "musselbed study pool-12 --seeds 20",
             note="See docs/studies.md.",
         ),
     )
     parser.add_argument(
         "study",
         metavar="STUDY.yaml",
-        help=f"the study's file, or {TABLE_TWO}, {SLEEP}, {CAPACITY}, or a scenario's file",
+        help=f"the study's file, or {TABLE_TWO}, {SLEEP}, {CAPACITY}, or a scenario",
     )
     parser.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N, instead of the study's")
     parser.add_argument(

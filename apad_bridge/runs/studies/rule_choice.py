@@ -18,7 +18,7 @@ from apad_bridge.runs.studies.event_driven import model_gap
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan, plan_of
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.loader import file_of, load
 from apad_bridge.scenario.schema import RandomStart
 
 _COMMON: dict[str, Any] = {
@@ -111,7 +111,7 @@ def rules_study(path: Path, trials: int = TRIALS) -> StudyPlan:
     scenario = load(path)
     data = {
         "name": f"{scenario.name}-rules",
-        "scenarios": [str(path.absolute())],
+        "scenarios": [str(file_of(path).absolute())],
         "strategies": [
             {"name": AS_IT_IS, "collection": scenario.mission.collection},
             *({"name": name, **keys} for name, keys in (PAPERS | RULES).items()),

@@ -26,7 +26,7 @@ from apad_bridge.runs.studies.event_driven import model_gap
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import from_data, load, resolve, write_with_files
+from apad_bridge.scenario.loader import file_of, from_data, load, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.text_file import read_text, write_atomically
@@ -180,10 +180,10 @@ def load_study(path: Path) -> StudyPlan:
 
 
 def is_scenario(path: Path) -> bool:
-    """True for a file that is a scenario and no study; what is neither is left to `load_study`."""
+    """True for the file or the shipped name of a scenario; what is neither that nor a study is left to `load_study`."""
     try:
-        data = parse_yaml(read_text(path))
-    except (OSError, ValueError):
+        data = parse_yaml(read_text(file_of(path)))
+    except (OSError, ValueError, ScenarioError):
         return False
     return isinstance(data, dict) and "scenarios" not in data and {"fleet", "mission"} <= data.keys()
 

@@ -15,7 +15,7 @@ from scenario_files import POOL_FILE
 from apad_bridge.commands.main import main
 from apad_bridge.runs.studies.rule_choice import AS_IT_IS, PAPERS, RULES, choice_of, rules_study
 from apad_bridge.runs.studies.specification import load_study
-from apad_bridge.scenario.loader import SHIPPED, load
+from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import RandomStart
 
 STUDIES = Path(__file__).parents[4] / "launch_scripts/studies"
@@ -90,7 +90,7 @@ def test_a_known_rule_without_a_mission_is_a_mistake() -> None:
 
 
 def test_the_study_of_a_scenario_flies_its_own_rule_and_the_others() -> None:
-    plan = rules_study(SHIPPED / "pool-12.yaml", 3)
+    plan = rules_study(Path("pool-12"), 3)
     assert plan.strategies == (AS_IT_IS, *PAPERS, *RULES) and plan.seeds == (1, 2, 3)
     own, cautious = plan.scenario(0, 0, 1), plan.scenario(0, 1, 1)
     assert own.mission == cautious.mission  # the pool's own rule is the paper's
