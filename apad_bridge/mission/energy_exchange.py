@@ -119,7 +119,6 @@ class EnergyExchange(OrderBook):
         self._charging = ChargingWatch(config)
         self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._pool = ChargingPool(config, beliefs)
-        self._dispatch = self._dispatch_of(config)
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._breakdown = Breakdown(STUCK_AFTER)
         self._legs = 0
@@ -205,18 +204,15 @@ class EnergyExchange(OrderBook):
         return self.take_orders()
 
     def is_due(self, now_ms: int) -> bool:
-        """Tells whether `advance` does something at `now_ms`, by the beliefs and the rules of that time.
+        """Tells whether `advance` does something at `now_ms`, by the beliefs and rules of that time. It changes nothing.
 
-        The question changes no plan. With a known end it leaves the rules of `now_ms` until the next tick, which sets its
-        own. It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will
-        be. Near a known end the pool may shrink from tick to tick, so each is due.
+        It does not know when a charge stops to rise (`ChargingWatch`), nor how the sea or the time to be home will be. Near
+        a known end the pool may shrink from tick to tick, so each is due. Before that the pool's rules do not change.
         """
         if self._must_begin:
             return True
-        if self._known_end is not None:
-            if self._known_end.changes_pool(self._rules, now_ms):
-                return True
-            self._follow_known_end(now_ms)
+        if self._known_end is not None and self._known_end.changes_pool(self._rules, now_ms):
+            return True
         if self._sink_reminders.due(self._beliefs.all(), self._expected, self._called_up, now_ms):
             return True
         if self.state.phase in _COLLECTING:
@@ -339,9 +335,10 @@ class EnergyExchange(OrderBook):
         return None if self._returns else self._decide_service({}, now_ms)
 
     def _decide_service(self, docked: Docked, now_ms: int) -> _NextAct | None:
+        rules = self._rules_at(now_ms)
         released, pool, count = due_now(
-            self._dispatch,
-            self._config,
+            self._dispatch_of(rules),
+            rules,
             self._charging,
             lambda: self._candidates(now_ms),
             docked,
@@ -694,11 +691,13 @@ class EnergyExchange(OrderBook):
 
     def _follow_known_end(self, now_ms: int) -> None:
         if self._known_end is not None:
-            self._follow(self._known_end.rules(self._rules, now_ms))
+            self._follow(self._rules_at(now_ms))
+
+    def _rules_at(self, now_ms: int) -> Mission:
+        return self._rules if self._known_end is None else self._known_end.rules(self._rules, now_ms)
 
     def _follow(self, config: Mission) -> None:
         self._config = self._charging.config = self._pool.config = self.docking_routine.config = config
-        self._dispatch = self._dispatch_of(config)
 
     def _dispatch_of(self, config: Mission) -> DispatchRule:
         return dispatch_of(config, self._charging, lambda pool: self._pool.batch_of(pool, self._left_alone))
