@@ -81,9 +81,7 @@ def flown(scenario: Scenario, faults: Sequence[FaultAt], kills: int = 0) -> Outc
         directory, starts = RunDirectory(Path(folder) / "run"), starts_of(scenario)
         directory.path.mkdir()
         directory.write_inputs(scenario, starts)
-        progress = stack.enter_context(
-            FlightProgress(scenario.name, round(1000 * scenario.duration_s), quiet=True)
-        )
+        progress = stack.enter_context(FlightProgress(scenario.name, scenario.duration_ms, quiet=True))
         try:
             supervisors = _Supervisors(scenario, progress, stack)
             flying = supervisors.begin(directory)

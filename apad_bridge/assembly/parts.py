@@ -215,7 +215,7 @@ def supervisor(
         port,
         load_codec(scenario.hearing.codec),
         samples or NoSampleCollection(),
-        round(scenario.duration_s * 1000),
+        scenario.duration_ms,
         scenario.mission.end_at_apad_fraction,
         NeverStandsDown() if context is None else context.stands_down,
         Gate.without_guards() if context is None else context.safety.gate,

@@ -242,7 +242,7 @@ def prepare(
 ) -> PreparedFlight:
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
     gc.set_threshold(max(_YOUNG_OBJECTS, gc.get_threshold()[0]))
-    forecaster = Forecaster(config.scenario.mission, round(config.scenario.duration_s * 1000))
+    forecaster = Forecaster(config.scenario.mission, config.scenario.duration_ms)
     latest_tick_s: float | None = None if isinstance(context.pace, AsFastAsPossible) else 0.0
 
     def show_tick(now_ms: MissionMs) -> None:

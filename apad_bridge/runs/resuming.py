@@ -41,7 +41,7 @@ from apad_bridge.runs.flying import ResumePoint, journal_start
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import injection
-from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
+from apad_bridge.supervisor.core import PRIMITIVE_NAMES, TICK_MS, LearnedState
 from apad_bridge.supervisor.fault_injection import Ongoing
 from apad_bridge.supervisor.roster import PresenceChange, Presences
 from apad_bridge.vehicle.commands import Hold
@@ -78,8 +78,8 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
                 fraction = event.battery
             case RunEnded():
                 raise PeerFailed("this run has ended: nothing to resume")
-    # Ticks are at whole seconds; the journal's last line may lie between two ticks.
-    now_ms = MissionMs((journal.last_ms + gap_ms) // 1000 * 1000)
+    # The journal's last line may lie between two ticks.
+    now_ms = MissionMs((journal.last_ms + gap_ms) // TICK_MS * TICK_MS)
     return ResumePoint(now_ms, state, epoch, fraction, first_failure(journal))
 
 

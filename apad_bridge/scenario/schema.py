@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
-from agents.time_scale import TimeScale
+from agents.time_scale import MissionMs, TimeScale
 from agents.water.bounds import Count
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.area.fence import check_corners
@@ -515,3 +515,8 @@ class Scenario:
     @property
     def time_scale(self) -> TimeScale:
         return TimeScale(self.theta)
+
+    @property
+    def duration_ms(self) -> MissionMs:
+        """The mission ends at the first tick at or after this time, if nothing ends it before."""
+        return MissionMs(round(self.duration_s * 1000))

@@ -116,7 +116,7 @@ def fly(
             for command in recording_commands(scenario, options.namespace):
                 print(f"on the vehicle's computer: {command}", flush=True)
     title = scenario.name if script is None else script.file.name
-    progress = FlightProgress(title, round(scenario.duration_s * 1000), quiet=as_json)
+    progress = FlightProgress(title, scenario.duration_ms, quiet=as_json)
     with peers_may_fail(progress.was_told):
         with ExitStack() as stack:
             stack.enter_context(progress)

@@ -75,8 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
         _ask_whether_it_may_move()
-    duration_ms = round(scenario.duration_s * 1000)
-    progress = FlightProgress(scenario.name, duration_ms, quiet=arguments.json)
+    progress = FlightProgress(scenario.name, scenario.duration_ms, quiet=arguments.json)
     with peers_may_fail(progress.was_told), progress:
         flown = parent.resume(scenario.apad.name, path, options, progress)
         if flown.failures:

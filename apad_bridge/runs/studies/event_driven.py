@@ -289,7 +289,7 @@ class Ticks:
         beliefs: TruthfulReports,
         vehicle: CruisingAPad,
     ) -> None:
-        self._end_ms = -(-round(scenario.duration_s * 1000) // TICK_MS) * TICK_MS
+        self._end_ms = scenario.duration_ms
         self._supervisor = flight.supervisor
         self._mission = mission
         self._beliefs = beliefs

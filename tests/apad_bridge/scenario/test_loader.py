@@ -677,3 +677,9 @@ def test_a_scenario_from_a_pipe_is_read_whole(tmp_path: Path) -> None:
     assert load(Path(f"/dev/fd/{reader}")).fleet.count == 12
     writing.join()
     os.close(reader)
+
+
+def test_a_mission_lasts_the_whole_milliseconds_that_its_file_states() -> None:
+    """In binary 1.001 s are a little less than 1001 ms."""
+    lasting = [replace(load(POOL_FILE), duration_s=it).duration_ms for it in (1.001, 120.004, 9600)]
+    assert lasting == [1001, 120_004, 9_600_000]
