@@ -26,17 +26,21 @@ def add_parser(commands: Any) -> None:
         "them, because they exclude travel, docking and waiting. docs/studies.md derives them. A fleet that begins with "
         "low charges may stay below them for ever: --fly tells from which start charge this fleet is held.",
         epilog=ending(
-            "musselbed capacity launch_scripts/scenarios/pool-12.yaml",
-            "musselbed capacity launch_scripts/scenarios/pool-12.yaml --fly",
-            "musselbed capacity launch_scripts/scenarios/bay-24.yaml --agents 12 --json",
+            "musselbed capacity pool-12",
+            "musselbed capacity pool-12 --fly",
+            "musselbed capacity bay-24 --agents 12 --json",
         ),
     )
-    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    parser.add_argument(
+        "scenario", type=Path, metavar="SCENARIO.yaml", help="its file, or the name of a shipped one: pool-12"
+    )
     parser.add_argument(
         "--theta", type=int, metavar="N", help="run the aMussels' time N times as fast as the aPad's"
     )
-    parser.add_argument("--agents", type=int, metavar="N", help="another number of aMussels")
-    parser.add_argument("--seed", type=int, metavar="N", help="another seed")
+    parser.add_argument(
+        "--agents", type=int, metavar="N", help="number of aMussels, instead of the scenario's"
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed, instead of the scenario's")
     parser.add_argument(
         "--json", action="store_true", help="print the bounds as JSON on stdout, nothing else"
     )

@@ -24,7 +24,7 @@ _BESIDE = (
 )
 """The services that a run may have beside it: the argument of each, and what was asked for by it."""
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
-wall: real time (times --speed with the simulated aPad); ros: the /clock of another master"""
+wall: real time (times --speed with the simulated aPad); ros: the /clock of another master (default: wall)"""
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?", re.ASCII)
 _REMAPPING = re.compile(r"[/~]?[A-Za-z][\w/]*:=[/~]?[A-Za-z][\w/]*")
 
@@ -50,7 +50,7 @@ def add_parser(commands: Any) -> None:
         "--on-supervisor-death",
         choices=[policy.value for policy in OnDeath],
         default=OnDeath.WAIT.value,
-        help="wait for `musselbed resume`, or resume at once (default: wait)",
+        help="resume: at once; wait: a person gives `musselbed resume` (default: wait)",
     )
     parser.add_argument(
         "--check",
@@ -99,12 +99,13 @@ def add_flight_arguments(command: argparse.ArgumentParser) -> None:
         type=float,
         default=1.0,
         metavar="X",
-        help="run X times as fast as the clock; simulated aPad only",
+        help="run X times as fast as the clock; simulated aPad only (default: 1)",
     )
     parser.add_argument(
         "--generation",
         choices=[it.value for it in Generation],
-        help="generation of the aPad's software: a (action_server), b (commander/primitive), or auto: the one on the graph",
+        help="generation of the aPad's software, instead of the scenario's: a (action_server), b (commander/primitive), or "
+        "auto: the one on the graph",
     )
     parser.add_argument(
         "--theta", type=int, metavar="N", help="run the aMussels' time N times as fast as the aPad's"
@@ -119,7 +120,7 @@ def add_flight_arguments(command: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hosting",
         choices=[hosting.value for hosting in Hosting],
-        help="one process for each aMussel, or one for all (the same trace)",
+        help="one process for each aMussel, or one for all (the same trace), instead of the scenario's",
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="the run directory (default: a new one in runs/)"
