@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -71,11 +70,8 @@ class Broken(Silent):
 
 
 def test_it_says_who_takes_whose_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    leaving = Candidate(9, 0.0, 0.0, 1.0, 1.0, 5.0, 5.0, SITUATION.free_docks[0])
-    situation = replace(SITUATION, leaving=(leaving,))
-    plan = plan_event(
-        "collect", "mine", registry.collection("cautious").plan(situation, 1), situation, CostScales()
-    )
+    solution = registry.collection("cautious").plan(SITUATION, 1)
+    plan = plan_event("collect", "mine", solution, SITUATION, CostScales(), exchanged=[(9, 1)])
     journal = Journal(tmp_path / "journal.jsonl")
     journal.append(60_000, plan)
     journal.close()
