@@ -7,7 +7,7 @@ given-up steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -406,17 +406,18 @@ class EnergyExchange(OrderBook):
         return bool(solution.steps)
 
     def _nearest_places(
-        self, leaving: Sequence[int], from_m: tuple[float, float], elsewhere: Container[int] = ()
+        self, leaving: Sequence[int], from_m: tuple[float, float], elsewhere: Collection[int] = ()
     ) -> list[tuple[int, int]]:
         """Gives those that leave the nearest places of the docked ones, if places are exchanged; returns the pairs.
 
-        Those that go `elsewhere` keep theirs.
+        Those that go `elsewhere` keep theirs, and those to whose places the sea bars the way.
         """
         if self._config.places is not Places.EXCHANGED:
             return []
-        homes, docked = self._homes(), (agent_id for _, agent_id in self.state.docked)
+        kept = {*elsewhere, *self._beyond_reach}
+        docked = {agent_id for _, agent_id in self.state.docked} - kept
         pairs = nearest_places(
-            leaving, {it: homes[it] for it in docked if it in homes and it not in elsewhere}, from_m
+            leaving, {it: place_m for it, place_m in self._homes().items() if it in docked}, from_m
         )
         self.set(homes=with_exchanged_homes(self.state.homes, pairs))
         return pairs

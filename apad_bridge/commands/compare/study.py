@@ -320,7 +320,7 @@ def _print_schedules(console: Console, schedules: Sequence[ScheduleOutcome], rea
 
 def _print_choice(console: Console, plan: StudyPlan, rows: Sequence[Row], choice: Choice) -> None:
     """Prints a line for each rule, and the chosen one as the lines of a scenario."""
-    from apad_bridge.runs.studies.rule_choice import LEAST, LOST, METRES, RULES, UPTIME
+    from apad_bridge.runs.studies.rule_choice import LEAST, LOST, METRES, RULES, UPTIME, keys_of
 
     headings = ("", "lost", "uptime %", "least %", "way m")
     table = _table(f"rules for {plan.named[0].name}, means of {len(plan.seeds)} configurations", headings)
@@ -342,8 +342,8 @@ def _print_choice(console: Console, plan: StudyPlan, rows: Sequence[Row], choice
         soft_wrap=True,
     )
     console.print("mission:")
-    for key, value in RULES[choice.rule].items():
-        console.print(f"  {key}: {json.dumps(value) if isinstance(value, dict) else value}")
+    for key, value in keys_of(choice.rule, plan.named[0]).items():
+        console.print(f"  {key}: {value if isinstance(value, str) else json.dumps(value)}")
     console.print()
 
 

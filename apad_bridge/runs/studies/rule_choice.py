@@ -19,7 +19,7 @@ from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import file_of, load
-from apad_bridge.scenario.schema import RandomStart
+from apad_bridge.scenario.schema import RandomStart, Scenario
 
 _COMMON: dict[str, Any] = {
     "collection": "core",
@@ -40,6 +40,8 @@ RULES: dict[str, dict[str, Any]] = {
     }.items()
 }
 """The keys of `mission` of each rule, from the one that drives least on. Found on squares of 40 and 150 m."""
+_LEFT_OUT = ("charge_to", "charge_lead", "again_threshold")
+"""A rule is without those of these keys that it does not set, whatever the scenario has."""
 AS_IT_IS = "as the scenario has it"
 _BATCHES = {"dispatch": "batch", "places": "own"}
 PAPERS: dict[str, dict[str, Any]] = {
@@ -114,7 +116,7 @@ def rules_study(path: Path, trials: int = TRIALS) -> StudyPlan:
         "scenarios": [str(file_of(path).absolute())],
         "strategies": [
             {"name": AS_IT_IS, "collection": scenario.mission.collection},
-            *({"name": name, **keys} for name, keys in (PAPERS | RULES).items()),
+            *({"name": name, **keys_of(name, scenario)} for name in PAPERS | RULES),
         ],
         "seeds": trials,
         **({"start": "scenario"} if isinstance(scenario.fleet.start, RandomStart) else {}),
@@ -122,3 +124,9 @@ def rules_study(path: Path, trials: int = TRIALS) -> StudyPlan:
         "model": (Model.EVENT_DRIVEN if model_gap(scenario) is None else Model.MISSION).value,
     }
     return plan_of(data, str(path), path.parent)
+
+
+def keys_of(rule: str, scenario: Scenario) -> dict[str, Any]:
+    """The keys that the block `mission` of this scenario needs for a rule of `PAPERS` or `RULES`."""
+    unset = dict.fromkeys(key for key in _LEFT_OUT if getattr(scenario.mission, key) is not None)
+    return unset | (PAPERS | RULES)[rule]

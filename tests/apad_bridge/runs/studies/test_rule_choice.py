@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.runs.studies.rule_choice import AS_IT_IS, PAPERS, RULES, choice_of, rules_study
+from apad_bridge.runs.studies.rule_choice import AS_IT_IS, PAPERS, RULES, choice_of, keys_of, rules_study
 from apad_bridge.runs.studies.specification import load_study
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import RandomStart
@@ -96,6 +97,14 @@ def test_the_study_of_a_scenario_flies_its_own_rule_and_the_others() -> None:
     assert own.mission == cautious.mission  # the pool's own rule is the paper's
     starts = [plan.scenario(0, index, 2).fleet.start for index in range(len(plan.strategies))]
     assert all(it == starts[0] for it in starts) and isinstance(starts[0], RandomStart)
+
+
+def test_a_rule_is_flown_without_thresholds_that_the_scenario_alone_has() -> None:
+    scenario = load(Path("pool-12"))
+    assert keys_of("from 0.3", scenario) == RULES["from 0.3"]
+    own = replace(scenario, mission=replace(scenario.mission, charge_to=0.9, again_threshold=0.1))
+    assert keys_of("from 0.3", own) == {"charge_to": None, "again_threshold": None, **RULES["from 0.3"]}
+    assert keys_of("0.5 to 0.9", own)["charge_to"] == 0.9
 
 
 def test_the_archived_study_flies_the_rules_until_a_known_end() -> None:
