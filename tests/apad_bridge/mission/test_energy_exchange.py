@@ -1141,6 +1141,14 @@ def test_one_for_whom_nobody_waits_is_released_at_the_nearest_empty_place() -> N
     assert homes_of(bench) == {1: 20.0, 2: 10.0, 3: 30.0, 4: 40.0}
 
 
+def test_nobody_takes_a_place_to_which_the_sea_bars_the_way() -> None:
+    bench = exchanging()
+    bench.mission._beyond_reach = {2: "a current"}
+    note = plan_one_by_one(bench, 1.0, 0.3, 0.99, 0.99)
+    assert note["what"] == "redeploy" and "exchanged" not in note
+    assert homes_of(bench)[1] == 10.0
+
+
 def test_with_own_places_it_goes_to_its_own() -> None:
     note = plan_one_by_one(exchanging(), 1.0, 0.3, 0.99, 0.99, places=Places.OWN)
     assert note["what"] == "redeploy" and "exchanged" not in note
