@@ -180,10 +180,14 @@ def load_study(path: Path) -> StudyPlan:
 
 
 def is_scenario(path: Path) -> bool:
-    """True for the file or the shipped name of a scenario; what is neither that nor a study is left to `load_study`."""
+    """True for the file or the shipped name of a scenario; a file that is neither that nor a study is left to `load_study`.
+
+    ScenarioError for the name of no shipped scenario.
+    """
+    path = file_of(path)
     try:
-        data = parse_yaml(read_text(file_of(path)))
-    except (OSError, ValueError, ScenarioError):
+        data = parse_yaml(read_text(path))
+    except (OSError, ValueError):
         return False
     return isinstance(data, dict) and "scenarios" not in data and {"fleet", "mission"} <= data.keys()
 
