@@ -1,8 +1,9 @@
-"""The rules in the goal's cells, by a second model of a mission that shares no code with the flights.
+"""The rules in the goal's cells, by a second model of a mission: no code of the flights moves or charges anybody here.
 
 The model has one aPad on straight legs at one speed, docks, and the paper's equations (1) and (2). It leaves out how the
 aPad speeds up, drift, packets and ticks. Cells, places, start charges and seeds are those of rules.yaml. A mission takes
-milliseconds, so many configurations make the intervals narrow. Its own trials choose a rule for each cell.
+milliseconds, so many configurations make the intervals narrow. Its own trials choose a rule for each cell, by the same
+`choice_of` as the flights.
 """
 
 from __future__ import annotations

@@ -39,7 +39,9 @@ RULES: dict[str, dict[str, Any]] = {
         "0.65 to 0.92": {"pool_threshold": 0.65, "charge_to": 0.92},
     }.items()
 }
-"""The keys of `mission` of each rule, from the one that drives least on. Found on squares of 40 and 150 m."""
+"""The keys of `mission` of each rule, from the one that drives least on.
+
+Found on squares of 40 and 150 m and on 90 x 15 m."""
 _LEFT_OUT = ("charge_to", "charge_lead", "again_threshold")
 """A rule is without those of these keys that it does not set, whatever the scenario has."""
 AS_IT_IS = "as the scenario has it"
