@@ -56,7 +56,7 @@ class Feed:
             self._takes_faults = not options.has_real_vehicle
             self._journal = JournalTail(self._directory.journal)
             begun = self._journal.read_new()
-            self._view = RunView(scenario, begun, round(1000 * scenario.duration_s))
+            self._view = RunView(scenario, begun, scenario.duration_ms)
         except ScenarioError as error:
             raise RunDirectoryError(error.lines[0]) from error
         except (OSError, KeyError, TypeError, ValueError) as error:
@@ -67,7 +67,10 @@ class Feed:
         self._told = self._state()
 
     def poll(self) -> dict[str, Any]:
-        """The run's state now, and `sample`: the newest sample where there is a new one, else null."""
+        """The run's state now, and `sample`: the newest sample where there is a new one, else null.
+
+        Lines may follow in the tick of the last sample, as the run's end does. Then that sample is taken again.
+        """
         self._view.add(self._journal.read_new())
         sample = self._new_sample()
         self._told = self._state()
@@ -96,7 +99,7 @@ class Feed:
 
     def _new_sample(self) -> dict[str, Any] | None:
         now_ms = MissionMs(self._view.end_ms // _TICK_MS * _TICK_MS)
-        if now_ms <= self._view.times_ms[-1]:
+        if now_ms <= self._view.times_ms[-1] and not self._view.has_late_lines:
             return None
         before = self._view.counts
         self._view.sample(now_ms)

@@ -181,3 +181,26 @@ def test_a_lookout_stops_on_a_phone_and_hears_what_a_stop_comes_to(
         assert seen(phone, "stop")
         assert phone.execute_script("return document.documentElement.scrollWidth") == PHONE["width"]
     assert [it for it in phone.get_log("browser") if it["level"] == "SEVERE"] == []  # type: ignore[no-untyped-call]
+
+
+def test_what_follows_in_a_tick_that_the_page_has_shown_is_shown(
+    phone: webdriver.Chrome, story: Story
+) -> None:
+    columns = """
+        const lengths = ["times_ms", "active", "cost", "apad", "docks", "stage"].map((it) => data[it].length);
+        for (const agent of data.agents) for (const it of data.live.columns) if (agent[it]) lengths.push(agent[it].length);
+        return [...new Set(lengths)];
+    """
+    with console_service().beside(story.path) as page:
+        load_page(phone, page)
+        story.passes()
+        wait_until(lambda: phone.execute_script("return document.body.dataset.timeMs") == "102000")
+        (samples,) = phone.execute_script(columns)
+        story.writes(
+            "stop", number=1, mode="hold", by="guard: frozen", state="taken", reason="it stands still"
+        )
+        says(phone, "stopped", "STOPPED: the aPad holds its place")
+        story.writes("end", reason="a call: abort by console", end_reason="a call")
+        says(phone, "warning", "The run has ended: a call: abort by console.")
+        assert phone.execute_script(columns) == [samples]
+        assert phone.execute_script("return document.body.dataset.timeMs") == "102000"

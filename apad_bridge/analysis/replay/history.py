@@ -183,9 +183,13 @@ class History:
         self._next = 0
         self.end_ms = max(self.end_ms, journal.last_ms)
 
+    def has_lines_until(self, at_ms: int) -> bool:
+        """True when `advance` to this time would take a line."""
+        return self._next < len(self._lines) and self._lines[self._next]["t"] <= at_ms
+
     def advance(self, now_ms: int) -> None:
         """Takes all lines up to a mission time."""
-        while self._next < len(self._lines) and self._lines[self._next]["t"] <= now_ms:
+        while self.has_lines_until(now_ms):
             line = self._lines[self._next]
             self._next += 1
             self.interruptions.take(line["t"], line["kind"], line)

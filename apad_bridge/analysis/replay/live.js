@@ -11,6 +11,7 @@ const ASKED_FIRST = {
   "cause a fault": "The aMussel's board will meet this fault.",
 };
 const LEGEND_MS = 3000;
+const SHARED_COLUMNS = ["times_ms", "active", "cost", "apad", "docks", "stage"];
 let counts, heardMs, stream, token, legendMs = 0;
 
 function take({ sample, supervisor, ended_by, summary }) {
@@ -24,10 +25,10 @@ function take({ sample, supervisor, ended_by, summary }) {
 
 function takeSample(sample) {
   counts = sample.counts;
-  if (sample.t > data.times_ms[data.times_ms.length - 1]) {
-    if (data.times_ms.length >= data.live.most_samples) thin();
-    append(sample);
-  }
+  // Lines may follow in the tick of the newest sample, as the run's end does: the sample is sent again, and replaces it.
+  if (sample.t === data.times_ms[data.times_ms.length - 1]) dropNewest();
+  else if (data.times_ms.length >= data.live.most_samples) thin();
+  append(sample);
   for (const name of ["trace", "plans", "packets"]) data[name].push(...sample[name]);
   data.suspects = sample.suspects;
   if (performance.now() - legendMs > LEGEND_MS) { legendMs = performance.now(); showLegend(); }
@@ -58,11 +59,16 @@ function append(sample) {
   data.stage.push(data.stages.length - 1);
 }
 
+function dropNewest() {
+  for (const agent of data.agents) for (const name of data.live.columns) if (agent[name] !== null) agent[name].pop();
+  for (const name of SHARED_COLUMNS) data[name].pop();
+}
+
 // Drops every second sample, and never the newest.
 function thin() {
   const halve = (list) => list && list.filter((_, i) => (list.length - 1 - i) % 2 === 0);
   for (const agent of data.agents) for (const name of data.live.columns) agent[name] = halve(agent[name]);
-  for (const name of ["times_ms", "active", "cost", "apad", "docks", "stage"]) data[name] = halve(data[name]);
+  for (const name of SHARED_COLUMNS) data[name] = halve(data[name]);
 }
 
 // Says what a person cannot rely on: a page without a console, a run without a supervisor.

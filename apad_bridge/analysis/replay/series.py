@@ -162,8 +162,13 @@ class RunView:
         self._dropped += journal.dropped
         self._history.add(journal)
 
+    @property
+    def has_late_lines(self) -> bool:
+        """True when lines were added since the newest sample that belong into it, as the run's end after its last tick."""
+        return self._history.has_lines_until(self.times_ms[-1])
+
     def sample(self, now_ms: MissionMs) -> None:
-        """Takes a sample at this time, which is after the last one."""
+        """Takes a sample at this time, which is not before the last one. One of the same time replaces the last one."""
         self._sampler.sample(now_ms)
 
     def thin(self) -> None:
@@ -241,6 +246,9 @@ class _Sampler:
     def sample(self, now_ms: MissionMs) -> None:
         history, now = self._history, self._history.now
         history.advance(now_ms)
+        if self.times_ms and self.times_ms[-1] == now_ms:
+            for column in self._all_columns():
+                column.pop()
         self.times_ms.append(now_ms)
         uptimes = {uptime.agent_id: uptime for uptime in history.meter.at(now_ms)}
         for agent in self._agents:
@@ -319,11 +327,13 @@ class _Sampler:
 
     def thin(self) -> None:
         """Drops every second sample, and never the newest."""
-        for agent in self._agents:
-            for name in COLUMNS:
-                _halve(getattr(agent, name))
-        for column in (self.times_ms, self._active, self._cost, self._apad, self._docks, self._stage):
-            _halve(column)
+        for column in self._all_columns():
+            del column[-2::-2]
+
+    def _all_columns(self) -> list[list[Any]]:
+        """The columns that have one value for each sample."""
+        shared = [self.times_ms, self._active, self._cost, self._apad, self._docks, self._stage]
+        return [*shared, *(getattr(agent, name) for agent in self._agents for name in COLUMNS)]
 
     def newest(self) -> dict[str, Any]:
         """The newest sample alone; each aMussel's values are in the order of `COLUMNS`."""
@@ -361,10 +371,6 @@ class _Sampler:
 
 COLUMNS = ("north", "east", "charge", "status", "uptime", *_OFTEN_EMPTY, "secondary", "state")
 """An aMussel's columns, by their names on the page."""
-
-
-def _halve(column: list[Any]) -> None:
-    del column[-2::-2]
 
 
 def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:

@@ -54,6 +54,23 @@ def test_however_many_pages_open_the_supervisor_is_asked_once_a_poll(run_dir: Pa
     feed.close()
 
 
+def test_an_end_that_is_written_after_the_sample_of_its_tick_is_told(run_dir: Path) -> None:
+    feed = Feed(run_dir)
+    try:
+        with (run_dir / "journal.jsonl").open("a") as journal:
+            print('{"t":5000,"kind":"remark","by":"Anna","text":"gulls"}', file=journal, flush=True)
+            assert feed.poll()["sample"]["t"] == 5000
+            assert feed.poll() == {"sample": None, "supervisor": False, "ended_by": None, "summary": None}
+            print('{"t":5000,"kind":"end","reason":"a call","end_reason":"a call"}', file=journal, flush=True)
+        told = feed.poll()
+        assert told["ended_by"] == "a call"
+        assert told["sample"]["t"] == 5000
+        assert told["sample"]["events"] == [[5000, "news", "the mission ended: a call", None]]
+        assert feed.poll()["sample"] is None
+    finally:
+        feed.close()
+
+
 def waiting(listener: socket.socket) -> int:
     """Takes all connections that wait, and counts them."""
     count = 0

@@ -339,6 +339,19 @@ def test_a_run_that_is_followed_shows_the_same_as_one_that_is_read_at_its_end():
     assert live == whole
 
 
+def test_a_sample_that_is_taken_again_has_the_lines_that_came_after_it():
+    *lines, end = story()
+    view = RunView(SCENARIO, JournalContents(lines, 0), 4000)
+    for now_ms in range(0, 5000, 1000):
+        view.sample(now_ms)
+    assert not view.has_late_lines and view.ended_by is None
+    view.add(JournalContents([end], 0))
+    assert view.has_late_lines
+    view.sample(4000)
+    assert not view.has_late_lines
+    assert view.data(None) == data_of(*story())
+
+
 def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
     lines = story()
     view = RunView(SCENARIO, JournalContents(lines[:4], 0), 4000)
