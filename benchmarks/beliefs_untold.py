@@ -57,11 +57,13 @@ aMussels."""
 SHORT_S = 1800
 """The short tier flies a population that the twins were tuned on or judged by: others are kept for the judgement."""
 SEEN = (3401, 3402, 3403, 917001, 917002, 917003, 917004, 917005, 917006, 917007, 917008, 917009, 917010)
-JUDGED_ON = (917011, 917012, 917013, 917014)
-"""Drawn and written down before any of them was flown."""
+JUDGED_ON = (917011, 917012, 917013, 917014, 917021, 917022, 917023, 917024)
+"""Drawn and written down before any of them was flown. The twins have not changed since the first of them was."""
 HEARD = (1.0, 0.3, 0.1)
 SAMPLED_MS = 10_000
 NOISE = 0.005
+ASSUMED = (0.99, 0.997, 0.9999)
+"""Shares of permissions to surface that arrive, as further twins assume where the fewest packets are received."""
 MOST_AGED, MOST_DRAIN, MOST_BIAS = 0.4, 0.2, 0.05
 TWIN = {
     "drain_deviation": 0.05,
@@ -162,12 +164,22 @@ def scenario_of(seed: int) -> Scenario:
     return from_data(data, shipped.name)
 
 
-def flown(
-    seed: int, heard: float, boards_are: Boards = Boards.UNTOLD, mission_s: float = MISSION_S
-) -> list[Row]:
-    """Flies one population, and compares each belief with its truth each 10 s of the mission."""
+@dataclass(frozen=True, slots=True)
+class Case:
+    """The boards, the share of packets received, and the share of permissions that the twins assume to arrive."""
+
+    boards: Boards
+    heard: float
+    arrives: float | None = None
+    """None for the twins' own assumption."""
+
+
+def flown(job: tuple[int, Case], mission_s: float = MISSION_S) -> list[Row]:
+    """Flies the population of a seed, and compares each belief with its truth each 10 s of the mission."""
+    seed, case = job
+    heard, boards_are = case.heard, case.boards
     scenario = replace(scenario_of(seed), duration_s=mission_s)
-    config = _told_of_losses(flight_config(scenario), heard)
+    config = _told_of_losses(flight_config(scenario), case)
     boards = population(seed, tuple(scenario.fleet.ids), boards_are)
     initial_states = fleet_parts.initial_states(scenario, starts_of(scenario))
     drawn = replace(fleet_parts.fleet_config(config), spread=Population(boards))
@@ -181,13 +193,15 @@ def flown(
     return recorder.rows
 
 
-def _told_of_losses(config: FlightConfig, heard: float) -> FlightConfig:
+def _told_of_losses(config: FlightConfig, case: Case) -> FlightConfig:
     """The share of lost packets is no part of a board: a twin that weighs silence has to know it."""
     assert config.twin is not None
     parameters = config.twin.parameters
     assert parameters.calls is not None
-    calls = Calls(parameters.calls.every_ms, max(parameters.calls.missed, 1 - heard))
-    return replace(config, twin=replace(config.twin, parameters=replace(parameters, calls=calls)))
+    calls = Calls(parameters.calls.every_ms, max(parameters.calls.missed, 1 - case.heard))
+    arrives = parameters.permission_arrives if case.arrives is None else case.arrives
+    told = replace(parameters, calls=calls, permission_arrives=arrives)
+    return replace(config, twin=replace(config.twin, parameters=told))
 
 
 def _heard_by_sensors(flight: Flight, boards: dict[int, Drawn], seed: int, heard: float) -> None:
@@ -293,39 +307,38 @@ def binned(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
 
 
 def measure(seeds: tuple[int, ...] = JUDGED_ON, short: bool = False) -> dict[str, Any]:
-    """`bins`: the scores by case, share of packets, rounds of charge and bin. `ageing`: by case and share of packets, how
-    many aMussels' ageing was estimated within 0.05 when their fourth round began, and the greatest error then. `suspects`:
-    the number by case, and the scores of the liar.
+    """`bins`: the scores by case, share of packets, rounds of charge and bin. `assumed`: those of twins that assume other
+    shares of permissions to arrive. `ageing`: by case and share of packets, how many aMussels' ageing was estimated within
+    0.05 when their fourth round began, and the greatest error then. `suspects`: the number by case, and the scores of the
+    liar.
     """
     seeds, mission_s = (SEEN[:1], SHORT_S) if short else (seeds, MISSION_S)
-    jobs = [
-        (seed, heard, boards)
-        for boards in (Boards.UNTOLD, Boards.AS_TOLD)
-        for heard in HEARD
-        for seed in seeds
-    ]
-    jobs += [(seed, 1.0, Boards.LIAR) for seed in seeds]
+    cases = [Case(boards, heard) for boards in (Boards.UNTOLD, Boards.AS_TOLD) for heard in HEARD]
+    cases += [Case(Boards.LIAR, 1.0), *(Case(Boards.UNTOLD, HEARD[-1], arrives) for arrives in ASSUMED)]
+    jobs = [(seed, case) for case in cases for seed in seeds]
     found: dict[Case, list[list[Row]]] = {}
-    for (seed, heard, boards), rows in side_by_side(partial(_flown, mission_s=mission_s), jobs):
-        found.setdefault((boards, heard), []).append(rows)
-        told({"boards": boards, "heard": heard, "seed": seed, **score(rows)})
+    for (seed, case), rows in side_by_side(partial(flown, mission_s=mission_s), jobs):
+        found.setdefault(case, []).append(rows)
+        told({**_head(case), "seed": seed, **score(rows)})
     return judged(seeds, mission_s, found)
 
 
-def _flown(job: tuple[int, float, Boards], mission_s: int) -> list[Row]:
-    return flown(*job, mission_s)
-
-
-Case = tuple[Boards, float]
-"""The boards, and the share of packets received."""
+def _head(case: Case) -> dict[str, Any]:
+    assumed = {} if case.arrives is None else {"arrives": case.arrives}
+    return {"boards": str(case.boards), "heard": case.heard, **assumed}
 
 
 def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[Row]]]) -> dict[str, Any]:
     """The figures of `measure`, from the rows of each case's flights."""
-    bins, ageing, suspects = [], [], []
-    for (boards, heard), flights in found.items():
-        head = {"boards": str(boards), "heard": heard}
-        if boards is Boards.LIAR:
+    bins: list[dict[str, Any]] = []
+    assumed: list[dict[str, Any]] = []
+    ageing, suspects = [], []
+    for case, flights in found.items():
+        head = _head(case)
+        if case.arrives is not None:
+            assumed += _binned_scores(head, flights)
+            continue
+        if case.boards is Boards.LIAR:
             lies = [row for rows in flights for row in rows if row.agent_id == LIAR]
             suspects += [
                 {**head, "suspect": suspect, **score([row for row in lies if row.suspect is suspect])}
@@ -347,24 +360,30 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
                 "greatest": max(known, default=None),
             }
         )
-        whole = [row for rows in flights for row in rows]
         false = sum(len({row.agent_id for row in rows if row.suspect}) for rows in flights)
         suspects.append({**head, "suspects": false})
-        for after in (0, ROUNDS):
-            some = [row for row in whole if (row.rounds >= ROUNDS) is bool(after)]
-            bins += [{**head, "rounds": after, "bin": name, **score(here)} for name, here in binned(some)]
+        bins += _binned_scores(head, flights)
     return {
         "seeds": list(seeds),
         "mission_s": mission_s,
         "bins": bins,
+        "assumed": assumed,
         "ageing": ageing,
         "suspects": suspects,
     }
 
 
+def _binned_scores(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[dict[str, Any]]:
+    for after in (0, ROUNDS):
+        some = [row for rows in flights for row in rows if (row.rounds >= ROUNDS) is bool(after)]
+        for name, here in binned(some):
+            yield {**head, "rounds": after, "bin": name, **score(here)}
+
+
 def show(result: dict[str, Any], console: Console) -> None:
     for title, rows in (
         (f"Twins told nothing of their boards, populations {result['seeds']}", result["bins"]),
+        ("Twins that assume another share of permissions to arrive", result["assumed"]),
         (f"Ageing, at the begin of round {ROUNDS + 1}", result["ageing"]),
         ("Suspects", [it for it in result["suspects"] if "suspects" in it]),
         (

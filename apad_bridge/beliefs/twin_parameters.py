@@ -225,6 +225,9 @@ class TwinParameters:
     """Packets from the surface; None if it is unknown when a surfaced aMussel should be received."""
     untold: Untold | None = None
     """None for a twin whose board is told but for `drain_deviation` and the charger's deviations."""
+    permission_arrives: float = 0.9
+    """The probability that an aMussel received the permission to surface, before any packet from it. Where half of the
+    packets are lost, an aPad that assumed 0.97 searched in vain and served fewer."""
 
     @property
     def motor_run_ms(self) -> int:

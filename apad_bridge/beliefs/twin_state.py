@@ -24,9 +24,6 @@ from apad_bridge.beliefs.twin_parameters import Habits, Schedule, TwinParameters
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""
-_OBEY_PRIOR = 0.9
-"""The probability that an aMussel received the permission to surface, before any packet from it. Where half of the packets
-are lost, an aPad that assumed 97 % searched in vain and served fewer."""
 HEARD_WITHIN_MS = 2_000
 """The mission time within which an order is heard: the aPad acts once a second, and waits for a free channel."""
 _FAR_FROM_EMPTY = 0.4
@@ -304,16 +301,16 @@ def obey_probability(twin_state: TwinState, parameters: TwinParameters, at_ms: i
     if twin_state.unobeyed is None:
         return 1.0
     unheard = _obeyed_unheard(twin_state.unobeyed[1], parameters, at_ms)
-    return unheard / (unheard + 1 - _OBEY_PRIOR)
+    return unheard / (unheard + 1 - parameters.permission_arrives)
 
 
 def _obeyed_unheard(permitted_ms: int, parameters: TwinParameters, at_ms: int) -> float:
     """The probability that it received a permission, and was not heard from the surface since."""
-    calls, sinking = parameters.calls, parameters.sinking
+    calls, sinking, arrives = parameters.calls, parameters.sinking, parameters.permission_arrives
     up_ms = min(at_ms - permitted_ms - sinking.surfacing_ms, parameters.board.float_timeout_ms)
     if calls is None or up_ms < 0:
-        return _OBEY_PRIOR
-    return _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
+        return arrives
+    return arrives * calls.missed ** (1 + up_ms // calls.every_ms)
 
 
 def earlier_probability(twin_state: TwinState, parameters: TwinParameters) -> float:
@@ -325,7 +322,7 @@ def earlier_probability(twin_state: TwinState, parameters: TwinParameters) -> fl
     unheard = 1.0 if calls is None else calls.missed ** ((at_ms - from_ms) // calls.every_ms)
     floats = probability * unheard
     others = (1 - probability) * (
-        _obeyed_unheard(twin_state.unobeyed[1], parameters, at_ms) + 1 - _OBEY_PRIOR
+        _obeyed_unheard(twin_state.unobeyed[1], parameters, at_ms) + 1 - parameters.permission_arrives
     )
     return floats / (floats + others)
 
