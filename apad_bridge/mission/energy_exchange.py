@@ -14,10 +14,7 @@ from functools import partial
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import (
     BeyondReach,
-    ExchangeChanged,
-    ExchangePhase,
     InReach,
-    LeftAlone,
     Phase,
     StandsDown,
     StepGivenUp,
@@ -36,17 +33,19 @@ from apad_bridge.mission.docking_routine import (
     Progress,
 )
 from apad_bridge.mission.end_by import EndBy, KnownEnd
+from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.plans import plan_event, plan_or_reason, refuses_or_reason
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
+from apad_bridge.mission.service_tries import ServiceTries
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.state import MissionEnd, MissionState, with_exchanged_homes, with_new_homes
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.energy_model import EnergyModel
-from apad_bridge.planning.exchange import exchanges, nearest_places, tour
+from apad_bridge.planning.exchange import exchanges, tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.scenario.schema import Mission, Places
@@ -119,6 +118,8 @@ class EnergyExchange(OrderBook):
         self._charging = ChargingWatch(config)
         self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._pool = ChargingPool(config, beliefs)
+        self._places = HomePlaces(self)
+        self._tries = ServiceTries(config, self)
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._breakdown = Breakdown(STUCK_AFTER)
         self._legs = 0
@@ -152,7 +153,7 @@ class EnergyExchange(OrderBook):
             self._called_up.discard(outcome.agent_id)
             self._charging.restart(outcome.agent_id)
             if not outcome.closed:
-                self._forget_failed_undockings(outcome.agent_id)
+                self._tries.dock_opened(outcome.agent_id)
             return self.take_orders()
         progress = self.docking_routine.receive(outcome, now_ms)
         if self._awaits_person and not isinstance(outcome, PrimitiveSucceeded):
@@ -180,7 +181,7 @@ class EnergyExchange(OrderBook):
 
     def advance(self, now_ms: int) -> list[Order]:
         """Acts on the beliefs at `now_ms`."""
-        self._learn_homes()
+        self._places.learn(self._beliefs.all())
         if self.pose is None or self.state.phase is Phase.ENDED:
             return self.take_orders()
         if self._awaits_person:
@@ -192,7 +193,7 @@ class EnergyExchange(OrderBook):
                 return self.take_orders()
             self._must_begin = False
             self._behaviour.begin(self, now_ms)
-        self._settle_exchanges()
+        self._places.settle(self._is_given_up)
         self._look_at_the_sea(now_ms)
         self._look_at_the_time(now_ms)
         behaviour = self._behaviour  # a phase that begins at this tick acts at the next one
@@ -296,7 +297,7 @@ class EnergyExchange(OrderBook):
             return
         fetched = self._beliefs.get(self._step.agent_id) if phase in _COLLECTING else None
         fetched_m = None if fetched is None else (fetched.north_m, fetched.east_m)
-        homes = self._homes()
+        homes = self._places.all()
         releases_m = [homes.get(it, self._here) for it in self._to_release]
         if not end_by.must_return(now_ms, self._here, releases_m, fetched_m) or phase is Phase.DOCK:
             return
@@ -311,7 +312,7 @@ class EnergyExchange(OrderBook):
         """Tells of each aMussel to which, or to whose home, the aPad cannot go, and when it can again."""
         if self._legs_ahead is None:
             return
-        homes, held, beyond = self._homes(), frozenset(dict(self.state.docked).values()), {}
+        homes, held, beyond = self._places.all(), frozenset(dict(self.state.docked).values()), {}
         for belief in self._beliefs.all():
             agent_id, place_m = belief.agent_id, (belief.north_m, belief.east_m)
             if agent_id in held:
@@ -395,17 +396,18 @@ class EnergyExchange(OrderBook):
             last_m = next(
                 it.place_m for it in situation.candidates if it.agent_id == solution.steps[-1].agent_id
             )
-            taken = self._nearest_places([it.agent_id for it in leaving[len(pairs) :]], last_m, dict(pairs))
+            left = [it.agent_id for it in leaving[len(pairs) :]]
+            taken = self._take_nearest_places(left, last_m, dict(pairs))
             self.tell(
                 plan_event(
                     "collect", name, solution, situation, self._config.costs, self._collection, pairs + taken
                 )
             )
             self.set(plan=flown)
-            self._exchange_homes(pairs)
+            self._places.exchange(pairs)
         return bool(solution.steps)
 
-    def _nearest_places(
+    def _take_nearest_places(
         self, leaving: Sequence[int], from_m: tuple[float, float], elsewhere: Collection[int] = ()
     ) -> list[tuple[int, int]]:
         """Gives those that leave the nearest places of the docked ones, if places are exchanged; returns the pairs.
@@ -414,55 +416,13 @@ class EnergyExchange(OrderBook):
         """
         if self._config.places is not Places.EXCHANGED:
             return []
-        kept = {*elsewhere, *self._beyond_reach}
-        docked = {agent_id for _, agent_id in self.state.docked} - kept
-        pairs = nearest_places(
-            leaving, {it: place_m for it, place_m in self._homes().items() if it in docked}, from_m
-        )
-        self.set(homes=with_exchanged_homes(self.state.homes, pairs))
-        return pairs
-
-    def _exchange_homes(self, pairs: Sequence[tuple[int, int]]) -> None:
-        """Has each pair (released, collected) exchange its homes, and watches it. A new one ends an older one."""
-        anew = {agent_id for pair in pairs for agent_id in pair}
-        self.set(
-            homes=with_exchanged_homes(self.state.homes, pairs),
-            exchanged=(
-                *(it for it in self.state.exchanged if it[0] not in anew),
-                *((*pair, ExchangePhase.PLANNED) for pair in pairs),
-            ),
-        )
-
-    def _settle_exchanges(self) -> None:
-        """Ends each exchange of which one is not collected: undone while the other one is aboard, else half done.
-
-        One that is half done ends when the missing one is collected after all, or can be no more. The newest comes first,
-        because it has exchanged what an older one left.
-        """
-        collects = {it.agent_id for it in self.state.plan.steps if it.kind is StepKind.COLLECT}
-        open_ones: list[tuple[int, int, ExchangePhase]] = []
-        for released, collected, phase in reversed(self.state.exchanged):
-            found = phase
-            if self._is_held(collected):
-                found = ExchangePhase.FINISHED
-            elif collected not in collects:
-                is_over = self._is_held(released) or self._is_given_up(collected)
-                found = ExchangePhase.UNDONE if is_over else ExchangePhase.HALF_DONE
-            if found is ExchangePhase.UNDONE:
-                self.set(homes=with_exchanged_homes(self.state.homes, [(released, collected)]))
-            if found in (ExchangePhase.PLANNED, ExchangePhase.HALF_DONE):
-                open_ones.insert(0, (released, collected, found))
-            is_as_planned = phase is ExchangePhase.PLANNED and found is ExchangePhase.FINISHED
-            if found is not phase and not is_as_planned:
-                self.tell(ExchangeChanged(released, collected, found))
-        if self.state.exchanged:
-            self.set(exchanged=tuple(open_ones))
+        return self._places.take_nearest(leaving, from_m, {*elsewhere, *self._beyond_reach})
 
     def _is_given_up(self, agent_id: int) -> bool:
         """The aMussel will not be collected any more."""
         belief = self._beliefs.get(agent_id)
         is_lost = belief is not None and belief.state in BEYOND_HELP
-        return is_lost or agent_id in self._used_up(self.state.failed_tries)
+        return is_lost or agent_id in self._tries.used_up
 
     def _go_collect(self, now_ms: int) -> None:
         step, belief = self._step, self._beliefs.get(self._step.agent_id)
@@ -559,7 +519,7 @@ class EnergyExchange(OrderBook):
         Where places are exchanged, each goes to the nearest one that stands empty.
         """
         known = [self._beliefs.get(it) or placeholder_belief(it, self._here) for it in agent_ids]
-        taken = self._nearest_places([it.agent_id for it in fullest_first(known)], self._here)
+        taken = self._take_nearest_places([it.agent_id for it in fullest_first(known)], self._here)
         situation = self._situation(known, self._to_release, now_ms)
         name = self._config.redeployment
         solution = plan_or_reason(
@@ -601,7 +561,7 @@ class EnergyExchange(OrderBook):
         if self._step.agent_id in self._beyond_reach:
             self._finish_step(now_ms)
             return
-        north_m, east_m = self._homes().get(self._step.agent_id, self._here)
+        north_m, east_m = self._places.all().get(self._step.agent_id, self._here)
         self._go_to(north_m, east_m)
         self._enter(Phase.GO_DEPLOY, now_ms)
 
@@ -623,36 +583,19 @@ class EnergyExchange(OrderBook):
         self.set(released=tuple(sorted({**dict(self.state.released), agent_id: now_ms}.items())))
         belief = self._beliefs.get(agent_id)
         if belief is None or self._pool.is_low(belief):
-            self._count_failed_try(agent_id, "it left its dock with too little charge")
+            self._tries.service_failed(agent_id, "it left its dock with too little charge")
         else:
-            self.set(failed_tries=tuple(it for it in self.state.failed_tries if it[0] != agent_id))
+            self._tries.service_helped(agent_id)
         self._finish_step(now_ms)
-
-    def _count_failed_try(self, agent_id: int, reason: str) -> None:
-        tries = dict(self.state.failed_tries)
-        tries[agent_id] = tries.get(agent_id, 0) + 1
-        self.set(failed_tries=tuple(sorted(tries.items())))
-        if tries[agent_id] == self._config.collection_attempts:
-            self.tell(LeftAlone(agent_id, tries[agent_id], reason))
-
-    def _count_failed_undocking(self, agent_id: int, reason: str) -> None:
-        self._charging.restart(agent_id)
-        tries = dict(self.state.failed_undockings)
-        tries[agent_id] = tries.get(agent_id, 0) + 1
-        self.set(failed_undockings=tuple(sorted(tries.items())))
-        if tries[agent_id] == self._config.collection_attempts:
-            self.tell(LeftAlone(agent_id, tries[agent_id], f"its dock does not open: {reason}"))
-
-    def _forget_failed_undockings(self, agent_id: int) -> None:
-        self.set(failed_undockings=tuple(it for it in self.state.failed_undockings if it[0] != agent_id))
 
     def _give_up(self, reason: str, now_ms: int) -> None:
         step = self._step
         if step.kind is StepKind.COLLECT and self._breakdown.failed <= 1:
             # Of go-tos that fail in a row only the first may be the aMussel's fault.
-            self._count_failed_try(step.agent_id, reason)
+            self._tries.service_failed(step.agent_id, reason)
         elif self.state.phase is Phase.UNDOCK:
-            self._count_failed_undocking(step.agent_id, reason)
+            self._charging.restart(step.agent_id)
+            self._tries.undocking_failed(step.agent_id, reason)
         self.tell(StepGivenUp(step.agent_id, step.kind.value, reason))
         is_beside_it = self.state.phase in (Phase.AWAIT_SURFACING, Phase.DOCK)
         if not (is_beside_it and self._floats(step.agent_id)):
@@ -666,7 +609,7 @@ class EnergyExchange(OrderBook):
         collects = finished.kind is StepKind.COLLECT and all(it.kind is StepKind.COLLECT for it in left)
         if collects and left and getattr(self._collection, "pre_empts", False):
             self._plan_rest_of_batch(len(left), now_ms)
-        self._settle_exchanges()
+        self._places.settle(self._is_given_up)
         if self.state.phase is not Phase.ENDED:
             self._next_step(now_ms)
 
@@ -698,7 +641,8 @@ class EnergyExchange(OrderBook):
         return self._rules if self._known_end is None else self._known_end.rules(self._rules, now_ms)
 
     def _follow(self, config: Mission) -> None:
-        self._config = self._charging.config = self._pool.config = self.docking_routine.config = config
+        self._config = self._charging.config = self._pool.config = self._tries.config = config
+        self.docking_routine.config = config
 
     def _dispatch_of(self, config: Mission) -> DispatchRule:
         return dispatch_of(config, self._charging, lambda pool: self._pool.batch_of(pool, self._left_alone))
@@ -710,16 +654,13 @@ class EnergyExchange(OrderBook):
     @property
     def _left_alone(self) -> frozenset[int]:
         """The aMussels whose tries are used up, and those to which the sea bars the way for the present."""
-        used_up = self._used_up(self.state.failed_tries) | self._used_up(self.state.failed_undockings)
+        used_up = self._tries.used_up | self._tries.not_released
         return used_up | self._beyond_reach.keys() if self._beyond_reach else used_up
-
-    def _used_up(self, counts: tuple[tuple[int, int], ...]) -> frozenset[int]:
-        return frozenset(agent_id for agent_id, tries in counts if tries >= self._config.collection_attempts)
 
     @property
     def _to_release(self) -> dict[int, int]:
         """The dock of each docked aMussel but for those whose dock does not open."""
-        kept = self._used_up(self.state.failed_undockings)
+        kept = self._tries.not_released
         return {agent_id: dock_index for dock_index, agent_id in self.state.docked if agent_id not in kept}
 
     @property
@@ -763,14 +704,6 @@ class EnergyExchange(OrderBook):
             for it in self._beliefs.all()
             if it.agent_id not in known_ids and it.agent_id not in self._left_alone
         ]
-
-    def _homes(self) -> dict[int, tuple[float, float]]:
-        return {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self.state.homes}
-
-    def _learn_homes(self) -> None:
-        homes = with_new_homes(self.state.homes, self._beliefs.all())
-        if homes is not self.state.homes:
-            self.set(homes=homes)
 
     def _remind_to_sink(self, now_ms: int) -> None:
         for agent_id in self._sink_reminders.take_due(

@@ -17,11 +17,12 @@ from apad_bridge.events.mission import PRE_EMPTED, Phase, StepGivenUp
 from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.docking_routine import NOT_FOUND, DockingRoutine, GivenUp, OutOfReach, Progress
 from apad_bridge.mission.event_log import EventLog
+from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.sink_reminders import SinkReminders
 from apad_bridge.mission.sources import PredictingBeliefSource
-from apad_bridge.mission.state import MissionEnd, MissionState, with_new_homes
+from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, GoTo, Hold, Manoeuvre, OpenDock
@@ -79,6 +80,7 @@ class ManualMission(OrderBook):
         """Number of accepted orders to dock or undock."""
         self._docking: tuple[int, int] | None = None
         """(agent, dock index) of the last docking or undocking."""
+        self._places = HomePlaces(self)
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._let_go: set[int] = set()
         """The aMussels that this mission undocked and that were not called up since."""
@@ -119,13 +121,13 @@ class ManualMission(OrderBook):
         if self._begun or self.pose is None or self.state.phase is Phase.ENDED:
             return
         self._begun, self.now_ms = True, now_ms
-        self.set(homes=with_new_homes(self.state.homes, self.beliefs.all()))
+        self._places.learn(self.beliefs.all())
         self.order(Hold(self.next_id(), *self.pose))
         self.snapshot()
 
     def advance(self, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
-        self.set(homes=with_new_homes(self.state.homes, self.beliefs.all()))
+        self._places.learn(self.beliefs.all())
         if self.pose is None or self.state.phase is Phase.ENDED:
             return self.take_orders()
         self.begin(now_ms)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, cast
 
-from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import ExchangePhase, MissionSnapshot, Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.solution import Solution
 from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.docks import Occupancy
-from firmware_model.state_groups import DOCKED
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,27 +124,3 @@ class MissionState:
                 "ended_by": None if reason is None else MissionEnd(EndReason(reason), text),
             }
         )
-
-
-Homes = tuple[tuple[int, float, float], ...]
-"""(agent, north, east), by agent: the place to which each aMussel is brought back; at first, where it was first heard."""
-
-
-def with_new_homes(homes: Homes, beliefs: Iterable[Belief]) -> Homes:
-    """Adds the places of aMussels heard for the first time."""
-    known = {agent_id for agent_id, _, _ in homes}
-    new = [
-        (b.agent_id, b.north_m, b.east_m)
-        for b in beliefs
-        if b.agent_id not in known and b.state not in DOCKED
-    ]
-    return tuple(sorted((*homes, *new))) if new else homes
-
-
-def with_exchanged_homes(homes: Homes, pairs: Iterable[tuple[int, int]]) -> Homes:
-    """Has each pair of aMussels exchange its places; one without a known place leaves the other's as it is."""
-    known = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in homes}
-    for one, other in pairs:
-        if one in known and other in known:
-            known[one], known[other] = known[other], known[one]
-    return tuple((agent_id, *place_m) for agent_id, place_m in sorted(known.items()))

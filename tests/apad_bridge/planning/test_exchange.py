@@ -7,7 +7,7 @@ from math import dist
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.mission.state import with_exchanged_homes
+from apad_bridge.mission.home_places import with_exchanged_homes
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.exchange import exchanges, nearest_places, tour
 from apad_bridge.planning.paper_strategies import Cautious
