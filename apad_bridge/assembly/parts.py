@@ -239,6 +239,7 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
         _end_by(scenario),
         _known_end(scenario),
         LegForecast(scenario.apad, surface_of(scenario)),
+        needs_battery=scenario.guards is not None and scenario.guards.battery_reserve is not None,
     )
 
 

@@ -95,12 +95,16 @@ class EnergyExchange(OrderBook):
         end_by: EndBy | None = None,
         known_end: KnownEnd | None = None,
         legs: LegForecast | None = None,
+        *,
+        needs_battery: bool = False,
     ) -> None:
         """`model` is for strategies that look ahead; `home` says when the aPad goes home, `end_by` when for good.
 
         A mission with a `known_end` charges nobody for longer. With `legs` it serves nobody to whom the sea bars the way.
+        One that `needs_battery` does nothing before the aPad's battery was heard: a guard would refuse its go-tos.
         """
         super().__init__(state or MissionState())
+        self._needs_battery = needs_battery
         self._model = model
         self._home = home
         self._home_failed_ms: int | None = None
@@ -138,6 +142,10 @@ class EnergyExchange(OrderBook):
         self._awaits_person = False
         """Nothing may move, so nothing is planned, and nothing given up for it."""
         self._began_ms: int | None = None
+
+    @property
+    def unheard(self) -> str:
+        return super().unheard or ("battery" if self._needs_battery and self.apad_battery is None else "")
 
     def await_person(self, reason: str) -> None:
         """Waits for a person; the step under way begins anew when that one has spoken."""
@@ -182,7 +190,7 @@ class EnergyExchange(OrderBook):
     def advance(self, now_ms: int) -> list[Order]:
         """Acts on the beliefs at `now_ms`."""
         self._places.learn(self._beliefs.all())
-        if self.pose is None or self.state.phase is Phase.ENDED:
+        if self.unheard or self.state.phase is Phase.ENDED:
             return self.take_orders()
         if self._awaits_person:
             self._remind_to_sink(now_ms)

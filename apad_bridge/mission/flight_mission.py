@@ -81,6 +81,10 @@ class FlightMission:
         return self._flying.docks
 
     @property
+    def unheard(self) -> str:
+        return self._flying.unheard
+
+    @property
     def by_hand(self) -> ManualMission | None:
         """The mission that follows calls, while a person has taken over; else None."""
         return self._flying if isinstance(self._flying, ManualMission) else None

@@ -41,6 +41,11 @@ class OrderBook:
         """By aMussel reported in a dock, whether the vehicle's service about its docks names it."""
         self._orders: list[Order] = []
 
+    @property
+    def unheard(self) -> str:
+        """The word for what is needed of the aPad before anything is done, and was not heard yet; empty for nothing."""
+        return "position" if self.pose is None else ""
+
     def battery_heard(self, fraction: float) -> None:
         self.apad_battery = fraction
 

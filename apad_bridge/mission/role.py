@@ -21,6 +21,11 @@ class MissionRole(Protocol):
         """The agent in each dock, None for a free one."""
         ...
 
+    @property
+    def unheard(self) -> str:
+        """The word for what is needed of the aPad before anything is done, and was not heard yet; empty for nothing."""
+        ...
+
     def moved(self, north_m: float, east_m: float) -> None:
         """Takes the aPad's position, in local NED metres."""
         ...

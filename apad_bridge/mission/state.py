@@ -84,10 +84,10 @@ class MissionState:
         """The aMussels that it brought back at least once."""
         return frozenset(agent_id for agent_id, _ in self.released)
 
-    def phase_text(self, *, place_is_known: bool) -> str:
-        """The phase, by the name that people use. Nothing is done before the aPad's place is known."""
-        waits = not place_is_known and self.phase is not Phase.ENDED
-        return "waits for the aPad's position" if waits else self.phase.value
+    def phase_text(self, unheard: str) -> str:
+        """The phase, by the name that people use. Nothing is done before what is `unheard` of the aPad was heard."""
+        waits = unheard and self.phase is not Phase.ENDED
+        return f"waits for the aPad's {unheard}" if waits else self.phase.value
 
     def to_json(self) -> MissionSnapshot:
         ended_by, leg = self.ended_by, self.leg

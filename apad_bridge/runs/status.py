@@ -40,7 +40,7 @@ class RunStatus:
         state = supervisor.mission.state
         return cls(
             now_ms,
-            state.phase_text(place_is_known=supervisor.pose is not None),
+            state.phase_text(supervisor.mission.unheard),
             supervisor.primitive,
             len(beliefs),
             sum(b.state not in DOCKED and b.primary > 0 for b in beliefs),

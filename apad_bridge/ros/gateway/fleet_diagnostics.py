@@ -110,9 +110,9 @@ def _mission(supervisor: Supervisor, apad: str) -> DiagnosticStatus:
     state = supervisor.mission.state
     docks = ("-" if agent_id is None else str(agent_id) for agent_id in supervisor.mission.docks)
     return DiagnosticStatus(
-        level=DiagnosticStatus.OK if supervisor.pose is not None else DiagnosticStatus.STALE,
+        level=DiagnosticStatus.STALE if supervisor.mission.unheard else DiagnosticStatus.OK,
         name=f"musselbed: mission {apad}".rstrip(),
-        message=state.phase_text(place_is_known=supervisor.pose is not None),
+        message=state.phase_text(supervisor.mission.unheard),
         hardware_id="supervisor",
         values=_values(
             services=state.services,

@@ -23,10 +23,11 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.forecast import Forecast
-from apad_bridge.vehicle.commands import VehicleFact
+from apad_bridge.vehicle.commands import BatteryReported, VehicleFact
 
 
 def flown(scenario: Scenario, path: Path) -> tuple[RunDirectory, dict[str, Any], list[str]]:
@@ -116,6 +117,25 @@ def test_a_mission_whose_aPad_was_never_heard_says_what_it_waits_for(pool: Scena
     flight.supervisor.receive = receive  # type: ignore[method-assign]
     flight.tick(2000)
     assert RunStatus.of(flight.supervisor, 2000, 0.0, Forecast()).phase == "go to aMussel"
+
+
+def test_a_mission_under_a_guard_of_the_battery_waits_until_the_battery_was_heard(pool: Scenario) -> None:
+    area = replace(pool.area, home_m=(14.0, 10.5))
+    flight, _ = open_flight(replace(pool, area=area, guards=GuardOptions(battery_reserve=0.1)))
+    receive = flight.supervisor.receive
+
+    def hears_no_battery(fact: Any) -> None:
+        if not isinstance(fact, BatteryReported):
+            receive(fact)
+
+    flight.supervisor.receive = hears_no_battery  # type: ignore[method-assign]
+    for now_ms in (0, 1000, 2000):
+        flight.tick(now_ms)
+    assert RunStatus.of(flight.supervisor, 2000, 0.0, Forecast()).phase == "waits for the aPad's battery"
+    assert not flight.supervisor.mission.state.failed_tries
+    flight.supervisor.receive = receive  # type: ignore[method-assign]
+    flight.tick(3000)
+    assert RunStatus.of(flight.supervisor, 3000, 0.0, Forecast()).phase == "go to aMussel"
 
 
 def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) -> None:

@@ -117,7 +117,7 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
         primitive="none",
         port=SimpleNamespace(first_failure=None),
         dropped={},
-        mission=SimpleNamespace(state=MissionState(), docks=(None,) * 4),
+        mission=SimpleNamespace(state=MissionState(), docks=(None,) * 4, unheard="position"),
     )
     array = diagnose(supervisor, (7, 8), Limits(silence_s=120.0, pool_threshold=0.5), 300_000)  # type: ignore[arg-type]
     statuses = {status.name: status for status in array.status}
