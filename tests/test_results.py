@@ -64,29 +64,33 @@ def test_an_archive_has_the_figures_of_each_mission(
         assert row["metres"] == pytest.approx(mission["metres"], abs=0.05)
 
 
-def test_an_archive_grows_by_a_directory_with_other_seeds(
+def test_an_archive_grows_by_a_directory_with_other_seeds_and_fewer_cells(
     make: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One seed is flown in both directories, and stands once."""
+    """One seed of the second cell is flown in both directories, and stands once."""
+    cells = {"few": {"fleet.count": 3}, "all": {}}
     study = {
         "name": "grown",
         "scenarios": [str(POOL_FILE)],
         "strategies": ["greedy", "cautious"],
         "parameters": {"duration_s": [300.0]},
-        "cells": {"few": {"fleet.count": 3}},
     }
-    both = plan_of({**study, "seeds": [1, 2, 3]}, "test", Path("/"))
+    whole = plan_of({**study, "cells": cells, "seeds": [1, 2, 3]}, "test", Path("/"))
     monkeypatch.setattr(make, "HERE", tmp_path)
-    monkeypatch.setattr(make, "plan_named", lambda name: both)
+    monkeypatch.setattr(make, "plan_named", lambda name: whole)
     kept = []
-    for seeds in ([2, 3], [1, 2]):
-        directory = tmp_path / f"from-{seeds[0]}"
-        fly_study(plan_of({**study, "seeds": seeds}, "test", Path("/")), directory, 1)
+    for seeds, names in (([2, 3], ["few", "all"]), ([1, 2], ["all"])):
+        directory, flown = tmp_path / f"from-{seeds[0]}", {name: cells[name] for name in names}
+        fly_study(plan_of({**study, "cells": flown, "seeds": seeds}, "test", Path("/")), directory, 1)
         make.archive(directory)
         kept.append(make.archived("grown"))
     first, grown = kept
-    order = [(strategy, seed) for strategy in ("greedy", "cautious") for seed in (1, 2, 3)]
-    assert [(it["strategy"], it["seed"]) for it in grown] == order
+    assert [(it["setting"], it["strategy"], it["seed"]) for it in grown] == [
+        (f"{name}, 2 h", strategy, seed)
+        for name, seeds in (("few", (2, 3)), ("all", (1, 2, 3)))
+        for strategy in ("greedy", "cautious")
+        for seed in seeds
+    ]
     assert [it for it in grown if it["seed"] != 1] == first
 
 
