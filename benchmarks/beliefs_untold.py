@@ -56,9 +56,9 @@ MISSION_S = 36_000
 aMussels."""
 SHORT_S = 1800
 """The short tier flies a population that the twins were tuned on or judged by: others are kept for the judgement."""
-SEEN = (3401, 3402, 3403, 917001, 917002, 917003, 917004, 917005, 917006, 917007, 917008, 917009, 917010)
-JUDGED_ON = (917011, 917012, 917013, 917014, 917021, 917022, 917023, 917024)
-"""Drawn and written down before any of them was flown. The twins have not changed since the first of them was."""
+SEEN = (3401, 3402, 3403, *range(917001, 917015))
+JUDGED_ON = (917021, 917022, 917023, 917024)
+"""Drawn and written down before any of them was flown."""
 HEARD = (1.0, 0.3, 0.1)
 SAMPLED_MS = 10_000
 NOISE = 0.005
@@ -172,6 +172,8 @@ class Case:
     heard: float
     arrives: float | None = None
     """None for the twins' own assumption."""
+    learns: bool = True
+    """False for twins that take their boards for the catalogue's, but for the deviations that the scenario states."""
 
 
 def flown(job: tuple[int, Case], mission_s: float = MISSION_S) -> list[Row]:
@@ -200,7 +202,8 @@ def _told_of_losses(config: FlightConfig, case: Case) -> FlightConfig:
     assert parameters.calls is not None
     calls = Calls(parameters.calls.every_ms, max(parameters.calls.missed, 1 - case.heard))
     arrives = parameters.permission_arrives if case.arrives is None else case.arrives
-    told = replace(parameters, calls=calls, permission_arrives=arrives)
+    untold = parameters.untold if case.learns else None
+    told = replace(parameters, calls=calls, permission_arrives=arrives, untold=untold)
     return replace(config, twin=replace(config.twin, parameters=told))
 
 
@@ -307,13 +310,14 @@ def binned(rows: list[Row]) -> Iterator[tuple[str, list[Row]]]:
 
 
 def measure(seeds: tuple[int, ...] = JUDGED_ON, short: bool = False) -> dict[str, Any]:
-    """`bins`: the scores by case, share of packets, rounds of charge and bin. `assumed`: those of twins that assume other
-    shares of permissions to arrive. `ageing`: by case and share of packets, how many aMussels' ageing was estimated within
-    0.05 when their fourth round began, and the greatest error then. `suspects`: the number by case, and the scores of the
-    liar.
+    """`bins`: the scores by case, share of packets, rounds of charge and bin. `before`: those of twins that learn nothing
+    of their boards. `assumed`: those of twins that assume other shares of permissions to arrive. `ageing`: by case and
+    share of packets, how many aMussels' ageing was estimated within 0.05 when their fourth round began, and the greatest
+    error then. `suspects`: the number by case, and the scores of the liar.
     """
     seeds, mission_s = (SEEN[:1], SHORT_S) if short else (seeds, MISSION_S)
     cases = [Case(boards, heard) for boards in (Boards.UNTOLD, Boards.AS_TOLD) for heard in HEARD]
+    cases += [Case(Boards.UNTOLD, heard, learns=False) for heard in HEARD]
     cases += [Case(Boards.LIAR, 1.0), *(Case(Boards.UNTOLD, HEARD[-1], arrives) for arrives in ASSUMED)]
     jobs = [(seed, case) for case in cases for seed in seeds]
     found: dict[Case, list[list[Row]]] = {}
@@ -331,10 +335,14 @@ def _head(case: Case) -> dict[str, Any]:
 def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[Row]]]) -> dict[str, Any]:
     """The figures of `measure`, from the rows of each case's flights."""
     bins: list[dict[str, Any]] = []
+    before: list[dict[str, Any]] = []
     assumed: list[dict[str, Any]] = []
     ageing, suspects = [], []
     for case, flights in found.items():
         head = _head(case)
+        if not case.learns:
+            before += _binned_scores(head, flights)
+            continue
         if case.arrives is not None:
             assumed += _binned_scores(head, flights)
             continue
@@ -367,6 +375,7 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
         "seeds": list(seeds),
         "mission_s": mission_s,
         "bins": bins,
+        "before": before,
         "assumed": assumed,
         "ageing": ageing,
         "suspects": suspects,
@@ -383,6 +392,7 @@ def _binned_scores(head: dict[str, Any], flights: list[list[Row]]) -> Iterator[d
 def show(result: dict[str, Any], console: Console) -> None:
     for title, rows in (
         (f"Twins told nothing of their boards, populations {result['seeds']}", result["bins"]),
+        ("Twins that learn nothing of their boards", result["before"]),
         ("Twins that assume another share of permissions to arrive", result["assumed"]),
         (f"Ageing, at the begin of round {ROUNDS + 1}", result["ageing"]),
         ("Suspects", [it for it in result["suspects"] if "suspects" in it]),
