@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from rich.table import Table
+
 from apad_bridge.assembly.capacity import Bounds
+from apad_bridge.runs.studies.findings import Findings, table_of
 from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan, plan_of
@@ -39,6 +42,7 @@ _ONE_BY_ONE = {
     "pool_threshold": 0.7,
 }
 _BATCH = {"name": "cautious, batch", "collection": "cautious"}
+_DIAGRAM = "diagram.svg"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +60,11 @@ class SizedFlights:
     """Mean hours of aMussels with an empty battery in the last fifth: agent time, over the fleet."""
 
 
-def capacity_study(seeds: int) -> StudyPlan:
-    """The diagram's study: the pool at theta 1 for ten days, with two rules of dispatch."""
+def capacity_study(seeds: int = 5) -> StudyPlan:
+    """The diagram's study: the pool at theta 1 for ten days, with two rules of dispatch.
+
+    It has 112 cells, and a flight of ten days takes about a second of a processor.
+    """
     data = {
         "name": "capacity",
         "scenarios": ["pool-12.yaml"],
@@ -185,3 +192,35 @@ def write_diagram(path: Path, phases: Sequence[SizedFlights], bounds: Bounds) ->
     text = io.StringIO()
     drawing.savefig(text, format="svg", metadata={"Date": None})
     write_atomically(path, text.getvalue())
+
+
+class CapacityDiagram(Findings):
+    """The diagram in place of a page, which would have figures for each of the many settings and say less."""
+
+    def __init__(self, plan: StudyPlan, rows: Sequence[Row]) -> None:
+        super().__init__(plan, rows)
+        self.phases = phases_of(plan, rows)
+        self.bounds = self.compared[0].bounds
+
+    def as_data(self) -> dict[str, Any]:
+        return {**super().as_data(), "phases": [asdict(it) for it in self.phases]}
+
+    def lines(self, width: int) -> Iterator[Table | str]:
+        """A table for each strategy: the flights that were held, by size of the fleet and mean charge at the start."""
+        charges = sorted({it.start_charge for it in self.phases})
+        for strategy in self.plan.strategies:
+            own = {(it.amussels, it.start_charge): it for it in self.phases if it.strategy == strategy}
+            title = f"{strategy}: flights held, of {self.phases[0].flown}, by mean charge at the start"
+            table = table_of(title, ["aMussels", *(f"{it:g}" for it in charges), "held from"])
+            for _, amussels, least in borders_of(list(own.values())):
+                cells = [str(own[amussels, it].held) for it in charges]
+                table.add_row(str(amussels), *cells, "never" if least is None else f"{least:g}")
+            yield table
+        yield (
+            f"The docks sustain at most {self.bounds.sustained:.1f} aMussels, and {self.bounds.sustained_from_empty:.1f} "
+            "if each charge begins at empty. Between the two it depends on the start: a fleet that begins low stays low."
+        )
+
+    def write_figures(self, directory: Path) -> str:
+        write_diagram(directory / _DIAGRAM, self.phases, self.bounds)
+        return f"The diagram: {directory / _DIAGRAM}"

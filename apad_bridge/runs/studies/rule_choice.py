@@ -7,14 +7,18 @@ situation is a hyper-heuristic; here the features are the trials' own figures.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from math import sqrt
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
+from rich.table import Table
+
 from apad_bridge.runs.studies.event_driven import model_gap
+from apad_bridge.runs.studies.findings import Findings, table_of
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan, plan_of
@@ -106,7 +110,7 @@ def choice_of(rows: Sequence[Row], known: Collection[str]) -> Choice:
     return Choice(rule, better, *(fmean(differences(rule, it)) for it in (UPTIME, LEAST, METRES)))
 
 
-def rules_study(path: Path, trials: int = TRIALS) -> StudyPlan:
+def rules_study(path: Path, seeds: int = TRIALS) -> StudyPlan:
     """The study of one scenario: its own rule, the paper's, and `RULES`, on so many random configurations.
 
     A start that the scenario draws is kept. One from a file is a single draw, so the trials draw others, as each study
@@ -120,7 +124,7 @@ def rules_study(path: Path, trials: int = TRIALS) -> StudyPlan:
             {"name": AS_IT_IS, "collection": scenario.mission.collection},
             *({"name": name, **keys_of(name, scenario)} for name in PAPERS | RULES),
         ],
-        "seeds": trials,
+        "seeds": seeds,
         **({"start": "scenario"} if isinstance(scenario.fleet.start, RandomStart) else {}),
         "primary": UPTIME,
         "model": (Model.EVENT_DRIVEN if model_gap(scenario) is None else Model.MISSION).value,
@@ -132,3 +136,43 @@ def keys_of(rule: str, scenario: Scenario) -> dict[str, Any]:
     """The keys that the block `mission` of this scenario needs for a rule of `PAPERS` or `RULES`."""
     unset = dict.fromkeys(key for key in _LEFT_OUT if getattr(scenario.mission, key) is not None)
     return unset | (PAPERS | RULES)[rule]
+
+
+def is_choice(plan: StudyPlan) -> bool:
+    """True for the study of one scenario, also from the `study.yaml` that it wrote."""
+    return len(plan.settings) == 1 and set(KNOWN) <= set(plan.strategies)
+
+
+class RuleChoice(Findings):
+    """A line for each rule, and the chosen one as the lines of a scenario."""
+
+    def __init__(self, plan: StudyPlan, rows: Sequence[Row]) -> None:
+        super().__init__(plan, rows)
+        self.choice = choice_of(rows, KNOWN)
+
+    def as_data(self) -> dict[str, Any]:
+        return {**super().as_data(), "choice": asdict(self.choice)}
+
+    def lines(self, width: int) -> Iterator[Table | str]:
+        choice, scenario = self.choice, self.plan.named[0]
+        headings = ("", "lost", "uptime %", "least %", "way m")
+        title = f"rules for {scenario.name}, means of {len(self.plan.seeds)} configurations"
+        table = table_of(title, headings)
+        for rule in self.plan.strategies:
+            own = [row for row in self.rows if row["strategy"] == rule]
+            cells = [f"{fmean(row[key] for row in own):.1f}" for key in (LOST, UPTIME, LEAST, METRES)]
+            table.add_row(rule, *cells, style="bold" if rule == choice.rule else "")
+        yield table
+        if choice.rule not in RULES:
+            yield f"Recommended: {choice.rule}. No other rule has more uptime without another cost."
+            return
+        yield (
+            f"Recommended: {choice.rule}, one by one, with exchanged places. Against {choice.better!r} it has "
+            f"{choice.uptime:+.1f} points of uptime, {choice.least:+.1f} for the least aMussel, and {choice.metres:+.0f} m "
+            "of way. It has the most uptime of the rules that lose no more aMussels, leave the least aMussel no worse and "
+            "drive no more. In the scenario:"
+        )
+        yield "mission:"
+        for key, value in keys_of(choice.rule, scenario).items():
+            yield f"  {key}: {value if isinstance(value, str) else json.dumps(value)}"
+        yield ""

@@ -6,12 +6,15 @@ the length of a wake vary for a fleet that one aPad can sustain with some schedu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
+from rich.table import Table
+
 from apad_bridge.assembly.capacity import bounds_of
+from apad_bridge.runs.studies.findings import Findings, table_of
 from apad_bridge.runs.studies.models import Model
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan, plan_of
@@ -55,8 +58,11 @@ class ScheduleOutcome:
         )
 
 
-def sleep_study(seeds: int) -> StudyPlan:
-    """The study of sleep: `AMUSSELS` whole boards in the pool, five days of their time, served by Cautious."""
+def sleep_study(seeds: int = 5) -> StudyPlan:
+    """The study of sleep: `AMUSSELS` whole boards in the pool, five days of their time, served by Cautious.
+
+    Whole boards are flown tick by tick: twelve schedules on one configuration take some minutes of a processor.
+    """
     data = {
         "name": "sleep",
         "scenarios": ["whole-board-12.yaml"],
@@ -106,3 +112,42 @@ def reason_of(schedules: Sequence[ScheduleOutcome]) -> str:
         f"{why} The most samples, {most.samples_taken:.0f}, come from {most.text}, which loses "
         f"{most.amussels_lost:.2f} aMussels and sustains {most.sustained:.1f}."
     )
+
+
+def schedules_table(schedules: Sequence[ScheduleOutcome]) -> Table:
+    """A line for each schedule, in their order; a screen of 80 columns cuts no number."""
+    headings = (
+        "wake\nevery\nmin",
+        "sen-\nsors\ns",
+        "pro-\ncess\ns",
+        "lost",
+        "samples\ntaken",
+        "longest\ngap h",
+        "dead\nh",
+        "way\nplan-\nned m",
+        "docks\nsus-\ntain",
+    )
+    table = table_of("schedules of sleep, the recommended one first: means over the configurations", headings)
+    for it in schedules:
+        table.add_row(
+            *(f"{it.alarm_s / 60:g}", f"{it.sample_s:g}", f"{it.processing_s:g}"),
+            *(f"{it.amussels_lost:.2f}", f"{it.samples_taken:.0f}", f"{it.longest_gap_h:.1f}"),
+            *(f"{it.dead_time_h:.1f}", f"{it.metres:.0f}", f"{it.sustained:.1f}"),
+        )
+    return table
+
+
+class SleepSchedules(Findings):
+    """The schedules with the recommended one first. Their strategy is one, so there is nothing to compare."""
+
+    def __init__(self, plan: StudyPlan, rows: Sequence[Row]) -> None:
+        super().__init__(plan, rows)
+        self.schedules = schedules_of(plan, rows)
+
+    def as_data(self) -> dict[str, Any]:
+        schedules = [asdict(it) for it in self.schedules]
+        return {**super().as_data(), "schedules": schedules, "reason": reason_of(self.schedules)}
+
+    def lines(self, width: int) -> Iterator[Table | str]:
+        yield schedules_table(self.schedules)
+        yield f"Recommended: {self.schedules[0].text}. {reason_of(self.schedules)}"

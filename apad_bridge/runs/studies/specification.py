@@ -161,8 +161,11 @@ class StudyPlan:
 _STUDY = TypeAdapter(Study)
 
 
-def load_study(path: Path) -> StudyPlan:
-    """Reads and checks a study's file. ScenarioError with a line for each mistake, before anything is flown."""
+def load_study(path: Path, seeds: int | None = None) -> StudyPlan:
+    """Reads and checks a study's file; `seeds` is as of `with_seeds`, and None for the file's own.
+
+    ScenarioError with a line for each mistake, before anything is flown.
+    """
     if path.suffix == ".py":
         # Some of Python's lines are YAML, too.
         raise ScenarioError([f"{path}: is no YAML but a Python script: fly it by `musselbed script`"])
@@ -176,7 +179,8 @@ def load_study(path: Path) -> StudyPlan:
         raise ScenarioError(
             [f"{path}: is no study: a study is a mapping of name, scenarios, strategies and seeds"]
         )
-    return plan_of(data, str(path), path.parent)
+    plan = plan_of(data, str(path), path.parent)
+    return plan if seeds is None else with_seeds(plan, seeds)
 
 
 def is_scenario(path: Path) -> bool:

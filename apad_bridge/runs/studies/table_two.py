@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import statistics
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rich.table import Table
+
 from agents.time_scale import TimeScale
+from apad_bridge.runs.studies.findings import Findings, table_of
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan, plan_of
 from apad_bridge.scenario.loader import SHIPPED
@@ -68,8 +71,11 @@ _FIGURES = {
 }
 
 
-def table_two_study(seeds: int, theta: int = THETA) -> StudyPlan:
-    """The study of Table II: the pool and the bay with each strategy; at any theta 20 hours of the aMussels' time."""
+def table_two_study(seeds: int = 200, theta: int = THETA) -> StudyPlan:
+    """The study of Table II: the pool and the bay with each strategy; at any theta 20 hours of the aMussels' time.
+
+    Another theta than the paper's is part of its name, so the two have directories of their own.
+    """
     parameters: dict[str, list[Any]] = {}
     if theta != THETA:
         parameters = {
@@ -78,7 +84,7 @@ def table_two_study(seeds: int, theta: int = THETA) -> StudyPlan:
             "apad.battery.capacity_wh": [_APAD_WH * _BATTERY_FACTOR],
         }
     data = {
-        "name": "table2",
+        "name": "table2" if theta == THETA else f"table2-theta{theta}",
         "scenarios": ["pool-12.yaml", "bay-24.yaml"],
         "strategies": ["cautious", "greedy", "none"],
         "seeds": seeds,
@@ -146,3 +152,36 @@ def apad_energy(plan: StudyPlan, rows: Sequence[Row]) -> str | None:
 def percentile_of(value: float, sample: Sequence[float]) -> float:
     """The fraction of `sample` that is at most `value`, in percent."""
     return 100 * bisect_right(sorted(sample), value) / len(sample)
+
+
+class TableTwo(Findings):
+    """The paper's table beside ours, and then the comparison of the strategies."""
+
+    def as_data(self) -> dict[str, Any]:
+        compared = table_two(self.plan, self.rows)
+        return {**super().as_data(), "table2": compared, "contradictions": contradictions()}
+
+    def lines(self, width: int) -> Iterator[Table | str]:
+        compared = table_two(self.plan, self.rows)
+        is_papers = any(it["percentile"] is not None for it in compared)
+        title = "the paper's Table II beside ours, and the percentile of each of its values among ours"
+        if not is_papers:
+            title = f"Table II at another theta: the paper's figures are at {THETA}, so these do not compare"
+        table = table_of(title, ["", *COLUMNS.values()])
+        shown = {"median": "ours, median", "p5": "ours, 5 %", "p95": "ours, 95 %"}
+        if is_papers:
+            shown = {"paper": "paper", **shown, "percentile": "percentile of the paper"}
+        for row in PAPER:
+            mark = " *" if row.contradicts_itself and is_papers else ""
+            table.add_row(f"{row.name}{mark}", style="bold")
+            cells = {it["column"]: it for it in compared if it["row"] == row.name}
+            for key, heading in shown.items():
+                values = [cells[column][key] for column in COLUMNS]
+                table.add_row(f"  {heading}", *("–" if it is None else f"{it:.2f}" for it in values))
+        yield table
+        for note in contradictions() if is_papers else ():
+            yield f"* {note}"
+        if (energy := apad_energy(self.plan, self.rows)) is not None:
+            yield energy
+        yield ""
+        yield from super().lines(width)

@@ -10,6 +10,7 @@ from apad_bridge.runs.studies.runner import fly_study
 from apad_bridge.runs.studies.table_two import (
     COLUMNS,
     PAPER,
+    TableTwo,
     contradictions,
     percentile_of,
     table_two,
@@ -54,7 +55,13 @@ def test_cautious_on_random_configurations_has_the_paper_s_row_inside_its_centra
 ) -> None:
     """Speed 0.5 m/s, 20 s for dock and undock together and a cluster of 28 x 21 m are the shipped pool-12's."""
     plan = table_two_study(30)
-    compared = table_two(plan, fly_study(plan, tmp_path, 2))
+    findings = TableTwo(plan, fly_study(plan, tmp_path, 2))
+    assert [it for it in findings.lines(80) if str(it).startswith("* ")] == [
+        f"* {it}" for it in contradictions()
+    ]
+    data = findings.as_data()
+    assert [it["setting"] for it in data["settings"]] == ["pool-12, theta 30", "bay-24, theta 30"]
+    compared = data["table2"]
     assert [(it["row"], it["column"]) for it in compared] == [
         (row.name, column) for row in PAPER for column in COLUMNS
     ]
@@ -71,6 +78,7 @@ def test_the_two_greedy_rows_contradict_themselves() -> None:
 
 def test_at_theta_1_nothing_is_compared_with_the_paper(tmp_path: Path) -> None:
     plan = table_two_study(1, theta=1)
+    assert plan.study.name != table_two_study(1).study.name  # their directories
     assert {setting.theta for setting in plan.settings} == {1}
     scenario = plan.scenario(0, 0, 1)
     assert scenario.duration_s == 30 * 2400  # 20 hours of the aMussels, as at theta 30

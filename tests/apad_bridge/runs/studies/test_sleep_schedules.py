@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from apad_bridge.commands.compare import study
 from apad_bridge.commands.main import main
 from apad_bridge.runs.studies import report, runner
 from apad_bridge.runs.studies.sleep_schedules import (
@@ -17,6 +16,7 @@ from apad_bridge.runs.studies.sleep_schedules import (
     ScheduleOutcome,
     reason_of,
     schedules_of,
+    schedules_table,
     sleep_study,
 )
 from apad_bridge.runs.studies.specification import StudyPlan
@@ -102,7 +102,7 @@ def _short_study() -> StudyPlan:
 
 def test_a_screen_of_80_columns_cuts_no_number_and_no_heading(capsys: pytest.CaptureFixture[str]) -> None:
     schedule = ScheduleOutcome(3600, 60, 240, 24.1, 0.25, 1_105_123.0, 123.4, 1103.2, 12345.0)
-    study._print_schedules(Console(width=80), [schedule], "a reason")
+    Console(width=80).print(schedules_table([schedule]))
     printed = capsys.readouterr().out
     assert "…" not in printed
     assert {"60", "240", "0.25", "1105123", "123.4", "1103.2", "12345", "24.1"} <= set(printed.split())

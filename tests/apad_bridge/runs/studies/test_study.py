@@ -105,6 +105,21 @@ def test_without_pyarrow_a_study_says_how_to_get_it_before_it_flies(
     )
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["table2", "--theta", "0"], "--theta 0: must be 1 or more"),
+        (["pool-12", "--seeds", "-1"], "--seeds -1: must be 1 or more"),
+        (["sleep", "--theta", "1"], "--theta works with table2 only"),
+    ],
+)
+def test_an_option_that_no_flight_can_have_is_told(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["study", *words, "--out", str(tmp_path / "out")]) == 2
+    assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 def test_a_study_multiplies_settings_strategies_and_seeds() -> None:
     found = plan(
         parameters={"duration_s": [300.0], "theta": [1, 30], "mission.batch": [1, 4]},
