@@ -27,7 +27,8 @@ def commands() -> list[str]:
 def environment(tmp_path: Path) -> dict[str, str]:
     """A shell's variables in which `musselbed` is on PATH, in an environment that may be changed.
 
-    It has all that musselbed's own environment has.
+    It has all that musselbed's own environment has. The page's command installs into the environment of the `musselbed`
+    that the shell finds. So PATH has no other: a checkout's own would keep the packages, by whichever path it is named.
     """
     place = tmp_path / "environment"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", place], check=True, timeout=180)
@@ -41,10 +42,10 @@ def environment(tmp_path: Path) -> dict[str, str]:
         f"#!{place}/bin/python\nfrom apad_bridge.commands.main import main\nraise SystemExit(main())\n"
     )
     program.chmod(0o755)
-    return {
-        **os.environ,
-        "PATH": f"{os.environ['PATH']}:{place}/bin".replace(f"{Path(sys.executable).parent}:", ""),
-    }
+    others = [it for it in os.environ["PATH"].split(":") if not Path(it, program.name).exists()]
+    variables = {**os.environ, "PATH": ":".join([*others, str(program.parent)])}
+    assert in_a_shell("command -v musselbed", tmp_path, variables) == f"{program}\n"
+    return variables
 
 
 def in_a_shell(script: str, folder: Path, environment: dict[str, str]) -> str:
