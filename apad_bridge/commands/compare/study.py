@@ -6,7 +6,8 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from apad_bridge.runs.studies.findings import Findings
@@ -141,8 +143,23 @@ def _study_of(arguments: argparse.Namespace) -> tuple[StudyPlan, type[Findings]]
         plan_of, findings_of = built_in[arguments.study]
         return plan_of(**given), findings_of
     path = Path(arguments.study)
-    plan = (rules_study if is_scenario(path) else load_study)(path, **given)
+    try:
+        plan_of = rules_study if is_scenario(path) else load_study
+    except ScenarioError as error:
+        raise UserError(_unknown(arguments.study, built_in)) from error
+    plan = plan_of(path, **given)
     return plan, RuleChoice if is_choice(plan) else Findings
+
+
+def _unknown(name: str, built_in: Iterable[str]) -> str:
+    from apad_bridge.scenario.loader import SHIPPED
+
+    scenarios = sorted(it.stem for it in SHIPPED.glob("*.yaml"))
+    near = get_close_matches(name, [*built_in, *scenarios], n=1)
+    meant = f"did you mean {near[0]}?" if near else f"there are {', '.join(scenarios)}"
+    return (
+        f"{name}: neither a file nor a built-in study ({', '.join(built_in)}) nor a shipped scenario: {meant}"
+    )
 
 
 def _workers(arguments: argparse.Namespace) -> int:

@@ -83,7 +83,10 @@ def test_a_library_that_lacks_is_told_in_one_line(library: str, words: list[str]
     ("words", "told"),
     [
         (["study", __file__], "is no YAML but a Python script"),
-        (["study", "pool-21"], "pool-21: neither a file nor a shipped scenario: did you mean pool-12?"),
+        (["study", "pool-21"], "nor a shipped scenario: did you mean pool-12?"),
+        (["study", "tabel2"], "tabel2: neither a file nor a built-in study (table2, sleep, capacity) nor"),
+        (["study", "tabel2"], ": did you mean table2?"),
+        (["study", "xyz"], "nor a shipped scenario: there are bay-120, bay-24, "),
         (["study", str(POOL_FILE.with_suffix(".csv"))], "is no "),
         (["run", "launch_scripts/studies/pool.yaml", "--dry-run"], "this is a study: fly it by"),
         (["capacity", "/dev/null"], "/dev/null: is a device"),
