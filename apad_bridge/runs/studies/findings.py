@@ -23,12 +23,11 @@ from apad_bridge.runs.studies.report import (
     comparisons,
     difference_text,
     estimate_text,
+    that_fit,
     write_report,
 )
 from apad_bridge.runs.studies.runner import Row
 from apad_bridge.runs.studies.specification import StudyPlan
-
-_BETWEEN_COLUMNS = 3
 
 
 class Findings:
@@ -43,6 +42,10 @@ class Findings:
         """The keys of `--json`, as plain data."""
         return as_data(self.plan, self.compared)
 
+    def answer(self) -> Sequence[str]:
+        """The study's own answer, the same for the terminal and the page: sentences, and lines that belong together."""
+        return ()
+
     def lines(self, width: int) -> Iterator[Table | str]:
         """The tables and sentences for a terminal of so many columns, in their order."""
         for each in self.compared:
@@ -51,7 +54,7 @@ class Findings:
     def write_figures(self, directory: Path) -> str:
         """Writes the file with figures, and returns a sentence that names it. OSError if it cannot be written."""
         path = directory / REPORT
-        write_report(path, self.plan, self.rows, self.compared)
+        write_report(path, self.plan, self.rows, self.compared, self.answer())
         return f"Tables and figures, for a browser: {path}"
 
 
@@ -77,7 +80,7 @@ def _comparison_lines(found: Comparison, plan: StudyPlan, width: int) -> Iterato
     }
     titles = (f"{found.setting.label}, best first", f"minus {baseline}, on the same configurations")
     for title, cells in zip(titles, (means, differences), strict=True):
-        for strategies in _that_fit(cells, width - max(map(len, HEADINGS.values()))):
+        for strategies in that_fit(cells, width - max(map(len, HEADINGS.values()))):
             table = table_of(title, ["", *strategies])
             for row, column in enumerate(COLUMNS):
                 table.add_row(HEADINGS[column], *(cells[it][row] for it in strategies))
@@ -90,17 +93,3 @@ def _comparison_lines(found: Comparison, plan: StudyPlan, width: int) -> Iterato
     if found.setting.theta != 1:
         yield f"{NO_ENERGY}."
     yield ""
-
-
-def _that_fit(cells: dict[str, list[str]], width: int) -> Iterator[list[str]]:
-    """The strategies in groups whose columns fit beside each other, in their order."""
-    group: list[str] = []
-    used = 0
-    for name, texts in cells.items():
-        wanted = max(map(len, [name, *texts])) + _BETWEEN_COLUMNS
-        if group and used + wanted > width:
-            yield group
-            group, used = [], 0
-        group, used = [*group, name], used + wanted
-    if group:
-        yield group

@@ -9,7 +9,7 @@ import io
 import math
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
@@ -41,6 +41,9 @@ HEADINGS = {
     "final_charge_mean": "final charge",
 }
 """The rows of a table of strategies, in their order, as people read them: one name for one figure."""
+_BETWEEN_COLUMNS = 3
+_PAGE_WIDTH = 116
+"""Characters beside the names of the figures, on the page as wide as its style lets it be."""
 NO_ENERGY = "aPad Wh and aPad cycles stand at theta 1 alone: at any other an aMussel charges faster than the aPad spends"
 
 
@@ -126,11 +129,14 @@ def _record(plan: StudyPlan, row: Row) -> dict[str, Any]:
     return {**head, **{key: value for key, value in row.items() if key != "setting"}}
 
 
-def write_report(path: Path, plan: StudyPlan, rows: Sequence[Row], found: Sequence[Comparison]) -> None:
-    """Writes one page that needs no other file."""
+def write_report(
+    path: Path, plan: StudyPlan, rows: Sequence[Row], found: Sequence[Comparison], answer: Sequence[str] = ()
+) -> None:
+    """Writes one page that needs no other file; it begins with the study's own answer, if it has one."""
     study = plan.study
     parts = [
         f"<h1>{escape(study.name)}</h1>",
+        *(f"<pre>{escape(it)}</pre>" if "\n" in it else f"<p>{escape(it)}</p>" for it in answer),
         f"<p>{plan.missions} missions on {len(plan.seeds)} configurations, flown by the model "
         f"<em>{escape(study.model)}</em>. Means with intervals of {100 * study.confidence:g} %. The order is by aMussels "
         f"lost, then samples taken, then way planned. Differences are to <em>{escape(plan.baseline)}</em>, paired by "
@@ -161,6 +167,7 @@ _PAGE = """<!doctype html>
 <style>body {{font: 15px/1.4 sans-serif; margin: 0 auto; padding: 1.5em; max-width: 1200px; box-sizing: border-box}}
 @page {{size: A4 landscape; margin: 12mm}} @media print {{body {{padding: 0; font-size: 9pt}}}}
 h2, h3 {{break-after: avoid}} .wide {{overflow-x: auto}} table {{border-collapse: collapse; break-inside: avoid}}
+table + table {{margin-top: 1.5em}}
 td, th {{padding: .2em .8em .2em 0; text-align: right; white-space: nowrap; border-bottom: 1px solid #8888}}
 td:first-child, th:first-child {{text-align: left}}
 svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: #fff}}
@@ -177,14 +184,34 @@ svg {{width: 100%; min-width: 720px; max-width: 100%; height: auto; background: 
 
 
 def _table(heading: str, found: Sequence[Standing], text: Callable[[Standing, str], str]) -> str:
-    """A row for each figure and a column for each strategy, the best first: few strategies, so a page's width is enough."""
-    head = "".join(f"<th>{escape(it)}</th>" for it in ("", *(it.strategy for it in found)))
-    lines = []
-    for column in COLUMNS:
-        cells = (HEADINGS[column], *(text(it, column) for it in found))
-        lines.append("<tr>" + "".join(f"<td>{escape(it)}</td>" for it in cells) + "</tr>")
-    table = f"<table><tr>{head}</tr>{''.join(lines)}</table>"
-    return f"<div class=wide><h3>{escape(heading)}</h3>{table}</div>"
+    """A row for each figure and a column for each strategy, the best first; below each other if a page is too narrow."""
+    cells = {it.strategy: [text(it, column) for column in COLUMNS] for it in found}
+
+    def row(tag: str, texts: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(it)}</{tag}>" for it in texts) + "</tr>"
+
+    tables = []
+    for names in that_fit(cells, _PAGE_WIDTH):
+        head = row("th", ["", *names])
+        body = [
+            row("td", [HEADINGS[it], *(cells[name][n] for name in names)]) for n, it in enumerate(COLUMNS)
+        ]
+        tables.append(f"<table>{head}{''.join(body)}</table>")
+    return f"<div class=wide><h3>{escape(heading)}</h3>{''.join(tables)}</div>"
+
+
+def that_fit(cells: dict[str, list[str]], width: int) -> Iterator[list[str]]:
+    """The strategies in groups whose columns fit beside each other, in their order."""
+    group: list[str] = []
+    used = 0
+    for name, texts in cells.items():
+        wanted = max(map(len, [name, *texts])) + _BETWEEN_COLUMNS
+        if group and used + wanted > width:
+            yield group
+            group, used = [], 0
+        group, used = [*group, name], used + wanted
+    if group:
+        yield group
 
 
 def estimate_text(estimate: Estimate | None) -> str:
@@ -227,7 +254,8 @@ def _figure(rows: Sequence[Row], plan: StudyPlan, bounds: Bounds) -> str:
     for axis, column in zip(axes[:2], ("samples_taken", "uptime_submerged_mean"), strict=True):
         axis.boxplot([[row[column] for row in own] for own in by_strategy], tick_labels=list(plan.strategies))
         axis.set_title(HEADINGS[column])
-        axis.tick_params(axis="x", rotation=20)
+        for label in axis.get_xticklabels():  # side by side at this slope, so many names do not overlap
+            label.set(rotation=35, horizontalalignment="right", rotation_mode="anchor")
     axes[1].axhline(bounds.uptime_percent, linestyle="--", color="grey")
     for number, (name, own) in enumerate(zip(plan.strategies, by_strategy, strict=True)):
         x, y = ([row[column] for row in own] for column in ("metres", "uptime_paper_mean"))
@@ -235,7 +263,7 @@ def _figure(rows: Sequence[Row], plan: StudyPlan, bounds: Bounds) -> str:
         axes[2].scatter(x, y, s=12 * (number + 1), label=name, facecolors="none", edgecolors=f"C{number}")
     axes[2].set_xlabel(HEADINGS["metres"])
     axes[2].set_title(HEADINGS["uptime_paper_mean"])
-    axes[2].legend()
+    drawing.legend(loc="outside right upper")  # beside the missions, of which it would hide some
     text = io.StringIO()
     drawing.savefig(text, format="svg", metadata={"Date": None})
     svg = text.getvalue()

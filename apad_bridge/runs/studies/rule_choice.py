@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import sqrt
 from pathlib import Path
 from statistics import fmean, stdev
@@ -144,35 +144,44 @@ def is_choice(plan: StudyPlan) -> bool:
 
 
 class RuleChoice(Findings):
-    """A line for each rule, and the chosen one as the lines of a scenario."""
+    """A line for each rule, and the chosen one as the lines of a scenario.
+
+    The page and `--json` compare all rules with the better one of the paper's, if a study's file names no baseline.
+    """
 
     def __init__(self, plan: StudyPlan, rows: Sequence[Row]) -> None:
-        super().__init__(plan, rows)
+        baseline = plan.study.baseline or max(PAPERS, key=lambda it: _mean(rows, it, UPTIME))
+        super().__init__(replace(plan, study=replace(plan.study, baseline=baseline)), rows)
         self.choice = choice_of(rows, KNOWN)
 
     def as_data(self) -> dict[str, Any]:
         return {**super().as_data(), "choice": asdict(self.choice)}
 
-    def lines(self, width: int) -> Iterator[Table | str]:
-        choice, scenario = self.choice, self.plan.named[0]
-        headings = ("", "lost", "uptime %", "least %", "way m")
-        title = f"rules for {scenario.name}, means of {len(self.plan.seeds)} configurations"
-        table = table_of(title, headings)
-        for rule in self.plan.strategies:
-            own = [row for row in self.rows if row["strategy"] == rule]
-            cells = [f"{fmean(row[key] for row in own):.1f}" for key in (LOST, UPTIME, LEAST, METRES)]
-            table.add_row(rule, *cells, style="bold" if rule == choice.rule else "")
-        yield table
+    def answer(self) -> Sequence[str]:
+        choice = self.choice
         if choice.rule not in RULES:
-            yield f"Recommended: {choice.rule}. No other rule has more uptime without another cost."
-            return
-        yield (
+            return [f"Recommended: {choice.rule}. No other rule has more uptime without another cost."]
+        sentences = (
             f"Recommended: {choice.rule}, one by one, with exchanged places. Against {choice.better!r} it has "
             f"{choice.uptime:+.1f} points of uptime, {choice.least:+.1f} for the least aMussel, and {choice.metres:+.0f} m "
             "of way. It has the most uptime of the rules that lose no more aMussels, leave the least aMussel no worse and "
             "drive no more. In the scenario:"
         )
-        yield "mission:"
-        for key, value in keys_of(choice.rule, scenario).items():
-            yield f"  {key}: {value if isinstance(value, str) else json.dumps(value)}"
+        keys = keys_of(choice.rule, self.plan.named[0]).items()
+        lines = (f"  {key}: {it if isinstance(it, str) else json.dumps(it)}" for key, it in keys)
+        return [sentences, "\n".join(["mission:", *lines])]
+
+    def lines(self, width: int) -> Iterator[Table | str]:
+        headings = ("", "lost", "uptime %", "least %", "way m")
+        title = f"rules for {self.plan.named[0].name}, means of {len(self.plan.seeds)} configurations"
+        table = table_of(title, headings)
+        for rule in self.plan.strategies:
+            cells = [f"{_mean(self.rows, rule, key):.1f}" for key in (LOST, UPTIME, LEAST, METRES)]
+            table.add_row(rule, *cells, style="bold" if rule == self.choice.rule else "")
+        yield table
+        yield from self.answer()
         yield ""
+
+
+def _mean(rows: Sequence[Row], rule: str, column: str) -> float:
+    return fmean(row[column] for row in rows if row["strategy"] == rule)

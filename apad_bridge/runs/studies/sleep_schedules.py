@@ -148,6 +148,9 @@ class SleepSchedules(Findings):
         schedules = [asdict(it) for it in self.schedules]
         return {**super().as_data(), "schedules": schedules, "reason": reason_of(self.schedules)}
 
+    def answer(self) -> Sequence[str]:
+        return [f"Recommended: {self.schedules[0].text}. {reason_of(self.schedules)}"]
+
     def lines(self, width: int) -> Iterator[Table | str]:
         yield schedules_table(self.schedules)
-        yield f"Recommended: {self.schedules[0].text}. {reason_of(self.schedules)}"
+        yield from self.answer()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from html import escape, unescape
 from pathlib import Path
 from typing import Any
 
@@ -131,12 +133,26 @@ def test_a_scenario_s_study_prints_the_lines_of_the_rule_that_it_recommends(
     file.write_text(yaml.safe_dump(scenario))
     words = ["study", str(file), "--seeds", "2", "--workers", "1", "--out", str(out)]
     assert main([*words, "--json"]) == 0
-    choice = json.loads(capsys.readouterr().out)["choice"]
+    told = json.loads(capsys.readouterr().out)
+    choice = told["choice"]
     assert choice["rule"] in RULES and choice["uptime"] > 0
     assert main(words) == 0
     printed = capsys.readouterr().out
     lines = yaml.safe_load(printed[printed.index("mission:") : printed.index("A row for each")])
     assert lines == {"mission": RULES[choice["rule"]]}
+    page = (out / "report.html").read_text()
+    sentence = printed[printed.index("Recommended: ") : printed.index("\nmission:")]
+    assert choice["rule"] in sentence and f"<p>{escape(sentence)}</p>" in page
+    assert [yaml.safe_load(unescape(it)) for it in re.findall("<pre>(.*?)</pre>", page, re.DOTALL)] == [lines]
+    uptimes = {
+        it["strategy"]: it["columns"]["uptime_paper_mean"]["mean"] for it in told["settings"][0]["strategies"]
+    }
+    better, other = sorted(PAPERS, key=lambda it: -uptimes[it])
+    assert uptimes[better] > uptimes[other] and told["baseline"] == better
+    means, differences = page.split(f"<h3>Minus {better}</h3>")
+    # Ten rules are too many for a page's width; none is left out of the tables that are below each other.
+    compared = re.findall("<th>([^<]+)</th>", differences)
+    assert sorted(compared) == sorted({AS_IT_IS, *PAPERS, *RULES} - {better}) and means.count("<table>") > 1
     scenario["mission"] |= lines["mission"]
     file.write_text(yaml.safe_dump(scenario))
     assert load(file).mission.collection == "core"

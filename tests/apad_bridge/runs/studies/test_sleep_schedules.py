@@ -79,7 +79,9 @@ def test_the_command_prints_the_schedules_and_the_reason(
     # Its twelve figures, twice, took longer than all the rest; other tests of studies draw theirs.
     monkeypatch.setattr(report, "_figure", lambda *_: "")
     assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out")]) == 0
-    assert "Recommended: a wake every 30 min, sensors on for 60 s" in capsys.readouterr().out
+    recommended = "Recommended: a wake every 30 min, sensors on for 60 s"
+    assert recommended in capsys.readouterr().out
+    assert f"<p>{recommended}" in (tmp_path / "out" / "report.html").read_text()
     assert main(["study", "sleep", "--seeds", "2", "--out", str(tmp_path / "out"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["schedules"][0]["alarm_s"] == 1800 and "lose none" in printed["reason"]
