@@ -360,7 +360,7 @@ def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
             for name, fly in flies.items()
             for seed in seeds
         ]
-        choice = choice_of([it for it in found if it["seed"] <= TRIALS], tuple(PAPERS))
+        choice = choice_of([it for it in found if it["seed"] <= TRIALS], tuple(PAPERS), UPTIME)
         rows.append(_row(keys["cell"], hours, choice.rule, [it for it in found if it["seed"] > TRIALS]))
         told(rows[-1])
     return {"tries": tries, "rows": rows, "apart": _apart(plan, 1 if short else 8)}

@@ -58,6 +58,9 @@ KNOWN = (AS_IT_IS, *PAPERS)
 """Those with which a choice for a scenario is compared."""
 TRIALS = 8
 UPTIME, LEAST, METRES, LOST = "uptime_paper_mean", "uptime_paper_min", "metres", "amussels_lost"
+EQUAL_CHARGE = "uptime_equal_charge"
+LONG_H = 80.0
+"""Hours of the aMussels' time. A shorter mission may live on the charge with which it began."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,10 @@ class Choice:
 
     rule: str
     better: str
+    figure: str
+    """The column by which it was chosen: `UPTIME` or `EQUAL_CHARGE`."""
+    gain: float
+    """Points of that figure."""
     uptime: float
     """Points of mean uptime."""
     least: float
@@ -74,10 +81,15 @@ class Choice:
     """Metres of the straight legs."""
 
 
-def choice_of(rows: Sequence[Row], known: Collection[str]) -> Choice:
-    """Chooses by the rows of one setting: of the rules that spare, the one with the most mean uptime.
+def figure_for(hours: float) -> str:
+    """The column by which rules are chosen in missions of so many hours of the aMussels' time."""
+    return UPTIME if hours >= LONG_H else EQUAL_CHARGE
 
-    The better one of the `known` rules has the most uptime of these. A rule spares if it loses no more aMussels than that
+
+def choice_of(rows: Sequence[Row], known: Collection[str], figure: str) -> Choice:
+    """Chooses by the rows of one setting: of the rules that spare, the one that has most of `figure` on the mean.
+
+    The better one of the `known` rules has most of these. A rule spares if it loses no more aMussels than that
     one, leaves the least aMussel no worse, and drives no more. Its metres have to be fewer by a standard error, because
     trials are few. The better one spares by itself, so no choice is worse than it in the trials. All rules need the same
     seeds. Raises ValueError if a known rule has no row.
@@ -91,7 +103,7 @@ def choice_of(rows: Sequence[Row], known: Collection[str]) -> Choice:
     def mean(rule: str, column: str) -> float:
         return fmean(row[column] for row in by_rule[rule].values())
 
-    better = max(known, key=lambda it: mean(it, UPTIME))
+    better = max(known, key=lambda it: mean(it, figure))
 
     def differences(rule: str, column: str) -> list[float]:
         own, others = by_rule[rule], by_rule[better]
@@ -106,8 +118,9 @@ def choice_of(rows: Sequence[Row], known: Collection[str]) -> Choice:
             and fmean(metres) + error <= 0
         )
 
-    rule = max((it for it in by_rule if spares(it)), key=lambda it: mean(it, UPTIME))
-    return Choice(rule, better, *(fmean(differences(rule, it)) for it in (UPTIME, LEAST, METRES)))
+    rule = max((it for it in by_rule if spares(it)), key=lambda it: mean(it, figure))
+    gains = (fmean(differences(rule, it)) for it in (figure, UPTIME, LEAST, METRES))
+    return Choice(rule, better, figure, *gains)
 
 
 def rules_study(path: Path, seeds: int = TRIALS) -> StudyPlan:
@@ -150,33 +163,42 @@ class RuleChoice(Findings):
     """
 
     def __init__(self, plan: StudyPlan, rows: Sequence[Row]) -> None:
-        baseline = plan.study.baseline or max(PAPERS, key=lambda it: _mean(rows, it, UPTIME))
+        scenario = plan.scenario(0, 0, plan.seeds[0])
+        figure = figure_for(scenario.duration_s * scenario.theta / 3600)
+        baseline = plan.study.baseline or max(PAPERS, key=lambda it: _mean(rows, it, figure))
         super().__init__(replace(plan, study=replace(plan.study, baseline=baseline)), rows)
-        self.choice = choice_of(rows, KNOWN)
+        self.choice = choice_of(rows, KNOWN, figure)
 
     def as_data(self) -> dict[str, Any]:
         return {**super().as_data(), "choice": asdict(self.choice)}
 
     def answer(self) -> Sequence[str]:
         choice = self.choice
+        figure, why = "uptime", ""
+        if choice.figure == EQUAL_CHARGE:
+            figure = "uptime at equal charge"
+            why = f" In less than {LONG_H:g} hours of the aMussels' time a mission may spend charge and not replace it."
         if choice.rule not in RULES:
-            return [f"Recommended: {choice.rule}. No other rule has more uptime without another cost."]
+            return [f"Recommended: {choice.rule}. No other rule has more {figure} without another cost.{why}"]
+        at_equal = "" if choice.figure == UPTIME else f" ({choice.gain:+.1f} at equal charge)"
         sentences = (
             f"Recommended: {choice.rule}, one by one, with exchanged places. Against {choice.better!r} it has "
-            f"{choice.uptime:+.1f} points of uptime, {choice.least:+.1f} for the least aMussel, and {choice.metres:+.0f} m "
-            "of way. It has the most uptime of the rules that lose no more aMussels, leave the least aMussel no worse and "
-            "drive no more. In the scenario:"
+            f"{choice.uptime:+.1f} points of uptime{at_equal}, {choice.least:+.1f} for the least aMussel, and "
+            f"{choice.metres:+.0f} m of way. It has the most {figure} of the rules that lose no more aMussels, leave the "
+            f"least aMussel no worse and drive no more.{why} In the scenario:"
         )
         keys = keys_of(choice.rule, self.plan.named[0]).items()
         lines = (f"  {key}: {it if isinstance(it, str) else json.dumps(it)}" for key, it in keys)
         return [sentences, "\n".join(["mission:", *lines])]
 
     def lines(self, width: int) -> Iterator[Table | str]:
-        headings = ("", "lost", "uptime %", "least %", "way m")
+        headings = ("", "lost", "uptime %", "equal\ncharge %", "least %", "way m")
         title = f"rules for {self.plan.named[0].name}, means of {len(self.plan.seeds)} configurations"
         table = table_of(title, headings)
         for rule in self.plan.strategies:
-            cells = [f"{_mean(self.rows, rule, key):.1f}" for key in (LOST, UPTIME, LEAST, METRES)]
+            cells = [
+                f"{_mean(self.rows, rule, key):.1f}" for key in (LOST, UPTIME, EQUAL_CHARGE, LEAST, METRES)
+            ]
             table.add_row(rule, *cells, style="bold" if rule == self.choice.rule else "")
         yield table
         yield from self.answer()

@@ -16,7 +16,17 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
-from apad_bridge.runs.studies.rule_choice import AS_IT_IS, PAPERS, RULES, choice_of, keys_of, rules_study
+from apad_bridge.runs.studies.rule_choice import (
+    AS_IT_IS,
+    EQUAL_CHARGE,
+    PAPERS,
+    RULES,
+    UPTIME,
+    choice_of,
+    figure_for,
+    keys_of,
+    rules_study,
+)
 from apad_bridge.runs.studies.specification import load_study
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import RandomStart
@@ -64,8 +74,19 @@ def test_the_rule_with_the_most_uptime_is_chosen_of_those_that_cost_nothing_else
     others: list[Row], chosen: str
 ) -> None:
     """In the last case the metres differ by +400 and -420: the mean is 10 m fewer, with a standard error of 410 m."""
-    found = choice_of([*KNOWN_ROWS, *others], KNOWN)
+    found = choice_of([*KNOWN_ROWS, *others], KNOWN, UPTIME)
     assert (found.rule, found.better) == (chosen, "greedy")
+
+
+def test_a_short_mission_is_judged_by_the_uptime_at_equal_charge() -> None:
+    """Rule `a` has the most uptime, and spends the charge with which it began."""
+    assert [figure_for(hours) for hours in (20, 79.9, 80, 240)] == [EQUAL_CHARGE] * 2 + [UPTIME] * 2
+    at_equal_charge = {"cautious": 44, "greedy": 42, "a": 35, "b": 46}
+    others = [row("a", 65, 30, 300), row("b", 55, 30, 300)]
+    rows = [{**it, EQUAL_CHARGE: at_equal_charge[it["strategy"]]} for it in [*KNOWN_ROWS, *others]]
+    found = choice_of(rows, KNOWN, EQUAL_CHARGE)
+    assert (found.rule, found.better, found.gain, found.uptime) == ("b", "cautious", 2, 5)
+    assert choice_of(rows, KNOWN, UPTIME).rule == "a"
 
 
 FIGURE = st.floats(0, 100)
@@ -82,7 +103,7 @@ def test_no_choice_is_worse_in_its_trials_than_what_is_known(
         for rule, trials in (known | others).items()
         for seed, figures in enumerate(trials)
     ]
-    found = choice_of(rows, KNOWN)
+    found = choice_of(rows, KNOWN, UPTIME)
     assert found.uptime >= -1e-9 and found.least >= -1e-9 and found.metres <= 1e-9
     lost = {
         it: sum(each["amussels_lost"] for each in rows if each["strategy"] == it) for it in known | others
@@ -92,7 +113,7 @@ def test_no_choice_is_worse_in_its_trials_than_what_is_known(
 
 def test_a_known_rule_without_a_mission_is_a_mistake() -> None:
     with pytest.raises(ValueError, match="no mission of greedy"):
-        choice_of(KNOWN_ROWS[:1], KNOWN)
+        choice_of(KNOWN_ROWS[:1], KNOWN, UPTIME)
 
 
 def test_the_study_of_a_scenario_flies_its_own_rule_and_the_others() -> None:
