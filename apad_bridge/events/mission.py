@@ -323,7 +323,7 @@ class InReach(Event):
 @dataclass(frozen=True)
 class Stuck(Event):
     kind = "stuck"
-    when = "several go-tos in a row failed: the aPad is stuck"
+    when = "the aPad cannot do its work: several go-tos in a row failed, or its battery was not heard"
     counted = ()
     category = Category.ALARM
 

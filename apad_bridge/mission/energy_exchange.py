@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.events.mission import (
@@ -58,6 +59,8 @@ STUCK_AFTER = 3
 """So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
 HOME_AGAIN_MS = 10_000
 """A failed way home for good is tried again after so long: the time to be there is near."""
+BATTERY_TOLD_AFTER_MS = 10_000
+"""A battery that is needed and was not heard for so long is told, once."""
 LEGS_PER_STEP = 3
 """A step is given up when its aMussel floats out of reach after so many go-tos."""
 DOCKINGS_PER_STEP = 3
@@ -105,6 +108,8 @@ class EnergyExchange(OrderBook):
         """
         super().__init__(state or MissionState())
         self._needs_battery = needs_battery
+        self._tells_battery_ms: float | None = None
+        """The time at which it tells that it waits for the battery; None before it waits."""
         self._model = model
         self._home = home
         self._home_failed_ms: int | None = None
@@ -190,7 +195,10 @@ class EnergyExchange(OrderBook):
     def advance(self, now_ms: int) -> list[Order]:
         """Acts on the beliefs at `now_ms`."""
         self._places.learn(self._beliefs.all())
-        if self.unheard or self.state.phase is Phase.ENDED:
+        if self.state.phase is Phase.ENDED:
+            return self.take_orders()
+        if self.unheard:
+            self._tell_unheard_battery(now_ms)
             return self.take_orders()
         if self._awaits_person:
             self._remind_to_sink(now_ms)
@@ -211,6 +219,16 @@ class EnergyExchange(OrderBook):
             act(now_ms)
         self._remind_to_sink(now_ms)
         return self.take_orders()
+
+    def _tell_unheard_battery(self, now_ms: int) -> None:
+        """Tells it after a while. That the position is not heard, the supervisor tells."""
+        if self.pose is None:
+            return
+        if self._tells_battery_ms is None:
+            self._tells_battery_ms = now_ms + BATTERY_TOLD_AFTER_MS
+        elif now_ms >= self._tells_battery_ms:
+            self._tells_battery_ms = inf
+            self.tell(Stuck("its battery was not heard, and a guard refuses its go-tos until it is"))
 
     def is_due(self, now_ms: int) -> bool:
         """Tells whether `advance` does something at `now_ms`, by the beliefs and rules of that time. It changes nothing.

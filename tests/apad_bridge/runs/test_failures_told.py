@@ -9,7 +9,7 @@ import pytest
 
 from agents.time_scale import MissionMs
 from apad_bridge.assembly.division import members
-from apad_bridge.events.mission import StepGivenUp
+from apad_bridge.events.mission import StepGivenUp, Stuck
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.union import event_of
 from apad_bridge.mission.state import MissionEnd
@@ -121,7 +121,7 @@ def test_a_mission_whose_aPad_was_never_heard_says_what_it_waits_for(pool: Scena
 
 def test_a_mission_under_a_guard_of_the_battery_waits_until_the_battery_was_heard(pool: Scenario) -> None:
     area = replace(pool.area, home_m=(14.0, 10.5))
-    flight, _ = open_flight(replace(pool, area=area, guards=GuardOptions(battery_reserve=0.1)))
+    flight, recorder = open_flight(replace(pool, area=area, guards=GuardOptions(battery_reserve=0.1)))
     receive = flight.supervisor.receive
 
     def hears_no_battery(fact: Any) -> None:
@@ -129,13 +129,15 @@ def test_a_mission_under_a_guard_of_the_battery_waits_until_the_battery_was_hear
             receive(fact)
 
     flight.supervisor.receive = hears_no_battery  # type: ignore[method-assign]
-    for now_ms in (0, 1000, 2000):
+    for now_ms in range(0, 30_000, 1000):
         flight.tick(now_ms)
-    assert RunStatus.of(flight.supervisor, 2000, 0.0, Forecast()).phase == "waits for the aPad's battery"
+    assert RunStatus.of(flight.supervisor, 29_000, 0.0, Forecast()).phase == "waits for the aPad's battery"
     assert not flight.supervisor.mission.state.failed_tries
+    told = [(at_ms, data["reason"]) for at_ms, kind, data in recorder.events if kind == Stuck.kind]
+    assert told == [(10_000, "its battery was not heard, and a guard refuses its go-tos until it is")]
     flight.supervisor.receive = receive  # type: ignore[method-assign]
-    flight.tick(3000)
-    assert RunStatus.of(flight.supervisor, 3000, 0.0, Forecast()).phase == "go to aMussel"
+    flight.tick(30_000)
+    assert RunStatus.of(flight.supervisor, 30_000, 0.0, Forecast()).phase == "go to aMussel"
 
 
 def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) -> None:
