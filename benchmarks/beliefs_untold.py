@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
+from statistics import fmean
 from typing import Any, TypeVar
 
 from rich.console import Console
@@ -153,6 +154,8 @@ class Row:
     charging: bool
     ageing_error: float
     """The estimated minus the true ageing; NaN for a twin that estimates none."""
+    ageing_deviation: float
+    """The twin's own deviation of that estimate."""
     suspect: bool
 
 
@@ -269,6 +272,7 @@ class Judge(MemoryRecorder):
             self._models[agent_id].charge_at(truth.physical.primary, self._scale.agent_ms(now_ms))
         )
         low, high = belief.charge_interval()
+        ageing, ageing_deviation = _ageing(belief)
         at_an_end = belief.probability_at_most(0.0) + 1 - belief.probability_at_most(1 - 1e-9) > 0.5
         return Row(
             agent_id,
@@ -280,15 +284,18 @@ class Judge(MemoryRecorder):
             high - low,
             not 0 < true < 1 or at_an_end,
             true < 1,
-            _ageing(belief) - self._boards[agent_id].ageing,
+            ageing - self._boards[agent_id].ageing,
+            ageing_deviation,
             belief.suspicion is not None,
         )
 
 
-def _ageing(belief: Belief) -> float:
+def _ageing(belief: Belief) -> tuple[float, float]:
+    """The estimated ageing and its deviation: a battery that has lost the share a charges 1 / (1 - a) times as fast."""
     twin_state = belief.estimator_state
     assert isinstance(twin_state, TwinState)
-    return 1 - 1 / float(twin_state.mean[RATE])
+    rate = float(twin_state.mean[RATE])
+    return 1 - 1 / rate, math.sqrt(float(twin_state.cov[RATE, RATE])) / rate**2
 
 
 def score(rows: list[Row]) -> dict[str, Any]:
@@ -313,7 +320,7 @@ def measure(seeds: tuple[int, ...] = JUDGED_ON, short: bool = False) -> dict[str
     """`bins`: the scores by case, share of packets, rounds of charge and bin. `before`: those of twins that learn nothing
     of their boards. `assumed`: those of twins that assume other shares of permissions to arrive. `ageing`: by case and
     share of packets, how many aMussels' ageing was estimated within 0.05 when their fourth round began, and the greatest
-    error then. `suspects`: the number by case, and the scores of the liar.
+    error, the twins' mean deviation and their NEES then. `suspects`: the number by case, and the scores of the liar.
     """
     seeds, mission_s = (SEEN[:1], SHORT_S) if short else (seeds, MISSION_S)
     cases = [Case(boards, heard) for boards in (Boards.UNTOLD, Boards.AS_TOLD) for heard in HEARD]
@@ -353,19 +360,25 @@ def judged(seeds: tuple[int, ...], mission_s: int, found: dict[Case, list[list[R
                 for suspect in (False, True)
             ]
             continue
-        known: list[float] = []
+        known: list[Row] = []
         for rows in flights:
-            first: dict[int, float] = {}
+            first: dict[int, Row] = {}
             for row in rows:
                 if row.rounds >= ROUNDS:
-                    first.setdefault(row.agent_id, abs(row.ageing_error))
+                    first.setdefault(row.agent_id, row)
             known += first.values()
+        errors = [abs(row.ageing_error) for row in known]
+        deviations = [row.ageing_deviation for row in known]
         ageing.append(
             {
                 **head,
                 "amussels": len(known),
-                "within": sum(it <= 0.05 for it in known),
-                "greatest": max(known, default=None),
+                "within": sum(it <= 0.05 for it in errors),
+                "greatest": max(errors, default=None),
+                "deviation": fmean(deviations) if known else None,
+                "nees": fmean((it / sd) ** 2 for it, sd in zip(errors, deviations, strict=True))
+                if known
+                else None,
             }
         )
         false = sum(len({row.agent_id for row in rows if row.suspect}) for rows in flights)
