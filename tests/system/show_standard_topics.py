@@ -72,7 +72,9 @@ def supervisor() -> SimpleNamespace:
         port=SimpleNamespace(first_failure=None),
         dropped={},
         mission=SimpleNamespace(
-            state=MissionState(plan=Solution((Step(StepKind.COLLECT, 1, 0),))), docks=(None, None, None, None)
+            state=MissionState(plan=Solution((Step(StepKind.COLLECT, 1, 0),))),
+            docks=(None, None, None, None),
+            unheard="",
         ),
     )
 
