@@ -314,7 +314,7 @@ def test_the_page_of_commands_has_the_exit_codes_of_every_help() -> None:
         assert f"{code} {words}" in EXITS
 
 
-@pytest.mark.parametrize("room", ["apad_bridge", "agents", "firmware_model", "benchmarks"])
+@pytest.mark.parametrize("room", ["apad_bridge", "agents", "firmware_model", "benchmarks", "tests/campaigns"])
 def test_no_docstring_begins_with_a_clause(room: str) -> None:
     clause = re.compile(r'^\s*"""(?:What|Of|Whether|Who|That|Where|How|As|To) ', re.MULTILINE)
     assert [

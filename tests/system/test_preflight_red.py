@@ -26,6 +26,8 @@ from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
+CAMPAIGNS = f"{ROOT}:{ROOT / 'tests' / 'campaigns'}"
+"""A path with the nodes of the campaign of stops."""
 REAL_APAD = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
 PATIENCE_S = 300
 AT = (43.9330937, 15.4443468)
@@ -50,8 +52,8 @@ class Vehicle:
         self.stack.callback(master.stop)
         self.uri = master.uri
         self.environment = loopback_environment(self.folder / "ros", master.uri)
-        hull = ["-m", "benchmarks.nodes.hull", "--scenario", str(self.scenario), "--time", "wall"]
-        self._start(sys.executable, *hull, "--generation", self.generation, path=str(ROOT))
+        hull = ["-m", "safety.nodes.hull", "--scenario", str(self.scenario), "--time", "wall"]
+        self._start(sys.executable, *hull, "--generation", self.generation, path=CAMPAIGNS)
         self.node("relay")
         self.watchdog = self._start(
             "/usr/bin/python3",
@@ -62,8 +64,8 @@ class Vehicle:
 
     def node(self, script: str, name: str = "") -> None:
         """Starts a node that takes orders."""
-        words = [f"benchmarks.nodes.{script}", name or script, str(self._socket(name or script))]
-        self._start("/usr/bin/python3", "-m", *words, path=f"{ROOT}:{generated_folder()}")
+        words = [f"safety.nodes.{script}", name or script, str(self._socket(name or script))]
+        self._start("/usr/bin/python3", "-m", *words, path=f"{CAMPAIGNS}:{generated_folder()}")
 
     def order(self, node: str, /, **order: Any) -> None:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as orders:

@@ -24,11 +24,15 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from tries import NoFlight
 from two_machines import Link, Lose, Machine, Programs, linked_machines, master_uri
 
-from benchmarks.safety_study.judge import PERCH, Fact, Place, Told
+from safety.judge import PERCH, Fact, Place, Told
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
+NODES = Path(__file__).with_name("nodes")
+PATH = f"{ROOT}:{Path(__file__).parents[1]}"
+"""For programs of ours: the bench, and this campaign."""
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
 BY_EYE = SCENARIO.with_name("pool-12-camera.yaml")
 SIDE_M = 80.0
@@ -70,10 +74,6 @@ answer = json.load(opener.open(urllib.request.Request(f"{base}/orders", body), t
 print(answer)
 sys.exit(0 if answer["accepted"] else 3)
 """
-
-
-class NoFlight(Exception):
-    """The flight did not begin; the text is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ class Flight:
         self._write_fleet()
         if self.setup.full:
             self._mount_small_disk()
-        self._on_vehicle("wire", sys.executable, "-m", "benchmarks.safety_study.wire", "/apad1", HULL, TRUTH)
+        self._on_vehicle("wire", sys.executable, "-m", "safety.wire", "/apad1", HULL, TRUTH)
         self._wait_for("wire", "wire", "reading")
         self.boot(self._write_scenario("hull", START_M, self.setup.fault))
         self.actor("stranger")
@@ -169,7 +169,7 @@ class Flight:
         """Starts all that runs on the vehicle's computer."""
         self._starts += 1
         clock, off_s = [], self.setup.clock_off_s
-        environment = {"PYTHONPATH": str(ROOT)}
+        environment = {"PYTHONPATH": PATH}
         if off_s:
             clock = ["faketime", "--exclude-monotonic", "-f", f"{off_s:+g}s"]
             environment["PYTHONPATH"] += f":{ROOT / 'tests' / 'shared' / 'beside_faketime'}"
@@ -186,7 +186,7 @@ class Flight:
             *clock,
             sys.executable,
             "-m",
-            "benchmarks.nodes.hull",
+            "safety.nodes.hull",
             "--scenario",
             str(scenario),
             "--time",
@@ -205,14 +205,14 @@ class Flight:
     def actor(self, name: str, *words: str) -> None:
         """Another node on the vehicle's computer: `stranger`, or a second `relay`."""
         script = "relay" if name == "second" else name
-        environment = self._workspace(str(ROOT))
+        environment = self._workspace(PATH)
         self._start(name, *self._node(script, name), *words, environment=environment)
         self._wait_ready(name)
 
     def _node(self, script: str, name: str = "") -> list[str]:
         name = name or script
         path = self.home / f"{name}-{self._starts}.sock"
-        program = str(ROOT / "benchmarks" / "nodes" / f"{script}.py")
+        program = str(NODES / f"{script}.py")
         return ["/usr/bin/python3", program, f"actor_{name}", str(path)]
 
     def _workspace(self, before: str) -> dict[str, str]:
@@ -227,7 +227,7 @@ class Flight:
 
     def _on_vehicle(self, name: str, *words: str) -> None:
         self._processes[name] = self.programs.start(
-            self.vehicle, name, *words, environment={"PYTHONPATH": str(ROOT)}
+            self.vehicle, name, *words, environment={"PYTHONPATH": PATH}
         )
 
     def _wait_ready(self, name: str) -> None:
@@ -409,7 +409,7 @@ class Flight:
 
     def stop_by_imc(self) -> Pressed:
         """The stop of an IMC console at IMC_PORT, which waits to be pressed."""
-        program = str(ROOT / "benchmarks" / "nodes" / "imc_stop.py")
+        program = str(NODES / "imc_stop.py")
         return self._waiting(("imc", "stop"), self.bench.command(sys.executable, program, str(IMC_PORT)))
 
     def _waiting(self, words: tuple[str, ...], command: list[str]) -> Pressed:

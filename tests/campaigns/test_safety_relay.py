@@ -1,4 +1,4 @@
-"""The relay of the safety benchmark: each kind of false position is false in the way that its row says."""
+"""The relay of the safety campaign: each kind of false position is false in the way that its row says."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from apad_bridge.ros.types.messages import use_generated_messages
 use_generated_messages()
 
 from auv_msgs.msg import NavSts  # noqa: E402
-
-from benchmarks.nodes.relay import Falsifier  # noqa: E402
+from safety.nodes.relay import Falsifier  # noqa: E402
 
 TENTHS = 300
 

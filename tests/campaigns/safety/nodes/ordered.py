@@ -1,4 +1,4 @@
-"""A ROS node that a benchmark gives orders to while it runs: `serve` is its loop."""
+"""A ROS node that a campaign gives orders to while it runs: `serve` is its loop."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ import rospy
 from auv_msgs.msg import NavSts
 from std_msgs.msg import Float64
 
-from benchmarks.nodes.ordered import serve
+from safety.nodes.ordered import serve
 
 STEP_S = 0.02
 LONGEST_LAG_S = 8.0

@@ -3,31 +3,37 @@
 Real processes fly `real-apad.yaml` over two machines that are network namespaces, a minute for each try. A relay falsifies
 what the bench and the watchdog hear, while the hull keeps its true position. The judge reads the packets at the vehicle's
 computer, computes fence and stops by its own geometry from the true position, and imports no module of what it judges
-(`safety_study/wire.py`, `safety_study/judge.py`). The rows, and what each owes, are in `safety_study/rows.py`.
+(`wire.py`, `judge.py`). The rows, and what each owes, are in `rows.py`.
 
-The campaign takes hours: `--resume DIR` keeps each try in DIR/tries.jsonl as it comes, and goes on from there. DIR/failed
-has what the wire and the programs of a failed try said. `--short` flies the most important rows twice; `--row` and
-`--generation` choose. `--minutes` is the length of a healthy flight, in which nobody may stop the vehicle.
+DIR/failed has what the wire and the programs of a failed try said. `--short` flies the most important rows twice.
+`--minutes` is the length of a healthy flight, in which nobody may stop the vehicle.
 """
 
 from __future__ import annotations
 
+import random
 import shutil
 import statistics
 import tempfile
+from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
+from tries import Job, Kept, NoFlight, Result, fly_all, in_cells, in_turns
 from two_machines import why_no_two_machines
 
-from benchmarks.safety_study.campaign import Kept, fly, jobs
-from benchmarks.safety_study.rows import BOTH, ROWS
+from safety.flight import Flight
+from safety.judge import judge
+from safety.rows import BOTH, ROWS, SHORT_TRIES, Try
 
+SEED = 20261124
 MINUTES = 300.0
 """Two rows and two generations of healthy flight: twenty hours."""
+LONGER_S = 600.0
+"""The mission lasts so much longer than the row's --minutes."""
 SIDE_BY_SIDE = 2
+KEPT = ("wire.out", "run-*.out", "watchdog-*.out", "hull-*.out")
 
 
 def measure(
@@ -51,23 +57,65 @@ def measure(
         )
     with tempfile.TemporaryDirectory(prefix="musselbed-campaign-") as folder:
         kept = Kept(resume or Path(folder))
-        fly(chosen, kept, side_by_side, minutes)
-    wanted = {(it.row, it.generation, it.number) for it in chosen}
-    results = [it for it in kept.results if (it["row"], it["generation"], it["try"]) in wanted]
-    cells = dict.fromkeys(
-        (it.row, it.generation) for it in sorted(chosen, key=lambda it: list(ROWS).index(it.row))
-    )
-    rows = [
-        summary(name, gen, [it for it in results if (it["row"], it["generation"]) == (name, gen)])
-        for name, gen in cells
-    ]
+        fly_all(chosen, kept, side_by_side, lambda job, attempt: flown(job, attempt, kept, minutes), figures)
+    cells = in_cells(chosen, kept)
     not_tried = {
         f"{name}, generation {gen}": ROWS[name].why_not
         for name in dict.fromkeys(name for name, _ in cells)
         for gen in BOTH
         if gen not in ROWS[name].generations
     }
-    return {"rows": rows, "not_tried": not_tried}
+    return {"rows": [summary(*cell, results) for cell, results in cells.items()], "not_tried": not_tried}
+
+
+def jobs(rows: list[str], generations: list[str], tries: int | None, *, short: bool) -> list[Job]:
+    """Each try of the chosen rows."""
+    return in_turns(
+        [
+            (name, generation, tries or (SHORT_TRIES if short else row.tries))
+            for name, row in ROWS.items()
+            if (name in rows if rows else row.is_short or not short)
+            for generation in row.generations
+            if generation in generations
+        ]
+    )
+
+
+def flown(job: Job, attempt: int, kept: Kept, minutes: float) -> Result:
+    row = ROWS[job.row]
+    rng = random.Random(f"{SEED} {job.row} {job.generation} {job.number} {attempt}")
+    home = Path(tempfile.mkdtemp(prefix="musselbed-safety-"))
+    try:
+        with ExitStack() as stack:
+            flight = Flight(home, job.generation, rng, row.setup, stack, 60 * minutes + LONGER_S, kept.ended)
+            flight.begin()
+            flight.pause(rng.uniform(0.0, 3.0))
+            case = row.act(Try(flight, job.number, minutes))
+            verdict = judge(flight.look(), case)
+            despite = flight.despite
+        if verdict.failures:
+            _keep(home, kept.folder / "failed" / job.name)
+        return asdict(verdict) | {"despite": despite}
+    except (NoFlight, TimeoutError, OSError):
+        _keep(home, kept.folder / "not-begun" / job.name)
+        raise
+    finally:
+        shutil.rmtree(home, ignore_errors=True)
+
+
+def _keep(home: Path, target: Path) -> None:
+    """Keeps the output of the wire, the bench and the vehicle's programs, which shows the cause of a failure."""
+    target.mkdir(parents=True, exist_ok=True)
+    for path in (it for pattern in KEPT for it in home.glob(pattern)):
+        shutil.copy(path, target)
+
+
+def figures(result: Result) -> str:
+    return f"stop {_figure(result['stop_s'])} s, coasting {_figure(result['coasting_m'])} m"
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:g}"
 
 
 def summary(name: str, generation: str, results: list[dict[str, Any]]) -> dict[str, Any]:
@@ -95,19 +143,3 @@ def summary(name: str, generation: str, results: list[dict[str, Any]]) -> dict[s
         "despite": sorted({check for it in flown for check in it["despite"]}),
         "failures": list(dict.fromkeys(why for it in flown for why in it["failures"]))[:5],
     }
-
-
-def show(result: dict[str, Any], console: Console) -> None:
-    names = [it for it in result["rows"][0] if it not in ("failures", "despite")]
-    table = Table(*(name.replace("_", " ") for name in names))
-    for row in result["rows"]:
-        table.add_row(*("-" if row[name] is None else str(row[name]) for name in names))
-    console.print(table)
-    for row in result["rows"]:
-        cell = f"{row['row']}, {row['generation']}"
-        for why in row["failures"]:
-            console.print(f"{cell}: {why}", markup=False)
-        if row["despite"]:
-            console.print(f"{cell}: flown despite these checks of the preflight: {', '.join(row['despite'])}")
-    for what, why in result["not_tried"].items():
-        console.print(f"not tried: {what}: {why}")

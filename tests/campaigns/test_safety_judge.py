@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from safety.campaign import jobs
+from safety.judge import Case, Fact, Kind, Told, Verdict, is_inside, judge, out_m, way_out_m
+from safety.rows import ROWS
 from shapely import Point, Polygon
-
-from benchmarks.safety_study import campaign
-from benchmarks.safety_study.judge import Case, Fact, Kind, Told, Verdict, is_inside, judge, out_m, way_out_m
-from benchmarks.safety_study.rows import ROWS
 
 FENCE = ((0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
 BENCH, WATCHDOG, STRANGER = "/musselbed_1", "/musselbed_watchdog_9", "/actor_stranger"
@@ -273,46 +271,8 @@ def test_the_judges_geometry_agrees_with_a_library(
     assert out_m((math.nan, 0.0), fence) == math.inf
 
 
-def test_a_campaign_flies_each_try_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    chosen = campaign.jobs(["nan", "pilot"], ["a", "b"], 2, short=False)
-    assert [(it.row, it.generation, it.number) for it in chosen] == [
-        (row, gen, number) for number in (0, 1) for row, gen in (("nan", "a"), ("nan", "b"), ("pilot", "b"))
-    ]
-    flown: list[str] = []
-
-    def fly(job: campaign.Job, kept: campaign.Kept, minutes: float, attempt: int) -> dict[str, Any]:
-        flown.append(job.name)
-        if job.row == "pilot" and attempt < 2:
-            raise campaign.NoFlight("not yet")
-        return {"failures": [], "stop_s": 1.0, "coasting_m": 0.5}
-
-    monkeypatch.setattr(campaign, "_flown", fly)
-    campaign.fly(chosen[:3], campaign.Kept(tmp_path), 2, 1.0)
-    assert len(flown) == 5  # the pilot's flight began at the third attempt
-    with (tmp_path / campaign.RESULTS).open("a") as out:
-        out.write('{"row": "nan", "gener')  # killed within a line
-    flown.clear()
-    kept = campaign.Kept(tmp_path)
-    campaign.fly(chosen, kept, 2, 1.0)
-    assert sorted(set(flown)) == ["nan-a-1", "nan-b-1", "pilot-b-1"] and len(kept.results) == 6
-    assert len(campaign.Kept(tmp_path).results) == 6
-
-
-def test_a_flight_that_never_begins_is_an_error_and_is_flown_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fly(*_: object) -> dict[str, Any]:
-        raise campaign.NoFlight("no vehicle")
-
-    monkeypatch.setattr(campaign, "_flown", fly)
-    chosen = campaign.jobs(["nan"], ["b"], 1, short=False)
-    campaign.fly(chosen, campaign.Kept(tmp_path), 1, 1.0)
-    assert "no vehicle" in (tmp_path / campaign.RESULTS).read_text()
-    assert not campaign.Kept(tmp_path).is_there(chosen[0])
-
-
 def test_each_row_says_why_a_generation_is_missing() -> None:
     assert all(row.why_not or set(row.generations) == {"a", "b"} for row in ROWS.values())
-    short = {it.row for it in campaign.jobs([], ["a", "b"], None, short=True)}
+    short = {it.row for it in jobs([], ["a", "b"], None, short=True)}
     assert short == {name for name, row in ROWS.items() if row.is_short} and 5 < len(short) < len(ROWS)
     assert replace(ROWS["nan"], tries=1).tries == 1

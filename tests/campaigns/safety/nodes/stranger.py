@@ -20,7 +20,7 @@ from geometry_msgs.msg import Point
 from misc_msgs.srv import Go2pointPrimitiveService
 from std_msgs.msg import Bool
 
-from benchmarks.nodes.ordered import serve
+from safety.nodes.ordered import serve
 
 STEP_S = 0.05
 MANUAL_STEPS = 4

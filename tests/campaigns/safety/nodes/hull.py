@@ -1,6 +1,6 @@
 """The simulated aPad as a hull whose position and battery leave it on topics of their own, for a relay in between.
 
-    python -m benchmarks.nodes.hull --scenario RESOLVED.yaml [--tether METRES]
+    python -m safety.nodes.hull --scenario RESOLVED.yaml [--tether METRES]
 
 The place that it publishes on /hull/position is the truth, whatever a relay makes of it on /apad1/position. SIGUSR1 ties it
 to where it is: from then on nothing takes it further from there than METRES.

@@ -1,6 +1,6 @@
 """Watches an aPad's computer: every order that arrives there, whether the vehicle took it, and where the vehicle truly is.
 
-    python -m benchmarks.safety_study.wire APAD HULL TRUTH
+    python -m safety.wire APAD HULL TRUTH
         (on that computer, as its root, before any node starts. APAD is the vehicle's namespace, HULL the name of its node,
         TRUTH the topic on which the hull publishes its place before anything falsifies it)
 
@@ -31,7 +31,7 @@ import sys
 import time
 from typing import Any
 
-from benchmarks.safety_study.tcpros import Answer, Call, Heard, Message, PacketsMissed, Reader
+from safety.tcpros import Answer, Call, Heard, Message, PacketsMissed, Reader
 
 _ALL_PACKETS = 0x0003
 """ETH_P_ALL (packet(7)): what arrives and what leaves."""

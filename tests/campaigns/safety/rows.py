@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from benchmarks.safety_study.flight import FENCE, IMC_PORT, SIDE_M, Flight, Setup
-from benchmarks.safety_study.judge import LIMIT_S, Case, Kind, Told
+from safety.flight import FENCE, IMC_PORT, SIDE_M, Flight, Setup
+from safety.judge import LIMIT_S, Case, Kind, Told
 
 WATCHDOG_LIMIT_S = 12.0
 TETHER_LIMIT_S = 13.0

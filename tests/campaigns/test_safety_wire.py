@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from safety import tcpros, wire
+from safety.tcpros import Answer, Call, Heard, Message, PacketsMissed, Reader, Stream
 
 from apad_bridge.ros.types.messages import use_generated_messages
-from benchmarks.safety_study import tcpros, wire
-from benchmarks.safety_study.tcpros import Answer, Call, Heard, Message, PacketsMissed, Reader, Stream
 
 use_generated_messages()
 
@@ -260,7 +260,7 @@ def test_a_layout_that_does_not_fit_is_told() -> None:
 
 def test_the_judge_knows_nothing_of_what_it_judges() -> None:
     """Its modules import the standard library and each other, wherever in the file."""
-    own = {f"benchmarks.safety_study.{name}" for name in ("tcpros", "wire", "judge")}
+    own = {f"safety.{name}" for name in ("tcpros", "wire", "judge")}
     for name in ("tcpros", "wire", "judge"):
         for node in ast.walk(ast.parse((STUDY / f"{name}.py").read_text())):
             names = [it.name for it in node.names] if isinstance(node, ast.Import) else []
