@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from shlex import quote
-from typing import Any
+from typing import Any, assert_never
 
 from rich.console import Console
 
@@ -15,7 +15,7 @@ from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.commands.table import print_table
 from apad_bridge.events.run import EndReason
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.exits import Exit, exit_of_all
+from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import Faults
 
@@ -73,6 +73,41 @@ def report(
 def reasons_of(summary: dict[str, Any]) -> list[EndReason]:
     """Why a run ended; with several aPads, each one's reason."""
     return [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
+
+
+def exit_of(reason: EndReason) -> Exit:
+    """The exit code of a run whose mission ended for this reason."""
+    match reason:
+        case (
+            EndReason.MISSION_TIME
+            | EndReason.APAD_BATTERY
+            | EndReason.END_BY
+            | EndReason.CALL
+            | EndReason.FIRST_PLAN
+            | EndReason.SCRIPT_ENDED
+            | EndReason.SCRIPT_ABORTED
+        ):
+            return Exit.DONE
+        case EndReason.OPERATOR:
+            return Exit.INTERRUPTED
+        case (
+            EndReason.SCRIPT_FAILED
+            | EndReason.STRATEGY_FAILED
+            | EndReason.FLEET_LOST
+            | EndReason.SEA_LOST
+            | EndReason.CLOCK_LOST
+            | EndReason.DISK_FULL
+            | EndReason.RECORDS_GONE
+        ):
+            return Exit.PEER_FAILED
+        case _:
+            assert_never(reason)
+
+
+def exit_of_all(reasons: Iterable[EndReason]) -> Exit:
+    """The exit code of several aPads' missions: a failure of one comes before Ctrl-C, and Ctrl-C before the rest."""
+    codes = {exit_of(reason) for reason in reasons}
+    return next((it for it in (Exit.PEER_FAILED, Exit.INTERRUPTED) if it in codes), Exit.DONE)
 
 
 def _print_next(console: Console, directory: RunDirectory, summary: dict[str, Any]) -> None:

@@ -26,7 +26,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
 from apad_bridge.scenario.timed_faults import TABLE
-from apad_bridge.supervisor.control import listens
+from apad_bridge.supervisor.control_client import listens
 
 _FAULTS = [
     {

@@ -36,7 +36,7 @@ from apad_bridge.console.feed import Feed
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.supervisor import control
-from apad_bridge.supervisor.line_server import LONGEST_LINE
+from apad_bridge.supervisor.control_client import LONGEST_LINE, answer_of
 
 _POLL_S = 0.25
 _BEAT_S = 1.0
@@ -244,7 +244,7 @@ class _Pages:
             asked = _ORDER.validate_json(await request.body())
         except ValidationError as error:
             return JSONResponse({"accepted": False, "message": _mistake(error)}, status_code=400)
-        answer = await asyncio.to_thread(control.answer_of, self._run_dir, asked)
+        answer = await asyncio.to_thread(answer_of, self._run_dir, asked)
         return JSONResponse(asdict(answer))
 
     async def icon(self, request: Request) -> Response:

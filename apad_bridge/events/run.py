@@ -10,7 +10,7 @@ from apad_bridge.events.event import Category, Event, Meaning, Uncounted
 
 
 class EndReason(StrEnum):
-    """`runs/exits.py` gives each its exit code; the value is `end_reason` in the journal and in summary.json."""
+    """`commands/outcome.py` gives each its exit code; the value is `end_reason` in the journal and in summary.json."""
 
     MISSION_TIME = "mission time"
     APAD_BATTERY = "the aPad's battery"

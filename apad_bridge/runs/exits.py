@@ -5,13 +5,11 @@ from __future__ import annotations
 import errno
 import resource
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
-from typing import assert_never
 
-from apad_bridge.events.run import EndReason
 from apad_bridge.vehicle.errors import PeerFailed
 
 _SAYS_NO_MEMORY = ("failed to map segment", "annot allocate memory")
@@ -34,41 +32,6 @@ EXITS = (
     "0 done, 1 a bug of ours (with its traceback), 2 a user's mistake (one line that says what to do), "
     "3 a dependency failed or timed out, 130 ended by Ctrl-C, SIGTERM or SIGHUP, with complete records"
 )
-
-
-def exit_of(reason: EndReason) -> Exit:
-    """The exit code of a run whose mission ended for this reason."""
-    match reason:
-        case (
-            EndReason.MISSION_TIME
-            | EndReason.APAD_BATTERY
-            | EndReason.END_BY
-            | EndReason.CALL
-            | EndReason.FIRST_PLAN
-            | EndReason.SCRIPT_ENDED
-            | EndReason.SCRIPT_ABORTED
-        ):
-            return Exit.DONE
-        case EndReason.OPERATOR:
-            return Exit.INTERRUPTED
-        case (
-            EndReason.SCRIPT_FAILED
-            | EndReason.STRATEGY_FAILED
-            | EndReason.FLEET_LOST
-            | EndReason.SEA_LOST
-            | EndReason.CLOCK_LOST
-            | EndReason.DISK_FULL
-            | EndReason.RECORDS_GONE
-        ):
-            return Exit.PEER_FAILED
-        case _:
-            assert_never(reason)
-
-
-def exit_of_all(reasons: Iterable[EndReason]) -> Exit:
-    """The exit code of several aPads' missions: a failure of one comes before Ctrl-C, and Ctrl-C before the rest."""
-    codes = {exit_of(reason) for reason in reasons}
-    return next((it for it in (Exit.PEER_FAILED, Exit.INTERRUPTED) if it in codes), Exit.DONE)
 
 
 class UserError(Exception):

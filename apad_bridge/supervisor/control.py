@@ -13,97 +13,43 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
 from apad_bridge.events.guards import StopState
 from apad_bridge.events.persons import PersonOrdered, Remarked
 from apad_bridge.events.run import EndReason
-from apad_bridge.mission.call_queue import ANSWER_S, CallQueue
+from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FLIES_ALREADY, FlightMission
 from apad_bridge.mission.orders import AllowMotion, GoBackIn, StopVehicle
 from apad_bridge.mission.state import MissionEnd
 from apad_bridge.mission.values import Refused
 from apad_bridge.supervisor.amussel_orders import NO_AMUSSELS, AMusselOrders, AMusselRequest
-from apad_bridge.supervisor.line_server import CLIENT_S, LONGEST_LINE, LineServer
+from apad_bridge.supervisor.control_client import SOCKET_NAME, Act, Answer, Request, answer_of, short_path
+from apad_bridge.supervisor.line_server import LineServer
 from apad_bridge.vehicle.commands import GoTo, Hold
-from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.guards.stops import StopRecord, StopsEnded
 
 if TYPE_CHECKING:
     from apad_bridge.vehicle.guards.gate import Gate
 
-SOCKET_NAME = "control.sock"
 TICK_S = 3.0
 """A person who stops is told after so many wall seconds that no tick came, and that only the vehicle's switch helps."""
 TOLD_S = 6.0
 """A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s."""
-LONGEST_REMARK, LONGEST_NAME = 2000, 100
-"""Characters."""
 NOTHING_STOPPED = "nothing was stopped: there is nothing to continue"
-_AGAIN_S = 0.02
-"""A client waits so long before it tries again to connect to a supervisor whose queue is full."""
 
 
-class Act(StrEnum):
-    STOP = "stop"
-    HANDS = "hands"
-    """Somebody has hands at the docks: controllers off, and no arm moves."""
-    CONTINUE = "continue"
-    BACK_IN = "back in"
-    """Straight back inside the fence, from at most 5 m outside."""
-    ABORT = "abort"
-    REMARK = "remark"
-    GO_TO = "go to"
-    HOLD = "hold"
+def _in_range(request: Request) -> Request:
+    if request.mistake:
+        raise ValueError(request.mistake)
+    return request
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    act: Act
-    by: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
-    """The person's name."""
-    text: Annotated[str, Field(max_length=LONGEST_REMARK)] = ""
-    """The remark."""
-    off: bool = False
-    """A stop switches the controllers off, wherever the aPad is."""
-    stop: int | None = None
-    """The number of the stop after which to continue; None: the newest. 0: none, because another party had the aPad."""
-    pilot_left: bool = False
-    """The person who continues says that no pilot steers any more, whatever the pilot's flag says."""
-    lookout: Annotated[str, Field(max_length=LONGEST_NAME)] = ""
-    """The person who watches the water on the way back inside the fence."""
-    goal_m: tuple[FiniteFloat, FiniteFloat] | None = None
-    """The goal (north, east) of a go-to or a hold, which need one."""
-    speed_m_s: FiniteFloat | None = None
-    """The speed of a go-to; None: the scenario's."""
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    accepted: bool
-    message: str
-    """Why it was refused, or that it changed nothing; empty for an order that was carried out."""
-    stop: int | None = None
-    """The number of the stop that was ordered."""
-    mode: str = ""
-    """`hold` or `off`, of a stop."""
-    state: str = ""
-    """The state of a stop: `taken`, `at rest`, `not taken`, `refused`, or how far it came in time."""
-    after_s: dict[str, float] = field(default_factory=dict)
-    """Mission seconds from the order of a stop to each state that it reached."""
-
-
-class NobodyListens(Exception):
-    """No supervisor of the run takes orders."""
-
-
-AnyRequest = Request | AMusselRequest
+AnyRequest = Annotated[Request, AfterValidator(_in_range)] | AMusselRequest
 _REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 _ANSWER = TypeAdapter(Answer)
 
@@ -264,39 +210,6 @@ def control_offered(
         (run_dir / SOCKET_NAME).unlink(missing_ok=True)
 
 
-def listens(run_dir: Path) -> bool:
-    """True while the run has a supervisor that takes orders."""
-    try:
-        with _connected(run_dir, 0.0):
-            return True
-    except NobodyListens:
-        return False
-    except BlockingIOError:  # the queue of a supervisor that is there is full
-        return True
-
-
-def ask(run_dir: Path, request: AnyRequest) -> Answer:
-    """The supervisor's answer. NobodyListens without a supervisor; PeerFailed if it does not answer in time."""
-    try:
-        # The supervisor itself answers within these, so silence for longer is not the mission's.
-        with _connected(run_dir, ANSWER_S + TOLD_S + CLIENT_S) as link:
-            link.sendall(_REQUEST.dump_json(request) + b"\n")
-            line = link.makefile("rb").readline(LONGEST_LINE)
-            return _ANSWER.validate_json(line)
-    except (OSError, ValidationError) as error:
-        raise PeerFailed(f"the supervisor of {run_dir} does not answer: {error}") from error
-
-
-def answer_of(run_dir: Path, request: AnyRequest) -> Answer:
-    """Like `ask`, with a refusal in place of an error."""
-    try:
-        return ask(run_dir, request)
-    except NobodyListens:
-        return Answer(False, "no supervisor takes orders: the run has ended, or its supervisor died")
-    except PeerFailed as error:
-        return Answer(False, str(error))
-
-
 def answered_line(run_dir: Path, line: bytes) -> bytes:
     """The answer's line to a request's line that came by another road than the run's socket."""
     try:
@@ -312,34 +225,3 @@ def refused_line(why: str) -> bytes:
 
 def _unreadable(error: ValidationError) -> str:
     return f"the request cannot be read: {error.errors()[0]['msg']}"
-
-
-@contextmanager
-def _connected(run_dir: Path, timeout_s: float) -> Iterator[socket.socket]:
-    """A link to the run's supervisor; NobodyListens without one, BlockingIOError when its queue is full for so long."""
-    until_s = time.monotonic() + timeout_s
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
-        link.settimeout(timeout_s)
-        try:
-            with short_path(run_dir) as path:
-                while True:
-                    try:
-                        link.connect(path)
-                        break
-                    except BlockingIOError:  # a Unix socket does not wait for a place in the queue
-                        if time.monotonic() >= until_s:
-                            raise
-                        time.sleep(_AGAIN_S)
-        except (FileNotFoundError, ConnectionRefusedError) as error:
-            raise NobodyListens(str(run_dir)) from error
-        yield link
-
-
-@contextmanager
-def short_path(run_dir: Path) -> Iterator[str]:
-    """A path within a Unix socket's 107 bytes; a run directory's may be longer."""
-    directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        yield f"/proc/self/fd/{directory}/{SOCKET_NAME}"
-    finally:
-        os.close(directory)

@@ -16,10 +16,10 @@ from typing import Any
 
 from agents.hosting.descriptors import SHORT_OF_FILES, Reserve
 from agents.hosting.link_protocol import readable
+from apad_bridge.supervisor.control_client import LONGEST_LINE
 
 CLIENT_S = 5.0
 """A client that writes nothing for so many wall seconds is left."""
-LONGEST_LINE = 16_384
 _MOST_SILENT = 64
 """With one more client that has not written its line yet, the oldest of them is left."""
 _AGAIN_S = 0.05

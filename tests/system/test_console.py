@@ -32,7 +32,7 @@ from apad_bridge.commands.look.console import console_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import UserError
-from apad_bridge.supervisor.control import listens
+from apad_bridge.supervisor.control_client import listens
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]

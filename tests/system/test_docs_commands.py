@@ -20,7 +20,7 @@ import pytest
 from doc_blocks import PAGES, ROOT, Block, blocks
 from selenium.webdriver.support.wait import WebDriverWait
 
-from apad_bridge.supervisor.control import listens
+from apad_bridge.supervisor.control_client import listens
 
 pytestmark = [pytest.mark.system, pytest.mark.docs_commands]
 MISSION_S = 120

@@ -29,7 +29,7 @@ from apad_bridge.commands.look.console import console_service
 from apad_bridge.commands.look.imc import imc_service
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment, start_master
-from apad_bridge.supervisor.control import SOCKET_NAME, listens
+from apad_bridge.supervisor.control_client import SOCKET_NAME, listens
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]

@@ -20,7 +20,7 @@ from scenario_files import POOL_FILE
 from stalled import stalled_s
 
 from apad_bridge.records.journal import read_journal
-from apad_bridge.supervisor.control import listens
+from apad_bridge.supervisor.control_client import listens
 
 pytestmark = pytest.mark.system
 

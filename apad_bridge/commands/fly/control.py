@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import getpass
 import json
-from concurrent.futures import ThreadPoolExecutor
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
-from apad_bridge.supervisor.control import (
+from apad_bridge.supervisor.control_client import (
+    LATE_S,
     LONGEST_REMARK,
     SOCKET_NAME,
     Act,
@@ -120,16 +121,13 @@ def run(arguments: argparse.Namespace) -> int:
     requests = _requests(arguments)
     answers: dict[str, Answer] = {}
     silent: list[str] = []
-    # At once: the stop of one aPad does not wait until another has taken its own.
     supervised = _supervised(arguments.directory)
-    with ThreadPoolExecutor(len(supervised)) as threads:
-        for name, answer in zip(
-            supervised, threads.map(lambda it: _asked(it, requests), supervised.values()), strict=True
-        ):
-            if answer is None:
-                silent.append(name)
-            else:
-                answers[name] = answer
+    _tell(f"asking the supervisor of {arguments.directory}")
+    for name, answer in zip(supervised, _all_asked(list(supervised.values()), requests), strict=True):
+        if answer is None:
+            silent.append(name)
+        else:
+            answers[name] = answer
     if not answers:
         raise UserError(
             f"no supervisor of {arguments.directory} takes orders: {_why_nobody(arguments.directory)}"
@@ -145,12 +143,31 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.DONE if all(it.accepted for it in answers.values()) and not silent else Exit.PEER_FAILED
 
 
+def _all_asked(directories: list[Path], requests: list[Request]) -> list[Answer | None]:
+    """Asks all at once: the stop of one aPad does not wait until another has taken its own."""
+    if len(directories) == 1:
+        return [_asked(directories[0], requests)]
+    from concurrent.futures import ThreadPoolExecutor  # it takes long, and one aPad does without
+
+    with ThreadPoolExecutor(len(directories)) as threads:
+        return list(threads.map(lambda it: _asked(it, requests), directories))
+
+
+def _tell(line: str) -> None:
+    """Tells a person at once what goes on; stdout is for the answers."""
+    print(line, file=sys.stderr, flush=True)
+
+
 def _asked(directory: Path, requests: list[Request]) -> Answer | None:
     """The answer to the last of the requests, or the first refusal; None where no supervisor takes orders."""
     answer = None
+    late = (
+        f"no answer from the supervisor of {directory} within {LATE_S:g} s. It is asked on; "
+        "if the aPad must stop now, use the vehicle's own switch"
+    )
     for request in requests:
         try:
-            answer = ask(directory, request)
+            answer = ask(directory, request, lambda: _tell(late))
         except NobodyListens:
             return answer
         except PeerFailed as error:  # the other aPads of the run are asked all the same
@@ -172,18 +189,17 @@ def _line(answer: Answer, directory: Path) -> str:
 
 def _requests(arguments: argparse.Namespace) -> list[Request]:
     by = arguments.by or getpass.getuser()
-    text = getattr(arguments, "text", "")
-    if len(text) > LONGEST_REMARK or len(by) > 100:
-        raise UserError(f"a remark has at most {LONGEST_REMARK} characters, and a name 100")
     request = Request(
         arguments.act,
         by,
-        text,
+        getattr(arguments, "text", ""),
         off=getattr(arguments, "off", False),
         stop=getattr(arguments, "stop", None),
         pilot_left=getattr(arguments, "pilot_left", False),
         lookout=getattr(arguments, "lookout", ""),
     )
+    if request.mistake:
+        raise UserError(request.mistake)
     if getattr(arguments, "motors_off", False):
         return [Request(Act.STOP, by, off=True), request]
     return [request]

@@ -22,7 +22,8 @@ import rospy
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
-from apad_bridge.supervisor.control import LONGEST_NAME, Act, Request, answer_of, answered_line
+from apad_bridge.supervisor.control import answered_line
+from apad_bridge.supervisor.control_client import LONGEST_NAME, Act, Request, answer_of
 
 use_generated_messages()
 

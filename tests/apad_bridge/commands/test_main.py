@@ -2,8 +2,10 @@
 
 import argparse
 import re
+import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from scenario_files import POOL_FILE
@@ -52,6 +54,24 @@ def test_a_help_or_a_mistake_loads_neither_a_flight_nor_a_large_library(words: l
     )
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_stop_loads_only_what_asks_a_supervisor(tmp_path: Path) -> None:
+    """An import delays the stop, on a loaded laptop by seconds."""
+    (tmp_path / "scenario.yaml").touch()
+    with socket.socket(socket.AF_UNIX) as supervisor:
+        supervisor.bind(str(tmp_path / "control.sock"))  # nobody listens at it
+    code = (
+        "import sys\n"
+        "from apad_bridge.commands.main import main\n"
+        "code = main(sys.argv[1:])\n"
+        "heavy = {'numpy', 'pydantic', 'annotated_types', 'yaml', 'rich', 'msgpack', 'logging', 'apad_bridge.events'}\n"
+        "sys.exit(', '.join(heavy & sys.modules.keys()) or (None if code == 2 else f'exit {code}'))"
+    )
+    words = ["stop", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "takes orders" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from apad_bridge.imc.messages import stamped
 from apad_bridge.imc.orders import MOST_PLANS, ConsoleOrders, Order, Unfit
 from apad_bridge.imc.systems import amussel_system, apad_number, apad_system
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.supervisor.control import Act, Answer
+from apad_bridge.supervisor.control_client import Act, Answer
 
 FRAME = LocalFrame(43.9330937, 15.4443468)
 NEPTUS, APAD = 0x4001, 0x2A01

@@ -23,7 +23,8 @@ from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor.control import NOTHING_STOPPED, Act, Request, carry_out
+from apad_bridge.supervisor.control import NOTHING_STOPPED, carry_out
+from apad_bridge.supervisor.control_client import Act, Request
 from apad_bridge.vehicle.commands import CommandedByOthers, GoTo, OpenDock, PoseReported
 from apad_bridge.vehicle.link import InProcessVehicle, LinkFact
 from apad_bridge.vehicle.primitives import DockChanged, PrimitiveSucceeded

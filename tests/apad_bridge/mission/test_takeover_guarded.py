@@ -12,7 +12,8 @@ from apad_bridge.events.mission import Phase
 from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.control import Act, Request, carry_out
+from apad_bridge.supervisor.control import carry_out
+from apad_bridge.supervisor.control_client import Act, Request
 from apad_bridge.vehicle.commands import CommandedByOthers, PilotReported
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS
 from apad_bridge.vehicle.link import LinkFact, VehicleLink

@@ -12,14 +12,14 @@ from rosbags.rosbag1 import Reader
 from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
-from apad_bridge.commands.outcome import report
+from apad_bridge.commands.outcome import exit_of, report
 from apad_bridge.events.mission import Phase
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.exits import Exit, exit_of, peers_may_fail
+from apad_bridge.runs.exits import Exit, peers_may_fail
 from apad_bridge.runs.flying import fly, in_process_context, journal_start, open_fleet
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.choices import Hosting

@@ -20,14 +20,15 @@ from apad_bridge.events.mission import Phase
 from apad_bridge.mission.values import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor import control
-from apad_bridge.supervisor.control import (
+from apad_bridge.supervisor.control import control_offered
+from apad_bridge.supervisor.control_client import (
     SOCKET_NAME,
     Act,
     Answer,
     NobodyListens,
     Request,
     ask,
-    control_offered,
+    short_path,
 )
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -149,7 +150,7 @@ def test_a_stop_comes_through_where_the_process_may_open_no_further_file(
     link.settimeout(30)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     opened: list[int] = []
-    with control.short_path(run_dir) as path:
+    with short_path(run_dir) as path:
         # Above every descriptor that the tests before have left open: one above the limit gives its place to nobody.
         highest = max(int(it) for it in os.listdir("/proc/self/fd"))
         resource.setrlimit(resource.RLIMIT_NOFILE, (highest + 16, hard))
@@ -223,7 +224,7 @@ def test_a_supervisor_that_does_not_tick_is_told_of_and_only_a_stop_stays(
 def connected(run_dir: Path) -> socket.socket:
     link = socket.socket(socket.AF_UNIX)
     link.settimeout(30)
-    with control.short_path(run_dir) as path:
+    with short_path(run_dir) as path:
         link.connect(path)
     return link
 
@@ -292,15 +293,3 @@ def test_a_refused_go_to_leaves_the_mission_flying(
     assert flying.phase is Phase.GO_COLLECT
     assert flying.events("override") == [] and flying.events("operator") == []
     assert [it["guard"] for it in flying.events("refused")] == (["fence"] if why == "fence" else [])
-
-
-def test_a_supervisor_whose_queue_is_full_still_listens(run_dir: Path) -> None:
-    with socket.socket(socket.AF_UNIX) as supervisor:
-        descriptor = os.open(run_dir, os.O_DIRECTORY)
-        supervisor.bind(f"/proc/self/fd/{descriptor}/{SOCKET_NAME}")
-        os.close(descriptor)
-        supervisor.listen(0)
-        with control._connected(run_dir, 1.0):  # the one that waits in its queue
-            assert control.listens(run_dir)
-    (run_dir / SOCKET_NAME).unlink()
-    assert not control.listens(run_dir)
