@@ -13,6 +13,7 @@ from apad_bridge.assembly.energy_model import energy_model
 from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.events.persons import Steering
 from apad_bridge.mission.breakdown import NeverStandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.end_by import EndBy, KnownEnd
@@ -146,6 +147,7 @@ def flight(
     samples: SampleCollection | NoSampleCollection | None = None,
     learned: LearnedState | None = None,
     first_failure: PrimitiveFailed | None = None,
+    steering: Steering = Steering.PERSON,
     start_ms: MissionMs = START_MS,
     watchers: Sequence[Watcher] = (),
 ) -> Flight:
@@ -160,6 +162,7 @@ def flight(
         learned,
         context,
         first_failure,
+        steering,
     )
     return Flight(flown_by, context, recorder, start_ms, tuple(watchers))
 
@@ -174,13 +177,14 @@ def supervisor(
     learned: LearnedState | None = None,
     context: FlightContext | None = None,
     first_failure: PrimitiveFailed | None = None,
+    steering: Steering = Steering.PERSON,
 ) -> Supervisor:
     """Builds a supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     It flies the paper's mission, which `calls` can take over. With `command_sources` no mission plans: they and the calls
     fly the aPad by hand. Without `samples` it does not collect the aMussels' logs. `learned` holds the state learned so
-    far, and `first_failure` the vehicle's first since a success. Without a `context` nothing is guarded, and every docking
-    catches.
+    far, `first_failure` the vehicle's first since a success, and `steering` who flew by hand. Without a `context` nothing
+    is guarded, and every docking catches.
     """
     scenario, learned = config.scenario, learned or initial_learned_state(config)
     state = state or MissionState(dock_count=scenario.apad.docks)
@@ -199,7 +203,7 @@ def supervisor(
         mission = planned(state)
     else:
         plan = planned if command_sources is None else None
-        mission = FlightMission(plan, by_hand, calls or CallQueue(), state)
+        mission = FlightMission(plan, by_hand, calls or CallQueue(), state, steering)
     port = DockingPort(
         scenario.mission.docking,
         first_command_id=first_command_id,

@@ -34,6 +34,7 @@ from apad_bridge.vehicle.guards.guards import (
     SoundNumbers,
 )
 from apad_bridge.vehicle.guards.monitor import (
+    DEFAULT_STOPPING,
     CanStopInWaters,
     EndsInTime,
     IsInWaters,
@@ -81,7 +82,15 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
         scenario.mission.speed_m_s,
         needs_person=needs_person,
         drift_m_s=_drift_of(scenario),
+        stopping=_coasting(options),
     )
+
+
+def _coasting(options: GuardOptions) -> Stopping:
+    """The way to rest without thrust, where the scenario gives it."""
+    if options.coasting_m is None:
+        return DEFAULT_STOPPING
+    return Stopping(0.0, options.coasting_m, options.coasting_speed_m_s or 1.0)
 
 
 def _drift_of(scenario: Scenario) -> Callable[[Point, int], Point]:

@@ -50,6 +50,7 @@ GROUPS = {
         "stop": "hold the aPad where it is, or switch it off, until `continue`",
         "hands": "controllers off and arms still, for hands at the docks",
         "continue": "continue a run that was stopped or taken over",
+        "give-back": "return the aPad to the mission from a person who took it over",
         "back-in": "send an aPad just outside the fence back inside, with a lookout",
         "abort": "end the mission of a run; the aPad holds its position",
         "remark": "write a remark into the records of a run",

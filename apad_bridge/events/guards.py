@@ -13,6 +13,9 @@ SURFACING = "permit to surface"
 """The name of the one guarded order that no primitive stands behind."""
 
 
+DOES_NOT_OBEY = "the aPad does not obey: cut its power by hand"
+
+
 class StopKind(StrEnum):
     HOLD = "hold"
     OFF = "off"
@@ -22,6 +25,9 @@ class StopState(StrEnum):
     ORDERED = "ordered"
     SENT = "sent"
     TAKEN = "taken"
+    OBEYED = "obeyed"
+    """The hull slows."""
+    NOT_OBEYED = "not obeyed"
     AT_REST = "at rest"
     NOT_TAKEN = "not taken"
     REFUSED = "refused"
@@ -126,12 +132,21 @@ class StopChanged(Event):
     number: Annotated[int, Meaning("the stop's number in this run")]
     mode: Annotated[StopKind, Meaning("`hold`: the thrusters keep the place; `off`: no thrust")]
     by: Annotated[str, Meaning("the person, or `guard: CAUSE`")]
-    state: Annotated[StopState, Meaning("only `taken` means that the vehicle has accepted it")]
+    state: Annotated[
+        StopState,
+        Meaning("`taken`: the vehicle has accepted it; `obeyed`: the hull slows; `not obeyed`: it goes on"),
+    ]
     reason: Annotated[str | None, Meaning("why")] = None
+    is_persons: Annotated[bool, Meaning("true for a person's")] = False
+    hands: Annotated[bool, Meaning("true while somebody has hands at the docks, so that no arm moves")] = (
+        False
+    )
+    north_m: Annotated[float | None, Meaning("the place that a HOLD keeps, north", "m")] = None
+    east_m: Annotated[float | None, Meaning("the place that a HOLD keeps, east", "m")] = None
 
     @property
     def category(self) -> Category:
-        is_told = self.state in (StopState.NOT_TAKEN, StopState.REFUSED)
+        is_told = self.state in (StopState.NOT_TAKEN, StopState.NOT_OBEYED, StopState.REFUSED)
         return Category.ALARM if is_told else Category.NEWS
 
     def text(self) -> str:
@@ -139,13 +154,18 @@ class StopChanged(Event):
             StopState.ORDERED: "is ordered",
             StopState.SENT: "is sent",
             StopState.TAKEN: "is taken by the aPad",
+            StopState.OBEYED: "slows the aPad",
+            StopState.NOT_OBEYED: "is NOT OBEYED",
             StopState.AT_REST: "has brought the aPad to rest",
             StopState.NOT_TAKEN: "is NOT TAKEN by the aPad",
             StopState.REFUSED: "is refused",
         }
         why = f": {self.reason}" if self.reason else ""
-        alarm = "USE THE VEHICLE'S SWITCH: " if self.state is StopState.NOT_TAKEN else ""
-        return f"{alarm}stop {self.number} ({self.mode}, by {self.by}) {states[self.state]}{why}"
+        alarms = {
+            StopState.NOT_TAKEN: "USE THE VEHICLE'S SWITCH: ",
+            StopState.NOT_OBEYED: f"{DOES_NOT_OBEY}: ",
+        }
+        return f"{alarms.get(self.state, '')}stop {self.number} ({self.mode}, by {self.by}) {states[self.state]}{why}"
 
 
 @dataclass(frozen=True)

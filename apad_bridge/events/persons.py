@@ -4,22 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Annotated, Any
 
 from apad_bridge.events.event import Category, Event, Meaning, Uncounted
 
 
+class Steering(StrEnum):
+    """The party that has the right to steer, beside the mission."""
+
+    PERSON = "person"
+    """A person took the aPad over, and alone gives it back."""
+    OTHERS = "vehicle"
+    """Another party steers the vehicle; a person's word to continue returns it to the mission."""
+    STOP = "stop"
+    """Nobody: a stop holds the mission up until a person continues."""
+
+
 @dataclass(frozen=True)
 class Overridden(Event):
     kind = "override"
-    when = "a person took the aPad over, or gave it back"
+    when = "a person or a stop took the aPad from the mission, or it was given back"
     counted = ("taken",)
     category = Category.WORD
 
     taken: Annotated[bool, Meaning("true for taking over")]
-    by: Annotated[str | None, Meaning("`person`, or `vehicle` when another party steers it")] = None
+    by: Annotated[
+        Steering | None,
+        Meaning(
+            "`person`, `vehicle` when another party steers it, or `stop` when nobody does until a person continues"
+        ),
+    ] = None
 
     def text(self) -> str:
+        if self.taken and self.by is Steering.STOP:
+            return "the mission waits: the aPad was stopped"
         return "a person took the aPad over" if self.taken else "the aPad was given back"
 
 

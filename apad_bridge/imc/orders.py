@@ -106,7 +106,7 @@ class ConsoleOrders:
 
     def _start(self, message: Message, by: str, now_s: float) -> Order:
         if message.arg is None and message.plan_id == MISSION_PLAN:
-            return Order(Request(Act.CONTINUE, by), message)
+            return Order(Request(Act.GIVE_BACK, by), message)
         if isinstance(message.arg, imc.PlanSpecification):
             self._store(message.arg, message.src, now_s)
         manoeuvre = message.arg

@@ -21,6 +21,7 @@ from apad_bridge.events.mission import (
     StepGivenUp,
     Stuck,
 )
+from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
@@ -268,7 +269,7 @@ class EnergyExchange(OrderBook):
             self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
         return self.take_orders()
 
-    def take_over(self, by: str = "person") -> str:
+    def take_over(self, by: Steering = Steering.PERSON) -> str:
         return "this flight takes no calls: a person cannot take it over"
 
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from apad_bridge.events.event import Event
 from apad_bridge.events.mission import Phase
-from apad_bridge.events.persons import Overridden
+from apad_bridge.events.persons import Overridden, Steering
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import AllowMotion, Order
@@ -57,13 +57,17 @@ class FlightMission:
         by_hand: Callable[[MissionState], ManualMission],
         calls: Calls,
         state: MissionState | None = None,
+        steering: Steering = Steering.PERSON,
     ) -> None:
+        """`steering` says who has taken the aPad from the mission, where `state` is of a flight by hand."""
         self._planned = planned
         self._by_hand = by_hand
         self._calls = calls
         self.now_ms = 0
         self._pose: tuple[float, float] | None = None
         self._awaits_person = ""
+        self._steering = steering
+        """The party that flies by hand; the plan's time has none."""
         self._orders: list[Order] = []
         self._flying: EnergyExchange | ManualMission
         # A resumed flight goes on as it was flown, by hand or by the plan.
@@ -136,17 +140,30 @@ class FlightMission:
     def order(self, order: Order) -> None:
         self._orders.append(order)
 
-    def take_over(self, by: str = "person") -> str:
+    @property
+    def steers(self) -> str:
+        """The party that steers, for a person."""
+        if self.by_hand is None:
+            return "the mission steers"
+        if self._planned is None:
+            return "orders and the script steer: no mission plans in this flight"
+        return {
+            Steering.PERSON: "a person steers: only give-back returns the aPad to the mission",
+            Steering.OTHERS: "another party steers: continue returns the aPad to the mission",
+            Steering.STOP: "nobody steers: continue returns the aPad to the mission",
+        }[self._steering]
+
+    def take_over(self, by: Steering = Steering.PERSON) -> str:
         """The aPad holds its position and waits for orders; a commanded mechanism is not stopped half-way.
 
-        Like `give_back`, it returns a message when nothing changes, else an empty text. `by` is for the journal: `person`,
-        or `vehicle` when another party steers it; that becomes a person's word when a person takes it over too. A stop
-        stays in force: whoever takes the aPad over has not seen that the water is clear.
+        Like `give_back`, it returns a message when nothing changes, else an empty text. A person takes it from another
+        party and from a stop, too. A stop stays in force: whoever takes the aPad over has not seen that the water is clear.
         """
-        if by == "person":
+        if by is Steering.PERSON:
             self.order(AllowMotion(by, ends=StopsEnded.NONE))
         if self.by_hand is not None:
-            if by == "person":
+            if by is Steering.PERSON:
+                self._steering = by
                 self.tell(Overridden(True, by))
             if self._planned is None:
                 return "no mission plans in this flight: orders are taken without it"
@@ -154,8 +171,9 @@ class FlightMission:
         self._leave_to(by)
         return ""
 
-    def _leave_to(self, by: str) -> None:
+    def _leave_to(self, by: Steering) -> None:
         """The mission by hand flies from now on, where the plan did."""
+        self._steering = by
         planned = self._flying
         assert isinstance(planned, EnergyExchange)
         manual = self._by_hand(self.state)
@@ -179,12 +197,14 @@ class FlightMission:
         self.go_to_target(north_m, east_m)
         self._taken_over().hold(north_m, east_m)
 
-    def give_back(self) -> str:
+    def give_back(self, allowed: AllowMotion | None = None) -> str:
         """Refused while a docking is under way. The mission then tries aMussels again that it had left alone.
 
-        A stop stays in force, and the mission waits for its end: the answer names it.
+        Without `allowed` a stop stays in force, and the mission waits for its end: the answer names it.
         """
-        told = self._give_back(AllowMotion("person", ends=StopsEnded.NONE))
+        if allowed is not None:
+            return self._give_back(allowed)
+        told = self._give_back(AllowMotion(Steering.PERSON, ends=StopsEnded.NONE))
         return told or (self._awaits_person and f"the mission waits: {self._awaits_person}")
 
     def _give_back(self, allowed: AllowMotion) -> str:
@@ -204,15 +224,18 @@ class FlightMission:
                 )
             ),
             taken=False,
-            by="person",
+            by=Steering.PERSON,
         )
         return ""
 
     def stop(self) -> str:
-        """Takes the aPad over, or pauses a person's order that is under way. It returns a message when nothing changes."""
+        """Holds the mission up, or pauses a person's order that is under way. It returns a message when nothing changes.
+
+        It changes nobody's right to steer.
+        """
         manual = self.by_hand
         if manual is None:
-            self._leave_to("person")
+            self._leave_to(Steering.STOP)
             return ""
         if (manual.is_busy or self._planned is None) and not manual.paused:
             manual.stop()
@@ -221,20 +244,23 @@ class FlightMission:
 
     @property
     def waits(self) -> bool:
-        """`go_on` would change something: a person may continue what was stopped, or else give the aPad back."""
+        """`go_on` would change something: a person's order was paused, or nothing but a stop holds the mission up."""
         manual = self.by_hand
-        return manual is not None and (manual.paused or self._planned is not None)
+        return manual is not None and (manual.paused or self._may_go_on)
 
-    def go_on(self, allowed: AllowMotion) -> str:
-        """Goes on with a person's order that was stopped, or else gives the aPad back."""
+    @property
+    def _may_go_on(self) -> bool:
+        return self._planned is not None and self._steering is not Steering.PERSON
+
+    def go_on(self, allowed: AllowMotion) -> None:
+        """Goes on with a person's order that was paused; else the mission goes on, unless a person took the aPad over."""
         manual = self.by_hand
-        if manual is None or not (manual.paused or self._planned is None):
-            return self._give_back(allowed)
-        self.order(allowed)
-        manual.resume()
-        return (
-            "" if self._planned is None else "a person still flies the aPad: continue again to give it back"
-        )
+        if manual is not None:
+            manual.resume()
+        if manual is None or self._may_go_on:
+            self._give_back(allowed)
+        else:
+            self.order(allowed)
 
     def _taken_over(self) -> ManualMission:
         if self.by_hand is None:
@@ -245,7 +271,7 @@ class FlightMission:
             manual.forget_stopped()
         return manual
 
-    def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool, by: str) -> None:
+    def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool, by: Steering) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if (manual := self.by_hand) is not None:

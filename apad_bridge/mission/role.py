@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from apad_bridge.events.persons import Steering
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.state import MissionEnd, MissionState
 from apad_bridge.vehicle.primitives import Outcome
@@ -53,7 +54,7 @@ class MissionRole(Protocol):
         """
         ...
 
-    def take_over(self, by: str = "person") -> str:
+    def take_over(self, by: Steering = Steering.PERSON) -> str:
         """Somebody else commands the aPad from now on, and nobody plans. The text is empty, or why nothing changed."""
         ...
 

@@ -241,6 +241,11 @@ class Recorder:
             self._digest.take(at_ms, event.kind, event.data)
 
     @_on_disk
+    def flush(self) -> None:
+        """Writes the journal's lines before the tick ends: they outlive a kill of this process."""
+        self._journal.flush()
+
+    @_on_disk
     def begin_checkpoint(self, learned: LearnedState, now_ms: MissionMs) -> None:
         """Writes the checkpoint from mission time `now_ms` on, so that another supervisor can resume the run."""
         self._checkpoint = Checkpoint(

@@ -24,6 +24,7 @@ from apad_bridge.assembly.capacity import battery_worth_min
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.event import Event
+from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason, RunBegan, RunEnded
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
@@ -47,6 +48,7 @@ from apad_bridge.supervisor.forecast import Forecast, Forecaster
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.guards.stops import NO_STOPS, RestoredStops
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 
@@ -68,6 +70,9 @@ class ResumePoint:
     apad_fraction_at_start: float | None
     first_failure: PrimitiveFailed | None = None
     """The failure that the docking port had latched."""
+    stops: RestoredStops = NO_STOPS
+    steering: Steering = Steering.PERSON
+    """The party that had taken the aPad from the mission, where the flight is by hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,6 +295,8 @@ def _flight(
 ) -> Flight:
     """Builds the flight; one that resumes goes on with the mission, the docks and the first failure of the journal."""
     point = spec.resume_point
+    if point is not None:
+        context.safety.gate.stops.restore(point.stops)
     return parts.flight(
         config,
         context,
@@ -301,6 +308,7 @@ def _flight(
         command_sources=spec.command_sources,
         learned=spec.learned,
         first_failure=None if point is None else point.first_failure,
+        steering=Steering.PERSON if point is None else point.steering,
         start_ms=spec.start_ms,
         watchers=(show_tick,),
     )

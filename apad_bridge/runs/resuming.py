@@ -23,6 +23,7 @@ from apad_bridge.events.fleet import (
     Stimulated,
     TookOn,
 )
+from apad_bridge.events.guards import StopChanged, StopEnded
 from apad_bridge.events.mission import (
     PRE_EMPTED,
     DockSwitched,
@@ -30,6 +31,7 @@ from apad_bridge.events.mission import (
     PrimitiveChanged,
     PrimitivePhase,
 )
+from apad_bridge.events.persons import Overridden, Steering
 from apad_bridge.events.run import KnowledgeRestored, RunEnded
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.mission.state import MissionState
@@ -47,6 +49,7 @@ from apad_bridge.supervisor.roster import PresenceChange, Presences
 from apad_bridge.vehicle.commands import Hold
 from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.errors import PeerFailed
+from apad_bridge.vehicle.guards.stops import RestoredStops
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 
 _LARGE_BYTES = 100_000_000
@@ -80,7 +83,21 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
                 raise PeerFailed("this run has ended: nothing to resume")
     # The journal's last line may lie between two ticks.
     now_ms = MissionMs((journal.last_ms + gap_ms) // TICK_MS * TICK_MS)
-    return ResumePoint(now_ms, state, epoch, fraction, first_failure(journal))
+    return ResumePoint(
+        now_ms,
+        state,
+        epoch,
+        fraction,
+        first_failure(journal),
+        RestoredStops.of(journal.events(StopChanged, StopEnded)),
+        steering_of(journal),
+    )
+
+
+def steering_of(journal: JournalContents) -> Steering:
+    """The party that took the aPad from the mission last."""
+    taken = [it.by for _, it in journal.events(Overridden) if it.taken and it.by is not None]
+    return taken[-1] if taken else Steering.PERSON
 
 
 def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
@@ -225,7 +242,8 @@ def resume_run(
     if dropped is not None:
         recorder.dropped_before = dropped
     restore_allocation(learned, resumed.journal)
-    lines = [*loss_lines(resumed, dropped), *presence_lines(presences), beliefs_line]
+    stop_lines = filter(None, [start.stops.text()])
+    lines = [*stop_lines, *loss_lines(resumed, dropped), *presence_lines(presences), beliefs_line]
     for line in lines:
         report(line)
     recorder.event(resumed.journal.last_ms, KnowledgeRestored(lines))

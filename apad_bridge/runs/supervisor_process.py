@@ -199,7 +199,7 @@ def _flight_context(run: _Run, fleet: FlightFleet | NoFleet) -> Iterator[FlightC
             run.path, options.open_modems, options.modem, start_state.start_ms, say
         ) as serial_lines,
     ):
-        context = replace(context, serial_lines=serial_lines)
+        context = replace(context, serial_lines=serial_lines, flush_records=start_state.recorder.flush)
         context = join_others(context, scenario, options, run.path, write)
         yield without_commands(context) if options.dry_run else context
 

@@ -48,6 +48,8 @@ class FlightContext:
     """Makes the watchers, once, for the flight's supervisor."""
     announce: Announce = _announce_to_nobody
     """Receives every event of the flight, as the journal does."""
+    flush_records: Callable[[], None] = lambda: None
+    """Writes what was recorded so far, so that it outlives this process."""
     relay: PacketRelay = field(default_factory=no_relay)
     """Relays packets, and the contacts of docks, between this flight's aMussels and supervisor and those elsewhere."""
     contacts: Contacts = field(default_factory=Contacts)

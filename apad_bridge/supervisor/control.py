@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from agents.nursery.protocol import is_of_our_user
-from apad_bridge.events.guards import StopState
+from apad_bridge.events.guards import DOES_NOT_OBEY, StopState
 from apad_bridge.events.persons import PersonOrdered, Remarked
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.call_queue import CallQueue
@@ -38,8 +38,11 @@ if TYPE_CHECKING:
 
 TICK_S = 3.0
 """A person who stops is told after so many wall seconds that no tick came, and that only the vehicle's switch helps."""
-TOLD_S = 6.0
-"""A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s."""
+TOLD_S = 8.0
+"""A stop is reported after so many wall seconds, whatever came of it. A vehicle that takes none shows after 3 s, and a hull
+that does not slow 3 to 5 s after it has taken the stop."""
+LOOK_S = 0.2
+"""A stop's state is looked at so often, in wall seconds."""
 NOTHING_STOPPED = "nothing was stopped: there is nothing to continue"
 
 
@@ -70,6 +73,9 @@ def carry_out(
     if request.act in (Act.STOP, Act.HANDS):
         return _stop(request, calls, gate)
 
+    def told(mission: FlightMission) -> Answer:
+        return Answer(True, act(mission), steers=mission.steers)
+
     def act(mission: FlightMission) -> str:
         if request.act is Act.REMARK:
             mission.tell(Remarked(request.text, request.by))
@@ -77,7 +83,7 @@ def carry_out(
         if request.act is Act.GO_TO or request.act is Act.HOLD:
             _move(request, mission, gate)
             return ""
-        if request.act is Act.CONTINUE:
+        if request.act is Act.CONTINUE or request.act is Act.GIVE_BACK:
             return _continue(request, mission, gate)
         if request.act is Act.BACK_IN:
             return _back_in(request, mission, gate)
@@ -87,24 +93,24 @@ def carry_out(
         return ""
 
     try:
-        return Answer(True, calls.call_mission(act))
+        return calls.call_mission(told)
     except Refused as refused:
         return Answer(False, str(refused))
 
 
 def _stop(request: Request, calls: CallQueue, gate: Gate) -> Answer:
-    """Stops the vehicle, and waits until it has taken that. The stop does not need the mission's leave, or a position."""
+    """Stops the vehicle, and waits until the hull slows. The stop does not need the mission's leave, or a position."""
 
-    def act(mission: FlightMission) -> int:
+    def act(mission: FlightMission) -> tuple[int, str]:
         before = 0 if gate.stops.newest is None else gate.stops.newest.number
         mission.tell(PersonOrdered(request.act.value, request.by))
         mission.order(StopVehicle(request.by, off=request.off, hands=request.act is Act.HANDS))
         with suppress(Refused):  # the vehicle stops, whatever the mission says
             mission.stop()
-        return before
+        return before, mission.steers
 
     try:
-        before = calls.call_mission(act, TICK_S, stays=True)
+        before, steers = calls.call_mission(act, TICK_S, stays=True)
     except Refused as refused:
         return Answer(False, str(refused))
     until_s = time.monotonic() + TOLD_S
@@ -112,34 +118,55 @@ def _stop(request: Request, calls: CallQueue, gate: Gate) -> Answer:
         left_s = until_s - time.monotonic()
         if left_s <= 0 or calls.ended_by is not None:
             break
-        calls.wait(left_s)
+        calls.wait(min(left_s, LOOK_S))
     if stop is None or stop.number <= before:
         return Answer(
             False, "the stop did not reach the vehicle: no mission tick came, or the mission has ended"
         )
-    return _told(stop)
+    return _told(stop, steers)
 
 
 def _is_decided(stop: StopRecord) -> bool:
-    return stop.state in (StopState.TAKEN, StopState.AT_REST, StopState.NOT_TAKEN, StopState.REFUSED)
+    is_open = stop.state in (StopState.ORDERED, StopState.SENT, StopState.TAKEN)
+    return not is_open or bool(stop.untold)
 
 
-def _told(stop: StopRecord) -> Answer:
-    is_taken = stop.taken_ms is not None
-    why = stop.refused or stop.not_taken
-    times_ms = {"sent": stop.sent_ms, "taken": stop.taken_ms, "at rest": stop.rest_ms}
-    after_s = {name: (at - stop.ordered_ms) / 1000 for name, at in times_ms.items() if at is not None}
-    message = "" if is_taken else why or "the vehicle has not taken the stop yet"
-    return Answer(is_taken, message, stop.number, stop.kind.value, stop.state.value, after_s)
+def _told(stop: StopRecord, steers: str) -> Answer:
+    """Done is a stop that the hull obeys. A vehicle that has taken it may go on all the same."""
+    times_ms = {
+        StopState.SENT: stop.sent_ms,
+        StopState.TAKEN: stop.taken_ms,
+        StopState.OBEYED: stop.obeyed_ms,
+        StopState.AT_REST: stop.rest_ms,
+    }
+    after_s = {state.value: (at - stop.ordered_ms) / 1000 for state, at in times_ms.items() if at is not None}
+    is_done = stop.obeyed_ms is not None
+    message = "" if is_done else _why_not_done(stop)
+    return Answer(is_done, message, stop.number, stop.kind.value, stop.state.value, after_s, steers)
+
+
+def _why_not_done(stop: StopRecord) -> str:
+    if stop.not_obeyed:
+        return f"{DOES_NOT_OBEY}: {stop.not_obeyed}"
+    if stop.taken_ms is None:
+        return stop.refused or stop.not_taken or "the vehicle has not taken the stop yet"
+    if stop.untold:
+        return f"the vehicle has taken the stop, and nobody can tell if it slows: look at it: {stop.untold}"
+    return "the vehicle has taken the stop, and has not slowed yet: look at it"
 
 
 def _continue(request: Request, mission: FlightMission, gate: Gate) -> str:
     if why_not := gate.why_not_continue(request.stop, mission.now_ms, pilot_left=request.pilot_left):
         raise Refused(why_not)
     is_held = bool(gate.awaits_person or gate.pilot)
-    if not (is_held or mission.waits):
-        raise Refused(NOTHING_STOPPED)
-    told = mission.go_on(AllowMotion(request.by, pilot_left=request.pilot_left))
+    if request.act is Act.CONTINUE and not (is_held or mission.waits):
+        raise Refused(f"{NOTHING_STOPPED}; {mission.steers}")
+    allowed = AllowMotion(request.by, pilot_left=request.pilot_left)
+    if request.act is Act.GIVE_BACK:
+        told = mission.give_back(allowed)
+    else:
+        told = ""
+        mission.go_on(allowed)
     mission.tell(PersonOrdered(request.act.value, request.by))
     return "" if told == FLIES_ALREADY else told
 

@@ -30,7 +30,7 @@ LONGEST_LINE = 16_384
 """Bytes of a request or an answer."""
 LATE_S = 2.0
 """Wall seconds after which a person hears that no answer has come. A supervisor acts once a second."""
-PATIENCE_S = 21.0
+PATIENCE_S = 23.0
 """Wall seconds for an answer. The supervisor itself answers sooner, so silence for longer is not the mission's."""
 _AGAIN_S = 0.02
 """A client waits so long before it tries again to connect to a supervisor whose queue is full."""
@@ -41,6 +41,8 @@ class Act(StrEnum):
     HANDS = "hands"
     """Somebody has hands at the docks: controllers off, and no arm moves."""
     CONTINUE = "continue"
+    GIVE_BACK = "give back"
+    """Continue, and return the aPad to the mission from a person who took it over."""
     BACK_IN = "back in"
     """Straight back inside the fence, from at most 5 m outside."""
     ABORT = "abort"
@@ -92,9 +94,11 @@ class Answer:
     mode: str = ""
     """`hold` or `off`, of a stop."""
     state: str = ""
-    """The state of a stop: `taken`, `at rest`, `not taken`, `refused`, or how far it came in time."""
+    """The state of a stop: `obeyed`, `at rest`, `not obeyed`, `not taken`, `refused`, or how far it came in time."""
     after_s: dict[str, float] = field(default_factory=dict)
     """Mission seconds from the order of a stop to each state that it reached."""
+    steers: str = ""
+    """Who steers the aPad now, for a person."""
 
 
 class NobodyListens(Exception):

@@ -14,6 +14,7 @@ from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.events.event import Event
 from apad_bridge.events.fleet import AMusselSuspected
 from apad_bridge.events.mission import Phase, PrimitiveChanged, PrimitivePhase, Stuck
+from apad_bridge.events.persons import Steering
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import SamplesGone
 from apad_bridge.events.vehicle import DocksDisagree
@@ -252,7 +253,7 @@ class Supervisor:
                 return self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
             case CommandedByOthers():
                 if not self.has_ended:
-                    self.mission.take_over(by="vehicle")
+                    self.mission.take_over(by=Steering.OTHERS)
             case DocksNamed(_, held, named):
                 self.mission.docks_named({agent_id: agent_id in named for agent_id in held})
             case PoseReported():

@@ -183,6 +183,7 @@ class Flight:
                     self._recorder.event(now_ms, action)
                 case StopVehicle(by, off, hands):
                     self._vehicle.stop(by, now_ms, off=off, hands=hands)
+                    self._keep_stops(now_ms)
                 case AllowMotion(by, pilot_left, ends):
                     self._vehicle.allow_motion(by, now_ms, pilot_left=pilot_left, ends=ends)
                 case GoBackIn(by, lookout):
@@ -209,6 +210,15 @@ class Flight:
         if self._serial_lines.any_open and now_ms > self._fleet_ms:
             self._fleet_results += self._advance_fleet(now_ms)
         self._vehicle.look_between(now_ms)
+        self._keep_stops(now_ms)
+
+    def _keep_stops(self, now_ms: MissionMs) -> None:
+        """Journals a real vehicle's stop as soon as it has left: whoever resumes the run has to know it."""
+        if not self._context.safety.needs_person or not (events := self._vehicle.gate.take_events()):
+            return
+        for event in events:
+            self._recorder.event(now_ms, event)
+        self._context.flush_records()
 
     def _advance_fleet(self, now_ms: MissionMs) -> list[SeaResult]:
         """Advances the fleet's time, and reads and writes the serial lines."""

@@ -87,8 +87,7 @@ class MoveArm:
 class Stop:
     """Switch the controllers off, without a position to hold: the water takes the vehicle.
 
-    It takes the vehicle from every other client. `CommandAccepted` or `CommandFailed` repeat `command_id`. A link repeats
-    the order until the vehicle has taken it, or until another command comes.
+    It takes the vehicle from every other client. `CommandAccepted` or `CommandFailed` repeat `command_id`.
     """
 
     command_id: int
@@ -101,9 +100,18 @@ class PilotLeft:
     command_id: int
 
 
+@dataclass(frozen=True, slots=True)
+class ReleaseByName:
+    """Release an aMussel that no dock is known to hold, and that one may hold all the same. It gets no answer."""
+
+    command_id: int
+    dock_index: int
+    agent_id: int
+
+
 Primitive = GoTo | Hold | CloseDock | OpenDock
 """The orders of a mission to the docking port."""
-VehicleCommand = Primitive | MoveArm | Stop | PilotLeft
+VehicleCommand = Primitive | MoveArm | Stop | PilotLeft | ReleaseByName
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +202,35 @@ class CommandedByOthers:
 
 
 @dataclass(frozen=True, slots=True)
+class HoldWanted:
+    """The vehicle has no order under way any more, and would drift: it should hold this place.
+
+    A link orders nothing by itself. The gate's owner decides.
+    """
+
+    at_ms: int
+    north_m: float
+    east_m: float
+    heading_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseWanted:
+    """A dock that opened by silence alone may still hold this aMussel: the vehicle should release it by name."""
+
+    at_ms: int
+    dock_index: int
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class OrderCut:
+    """A stop has ended an order that was on its way. The vehicle may have heard it, and may carry it out late."""
+
+    at_ms: int
+
+
+@dataclass(frozen=True, slots=True)
 class PilotReported:
     """A pilot steers, or steers no more. None: nobody publishes the pilot's flag any more, so that nobody can tell."""
 
@@ -220,6 +257,9 @@ VehicleFact = (
     | CommandAccepted
     | Arrived
     | CommandFailed
+    | HoldWanted
+    | ReleaseWanted
+    | OrderCut
     | DockClosed
     | DockOpened
     | DocksNamed

@@ -60,6 +60,11 @@ class Cleared(ABC, Generic[Order]):
     @abstractmethod
     def order(self) -> Order: ...
 
+    @property
+    @abstractmethod
+    def under(self) -> int:
+        """The number of the latch (`guards/stops.py`) under which the gate let it out."""
+
 
 class VehicleLink(Protocol):
     def advance(self, now_ms: int) -> list[LinkFact]:

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 from agents.time_scale import MissionMs
+from apad_bridge.events.guards import StopState
 from apad_bridge.events.mission import Phase
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.flight_mission import FlightMission
@@ -68,9 +69,10 @@ class Flying:
 
     @property
     def is_asked(self) -> bool:
-        """Another thread waits for a tick, or until the vehicle has taken a stop."""
+        """Another thread waits for a tick, or until the hull obeys a stop."""
         stop = self.gate.stops.in_force
-        return bool(self.calls._calls) or (stop is not None and stop.taken_ms is None)
+        is_open = stop is not None and stop.state in (StopState.ORDERED, StopState.SENT, StopState.TAKEN)
+        return bool(self.calls._calls) or (is_open and stop is not None and not stop.untold)
 
     @property
     def gate(self) -> Gate:

@@ -182,7 +182,7 @@ class LinkToA:
         return facts
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
-        if (sent := self._core.command(cleared.order, now_ms)) is not None:  # type: ignore[arg-type]
+        if (sent := self._core.command(cleared, now_ms)) is not None:
             self._send(sent.order, now_ms)
         self._switch_off(now_ms)
 
@@ -305,7 +305,7 @@ class LinkToB:
         return facts
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
-        self._core.command(cleared.order, now_ms)
+        self._core.command(cleared, now_ms)
         self._send(now_ms)
 
     def close(self) -> None:

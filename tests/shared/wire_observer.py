@@ -32,6 +32,8 @@ class Observer:
     """From then on the positions that leave the vehicle are wrong, and the limits to notice that are over."""
     goal_m: Place | None = None
     """The last ordered goal or place to hold; None after a stop."""
+    held_m: Place | None = None
+    """The place at which a stop holds the vehicle: it may be ordered again, wherever the vehicle is by then."""
     frozen_ms: int = 0
     """Time under way with a position that stayed the same to the last bit."""
     pilot_steers: bool = False
@@ -85,8 +87,9 @@ class Observer:
             return
         self.goal_m = goal_m
         here_m = (heard.north_m, heard.east_m)
-        if is_hold and math.dist(here_m, goal_m) < self.stop_m:
+        if is_hold and (goal_m == self.held_m or math.dist(here_m, goal_m) < self.stop_m):
             self.stops += 1
+            self.held_m = goal_m
         elif not (is_inside(goal_m, 2.0) and is_inside(here_m)):
             self.outside.append(text)
 

@@ -29,7 +29,14 @@ from apad_bridge.ros.system.ros_pace import OwnMasterClock
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.scenario import loader
-from apad_bridge.vehicle.commands import CommandFailed, DockClosed, DockOpened, GoTo, Hold
+from apad_bridge.vehicle.commands import (
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    GoTo,
+    Hold,
+    HoldWanted,
+)
 from apad_bridge.vehicle.guards.gate import Gate, plain_safety
 from apad_bridge.vehicle.link import Cleared
 from apad_bridge.vehicle.simulated.misses import Misses
@@ -157,7 +164,15 @@ class Bench:
         for _ in range(seconds):
             self.now_ms += 1_000
             self._clock.reach(self.now_ms, threading.Event())
-            self.facts += self.link.advance(self.now_ms)
+            self._advance()
+
+    def _advance(self) -> None:
+        """A hold that the link asks for is ordered, as the gate's owner does."""
+        facts = self.link.advance(self.now_ms)
+        for it in facts:
+            if isinstance(it, HoldWanted):
+                self.command(Hold(-1, it.north_m, it.east_m, it.heading_rad))
+        self.facts += facts
 
     def place_m(self) -> list[float]:
         """The place at this second: its message may arrive after the one by which the aPad is done with the second."""
@@ -167,7 +182,7 @@ class Bench:
                 f"at {self.now_ms} ms the newest place is of {readings.position_ms} ms"
             )
             pause.wait(0.02)
-            self.facts += self.link.advance(self.now_ms)
+            self._advance()
         assert readings.pose is not None
         return [readings.pose.north_m, readings.pose.east_m]
 

@@ -4,6 +4,7 @@
 const SILENT_MS = 2500;
 const ASKED_FIRST = {
   continue: "The aPad will move again. Is the water around it clear?",
+  "give back": "The mission will move the aPad. Is the water around it clear?",
   abort: "End the mission? The aPad holds its position, and nothing plans any more.",
   "permit to surface": "The aMussel will come up. Is the water above it clear?",
   "hand over": "A real aMussel takes its place, and its simulation is heard no more. Is the real one in the water?",
@@ -87,7 +88,7 @@ function showLink(supervisor) {
 
 // The order that is next takes the place of Stop: Continue, once a stop is under way. A stop that failed may be ordered again.
 function showStopLive(unheard) {
-  const stage = data.stages[data.stages.length - 1], stopped = Boolean(stage.stop) && lastState(stage.stop) !== "not taken";
+  const stage = data.stages[data.stages.length - 1], stopped = Boolean(stage.stop) && !hasFailed(stage.stop);
   document.body.classList.toggle("stopped", stopped);
   const state = stage.refused || (stage.stop && !stopped) ? "STOP FAILED: " : stopped ? (stage.stop.mode === "off" ? "OFF: " : "STOPPED: ") : "";
   document.title = `${state}${data.name} - live`;
@@ -102,9 +103,9 @@ async function order(act, more = {}) {
     const answer = await fetch("/orders", {
       method: "POST", headers: { "X-Musselbed-Token": token }, body: JSON.stringify({ act, by: "console", ...more }),
     });
-    const { accepted, message, state, after_s: after } = await answer.json();
+    const { accepted, message, state, after_s: after, steers } = await answer.json();
     const done = state ? `${state}${state in after ? ` after ${after[state].toFixed(1)} s` : ""}` : accepted ? "done" : "refused";
-    $("answer").textContent = `${act}${whose}: ${message || done}`;
+    $("answer").textContent = `${act}${whose}: ${message || done}${steers ? `; ${steers}` : ""}`;
   } catch {
     $("answer").textContent = `${act}: the console does not answer`;
   }
@@ -182,10 +183,12 @@ if (data.live) {
   $("fault").hidden = !faults.length;
   for (const act of ["stop", "hands", "abort"]) $(act).addEventListener("click", () => order(act));
   $("off").addEventListener("click", () => order("stop", { off: true }));
-  $("continue").addEventListener("click", () => {
-    const { stop } = data.stages[data.stages.length - 1];
-    order("continue", stop && stop.number !== null ? { stop: stop.number } : {});
-  });
+  for (const [id, act] of [["continue", "continue"], ["give-back", "give back"]]) {
+    $(id).addEventListener("click", () => {
+      const { stop } = data.stages[data.stages.length - 1];
+      order(act, stop && stop.number !== null ? { stop: stop.number } : {});
+    });
+  }
   $("heard").addEventListener("click", calm);
   for (const touch of ["pointerdown", "keydown"]) document.addEventListener(touch, prepareSound, { once: true });
   $("sound").addEventListener("click", () => {

@@ -1,17 +1,20 @@
 // A stop on the page: what is stopped, by whom, how far the stop has come, and where an aPad without thrust drifts. Live, a
 // stop by a guard, one that the vehicle does not take, and a drift sound an alarm.
 
-const STOP_STATES = { ordered: "ordered", sent: "sent", taken: "taken by the vehicle", "at rest": "at rest", "not taken": "NOT TAKEN" };
+const STOP_STATES = { ordered: "ordered", sent: "sent", taken: "taken by the vehicle", obeyed: "the hull slows", "not obeyed": "NOT OBEYED", "at rest": "at rest", "not taken": "NOT TAKEN" };
 const POINTS = ["north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west"];
 
 const lastState = (stop) => stop.states[stop.states.length - 1][0];
+// A stop that a person has to carry out by hand.
+const hasFailed = (stop) => ["not taken", "not obeyed"].includes(lastState(stop));
 const isGuards = (stop) => stop.by.startsWith("guard");
 
 // The heading of the banner; empty where nothing is stopped.
 function stopWords({ stop, refused }) {
   if (refused) return `STOP REFUSED: ${refused.reason || "the vehicle is not ours to stop"}`;
   if (!stop) return "";
-  if (lastState(stop) === "not taken") return "STOP NOT TAKEN by the vehicle: use the joystick or its switch";
+  if (lastState(stop) === "not obeyed") return "THE APAD DOES NOT OBEY: cut its power by hand";
+  if (hasFailed(stop)) return "STOP NOT TAKEN by the vehicle: use the joystick or its switch";
   return stop.mode === "off" ? "MOTORS OFF: the aPad has no thrust" : "STOPPED: the aPad holds its place";
 }
 
@@ -30,7 +33,7 @@ function driftWords({ speed_m_s: speed, towards_rad: towards, fence_s: fence, no
 
 function showStop({ stage }) {
   const { stop, drift, refused } = stage, heading = stopWords(stage);
-  const kind = heading === "" ? "" : refused || lastState(stop) === "not taken" ? "failed" : stop.mode;
+  const kind = heading === "" ? "" : refused || hasFailed(stop) ? "failed" : stop.mode;
   if (document.body.dataset.stop !== kind) document.body.dataset.stop = kind;
   if ($("stopped").hidden !== (heading === "")) $("stopped").hidden = heading === "";
   put($("stopped-what"), heading);
@@ -82,7 +85,7 @@ function beep() {
 // What a person is to hear now; each one sounds until it is over, or somebody says that it was heard.
 function alarmOf({ stop, drift, refused }, unheard) {
   if (refused) return `refused ${refused.number}`;
-  if (stop && lastState(stop) === "not taken") return `not taken ${stop.number}`;
+  if (stop && hasFailed(stop)) return `${lastState(stop)} ${stop.number}`;
   if (drift) return `drift ${drift.t}`;
   if (stop && isGuards(stop)) return `guard ${stop.number}`;
   return unheard;

@@ -28,8 +28,8 @@ _NO_EMERGENCY_STOP = "This is no emergency stop: it needs a live supervisor and 
 _COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
     Act.STOP: (
         "The aPad holds its position where it may: a position that is believed, inside the fence. Else its controllers go "
-        "off, and it drifts. A second stop switches them off. The command says `taken` only when the vehicle has accepted "
-        f"the stop; nothing moves the aPad before `musselbed continue`. {_NO_EMERGENCY_STOP}",
+        "off, and it drifts. A second stop switches them off. The command says `done` only when the vehicle has accepted "
+        f"the stop and the hull slows; nothing moves the aPad before `musselbed continue`. {_NO_EMERGENCY_STOP}",
         ("musselbed stop runs/pool-12-1", "musselbed stop runs/bay-120-1/apad2 --off --by Anna"),
     ),
     Act.HANDS: (
@@ -38,9 +38,14 @@ _COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
         ("musselbed hands runs/pool-12-1", "musselbed hands runs/bay-120-1/apad2 --by Anna"),
     ),
     Act.CONTINUE: (
-        "The mission plans anew from the aPad's place. A script, or a flight by hand, continues where it stopped. The word "
-        "counts for the newest stop, and says that the position is right.",
+        "The mission plans anew from the aPad's place. A script, or a flight by hand, continues where it stopped: an aPad "
+        "that a person took over stays with that person until `musselbed give-back`. The word counts for the newest stop, "
+        "and says that the position is right.",
         ("musselbed continue runs/pool-12-1", "musselbed continue runs/pool-12-1 --stop 3 --by Anna"),
+    ),
+    Act.GIVE_BACK: (
+        "Continues, and returns the aPad to the mission from a person who took it over.",
+        ("musselbed give-back runs/pool-12-1", "musselbed give-back runs/pool-12-1 --stop 3 --by Anna"),
     ),
     Act.BACK_IN: (
         "Sends an aPad that lies at most 5 m outside the fence straight back inside, across no keep-out zone, where it "
@@ -68,7 +73,7 @@ def add_parser(commands: Any) -> None:
     """Adds `order` with all orders, and the short form of each."""
     order = commands.add_parser(
         "order",
-        description="Gives a person's order to a flying run: stop, hands, continue, back-in, abort or remark. Each has a "
+        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort or remark. Each has a "
         "short form, such as `musselbed stop RUN`.",
         epilog=ending("musselbed order stop runs/pool-12-1", "musselbed order continue runs/pool-12-1"),
     )
@@ -90,7 +95,7 @@ def _add_orders(commands: Any, program: str) -> None:
             parser.add_argument(
                 "--off", action="store_true", help="switch the controllers off, so that the aPad drifts"
             )
-        if act is Act.CONTINUE:
+        if act in (Act.CONTINUE, Act.GIVE_BACK):
             parser.add_argument(
                 "--stop",
                 type=int,
@@ -179,11 +184,12 @@ def _asked(directory: Path, requests: list[Request]) -> Answer | None:
 
 def _line(answer: Answer, directory: Path) -> str:
     if answer.stop is None:
-        return answer.message or "done"
+        return "; ".join(filter(None, (answer.message or "done", answer.steers)))
     states = "".join(f", {state} after {after_s:.1f} s" for state, after_s in answer.after_s.items())
     told = f"stop {answer.stop} ({answer.mode}): ordered{states}"
     if answer.accepted:
-        return f"{told}\ndone: the aPad has taken the stop; to move it again: musselbed continue {directory}"
+        again = f"to move it again: musselbed continue {directory}"
+        return f"{told}\ndone: the aPad has taken the stop and slows; {answer.steers}; {again}"
     return f"{told}\nNOT DONE: {answer.message}"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from apad_bridge.ros.links.service_calls import ServiceCalls
+from apad_bridge.ros.links.service_calls import ServiceAddress, ask_service
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
@@ -20,12 +20,11 @@ class DockInquiry:
     """Calls `check_docking_availability` of the aPad called `name`, and puts a `DocksReceived` into the inbox."""
 
     def __init__(self, name: str, inbox: Inbox[Any]) -> None:
-        self._service = of_apad(name, "check_docking_availability")
+        self._address = ServiceAddress(of_apad(name, "check_docking_availability"), GetDockingInfo)
         self._inbox = inbox
-        self._calls = ServiceCalls()
 
     def ask(self) -> None:
-        self._calls.send(self._service, GetDockingInfo, GetDockingInfo._request_class(), self._answered)
+        ask_service(self._address, GetDockingInfo._request_class(), self._answered)
 
     def _answered(self, response: Any, refused: str | None) -> None:
         held = None if refused is not None else frozenset(it.strip("/") for it in response.slots)

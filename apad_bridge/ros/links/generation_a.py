@@ -22,13 +22,13 @@ from actionlib_msgs.msg import GoalID, GoalStatusArray
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
-from apad_bridge.ros.links.service_calls import CallFailed, ServiceCalls
+from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
-from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
+from apad_bridge.vehicle.commands import CloseDock, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
@@ -43,6 +43,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 from apad_bridge.vehicle.generation_a.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Sight
 
@@ -56,6 +57,9 @@ _STATUS = ("header.stamp", "status_list")
 _GOAL = ("goal_id.id", "goal.id", "goal.pose.position.x", "goal.pose.position.y")
 _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
 _STATIC = ("header.stamp", "position.north", "position.east", "status")
+_GOALS, _CANCELS = "goals", "cancels"
+_SWITCHES = ("VelCon_enable", "FADP_enable")
+"""The lines of orders; those of the last two switch the controllers."""
 ANSWER_S = 0.25
 """Wall seconds that `advance` waits for the answer of a dock's mechanism commanded at the same tick."""
 ANSWER_ON_OUR_CLOCK_S = 5.0
@@ -157,16 +161,16 @@ class GenerationALink(LegacyLink[GenerationACore]):
             gate=gate,
             pilots=pilots,
         )
-        super().__init__(name, core, now_ms, dock_count)
+        super().__init__(name, core, gate, now_ms, dock_count)
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
         self._mechanism_ms: int | None = None
         self._subscribers = Subscribers(name, ids, self._inbox, stamped=our_clock)
         self._inquiry = DockInquiry(name, self._inbox)
-        self._goals = rospy.Publisher(of_apad(name, "action_server") + "/goal", aPadActionGoal, queue_size=20)
-        """Twenty: never more goals than that are on their way, and a server that reads none loses nothing by the limit."""
-        self._cancels = rospy.Publisher(of_apad(name, "action_server") + "/cancel", GoalID, queue_size=20)
-        self._calls = ServiceCalls()
-        self._switches = [of_apad(name, it) for it in ("VelCon_enable", "FADP_enable")]
+        server = of_apad(name, "action_server")
+        self._goals = self._sender.add_topic(_GOALS, f"{server}/goal", aPadActionGoal)
+        self._sender.add_topic(_CANCELS, f"{server}/cancel", GoalID)
+        for switch in _SWITCHES:
+            self._sender.add_service(switch, of_apad(name, switch), EnableControl)
 
     def serve(self, agent_ids: Iterable[int]) -> None:
         self._subscribers.listen_to(agent_ids)
@@ -184,44 +188,45 @@ class GenerationALink(LegacyLink[GenerationACore]):
 
     @property
     def can_stop(self) -> bool:
-        return self._calls.are_connected(self._switches)
+        return self._sender.are_open(_SWITCHES)
 
     def _prepare(self) -> None:
         """A vehicle without these services can be stopped by a go-to alone; a real one should not fly so."""
+        self._sender.begin()
         try:
-            self._calls.prepare(dict.fromkeys(self._switches, EnableControl))
+            self._sender.wait_until_open(_SWITCHES)
         except CallFailed as failed:
             self._inbox.drop(f"controllers cannot be switched off: {failed}")
 
     def _send(self, cleared: Cleared[GoalOrder]) -> None:
         order = cleared.order
+        rank = Rank.HOLD if order.pre_empts else Rank.ORDER
         for key in order.ends:
-            self._cancels.publish(GoalID(id=key))
-        self._goals.publish(_goal_message(order))
+            self._sender.send(_CANCELS, Rank.ORDER, cleared, GoalID(id=key), _not_awaited)
+        self._sender.send(_GOALS, rank, cleared, _goal_message(order), _not_awaited)
 
     def _switch_off(self) -> None:
         """Cancels every client's goal, then ends the thrust, then the controller that would ask for it."""
         if (cleared := self._core.take_off_order()) is None:
             return
-        self._cancels.publish(GoalID())
         request = EnableControl._request_class(enable=False)
-        thrust, controller = self._switches
+        thrust, controller = _SWITCHES
 
-        def controller_is_off(_: Any, refused: str | None) -> None:
+        def controller_is_off(_: Any, refused: str | None, was_cut: bool) -> None:
             self._inbox.put(OffAnswered(UNSTAMPED, cleared.order.number, refused), always=True)
 
-        def thrust_is_off(_: Any, refused: str | None) -> None:
+        def thrust_is_off(_: Any, refused: str | None, was_cut: bool) -> None:
             if refused is not None:
-                controller_is_off(None, refused)
+                controller_is_off(None, refused, was_cut)
             else:
-                self._calls.send(controller, EnableControl, request, controller_is_off, is_stop=True)
+                self._sender.send(controller, Rank.OFF, cleared, request, controller_is_off)
 
-        self._calls.send(thrust, EnableControl, request, thrust_is_off, is_stop=True)
+        self._sender.send(_CANCELS, Rank.OFF, cleared, GoalID(), _not_awaited)
+        self._sender.send(thrust, Rank.OFF, cleared, request, thrust_is_off)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts up to `now_ms`. At the tick of a mechanism's command it waits up to `ANSWER_S` for the answer."""
         self._now_ms = now_ms
-        self._keep_open(now_ms)
         self._drain()
         if self._mechanism_ms == now_ms:
             self._mechanism_ms = None
@@ -235,19 +240,15 @@ class GenerationALink(LegacyLink[GenerationACore]):
         return facts
 
     def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
-        command = cleared.order
-        assert not isinstance(command, MoveArm), "the stack has no such order, as its capabilities state"
-        if isinstance(command, CloseDock | OpenDock):
+        if isinstance(cleared.order, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
-        if (order := self._core.command(command, now_ms)) is not None:
+        if (order := self._core.command(cleared, now_ms)) is not None:
             self._send(order)
         self._switch_off()
 
     def close(self) -> None:
         self._subscribers.close()
-        self._calls.close()
-        self._goals.unregister()
-        self._cancels.unregister()
+        self._sender.close()
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Waits until each topic has come up to `now_ms`, because ROS keeps no order between topics.
@@ -266,6 +267,10 @@ class GenerationALink(LegacyLink[GenerationACore]):
 
     def _unanswered(self) -> list[str]:
         return [*self._core.unacknowledged, *self._core.awaited_mechanisms]
+
+
+def _not_awaited(_: Any, refused: str | None, was_cut: bool) -> None:
+    """The action server's own status tells what became of a goal."""
 
 
 def _goal_message(order: GoalOrder) -> Any:

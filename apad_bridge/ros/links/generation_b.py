@@ -26,7 +26,7 @@ from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
-from apad_bridge.ros.links.service_calls import ServiceCalls
+from apad_bridge.ros.links.order_sender import Answered
 from apad_bridge.ros.links.virtual_camera import DETECTION_TOPICS, VirtualCamera
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
@@ -35,7 +35,7 @@ from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import PAPER_DOCKS, Docking, DockingProfile, Scenario
-from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
+from apad_bridge.vehicle.commands import MoveArm, OrderCut, VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
@@ -59,6 +59,7 @@ from apad_bridge.vehicle.generation_b.messages import (
 from apad_bridge.vehicle.generation_b.stack import STACK
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.link import Cleared, LinkFact
+from apad_bridge.vehicle.sending_road import Rank
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Sight
@@ -76,6 +77,8 @@ _OPEN = 0.5
 """`dock_out` is 1.0 for an arm that stands open, and 0.0."""
 _DATA = ("data",)
 _GOAL = ("goal.T2.point.x", "goal.T2.point.y")
+_HOLD, _OFF = "hold that stops", "off"
+"""The lines of stops. Those of orders are called as their primitives."""
 _SETTLE_S = 0.003
 """On our own clock: messages published before the tick's last `stateRef` have reached this machine by then, and are read
 within this time."""
@@ -170,14 +173,12 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
             takes_back=our_clock,
             gate=gate,
         )
-        super().__init__(name, core, now_ms, dock_count)
+        super().__init__(name, core, gate, now_ms, dock_count)
         self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)
         self._docking = docking
         self._statuses_before = 0
         self._statuses_are_silent = False
         self._services = dict(SERVICES)
-        self._calls = ServiceCalls()
-        self._stop_service = of_apad(name, "commander/stop_mission")
         self._camera = camera
         self._arms = rospy.Publisher(of_apad(name, "dock_out"), Float32MultiArray, queue_size=4)
 
@@ -209,16 +210,21 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     @property
     def can_stop(self) -> bool:
-        return self._calls.are_connected([self._stop_service])
+        return self._sender.are_open([_OFF, _HOLD])
 
     def _prepare(self) -> None:
-        kinds = {self._service_name(primitive): kind for primitive, kind in self._services.items()}
-        self._calls.prepare({self._stop_service: Trigger, **kinds})
+        for primitive, kind in self._services.items():
+            self._sender.add_service(primitive.value, self._service_name(primitive), kind)
+        # A line of its own: a hold that stops waits behind no other call.
+        held = Primitive.POSITION
+        self._sender.add_service(_HOLD, self._service_name(held), self._services[held])
+        self._sender.add_service(_OFF, of_apad(self.name, "commander/stop_mission"), Trigger)
+        self._sender.begin()
+        self._sender.wait_until_open([*(it.value for it in self._services), _HOLD, _OFF])
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts up to `now_ms`. The orders that the core makes of them are sent."""
         self._now_ms = now_ms
-        self._keep_open(now_ms)
         self._drain()
         if self._subscribers.lost_pilot():
             self._core.receive(ManualReceived(now_ms, None), now_ms)
@@ -231,7 +237,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         if isinstance(command, MoveArm):
             arm = arms(command.dock_index if command.is_open else None)
             self._arms.publish(Float32MultiArray(data=[float(it) for it in arm.is_open]))
-        self._core.command(command, now_ms)
+        self._core.command(cleared, now_ms)
         self._send()
 
     def receive_dock_report(self, alert: DockReport) -> None:
@@ -240,7 +246,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     def close(self) -> None:
         self._subscribers.close()
-        self._calls.close()
+        self._sender.close()
         self._arms.unregister()
         if self._camera is not None:
             self._camera.close()
@@ -278,20 +284,20 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
             call = cleared.order
             if isinstance(call.order, StopOrder):
                 request = Trigger._request_class()
-                self._calls.send(self._stop_service, Trigger, request, self._answer_to(call), is_stop=True)
+                self._sender.send(_OFF, Rank.OFF, cleared, request, self._answer_to(call))
                 continue
             primitive, fields = _fields(call.order)
-            kind = self._services[primitive]
-            request = kind._request_class()
+            request = self._services[primitive]._request_class()
             for path, value in fields.items():
                 write(request, path, value)
             is_stop = isinstance(call.order, PositionOrder) and call.order.pre_empts
-            self._calls.send(
-                self._service_name(primitive), kind, request, self._answer_to(call), is_stop=is_stop
-            )
+            line, rank = (_HOLD, Rank.HOLD) if is_stop else (primitive.value, Rank.ORDER)
+            self._sender.send(line, rank, cleared, request, self._answer_to(call))
 
-    def _answer_to(self, call: NumberedOrder) -> Any:
-        def answered(response: Any, refused: str | None) -> None:
+    def _answer_to(self, call: NumberedOrder) -> Answered:
+        def answered(response: Any, refused: str | None, was_cut: bool) -> None:
+            if was_cut:
+                self._inbox.put(OrderCut(UNSTAMPED), always=True)
             # The published commander leaves `success` of stop_mission false: any answer says that it took the order.
             if refused is None and not (isinstance(call.order, StopOrder) or response.status):
                 refused = "its service answered that it does not take the order"

@@ -6,18 +6,17 @@ has a time-out in wall seconds.
 
 from __future__ import annotations
 
-import threading
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import rospy
 
 from apad_bridge.events.event import Event
+from apad_bridge.ros.links.order_sender import OrderSender
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.scenario.schema import Scenario
@@ -28,9 +27,6 @@ from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.stack import Stack
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Readings, Sight
-
-REOPEN_MS = 2_000
-"""Lost connections to services are opened again so often, in mission time."""
 
 
 class LinkDocks(Protocol):
@@ -73,15 +69,13 @@ class LegacyLink(ABC, Generic[Core]):
     MEND: ClassVar[str]
     """The mend for a person whose aPad uses other definitions."""
 
-    def __init__(self, name: str, core: Core, now_ms: int, dock_count: int) -> None:
+    def __init__(self, name: str, core: Core, gate: Gate, now_ms: int, dock_count: int) -> None:
         self.name = name
         self.capabilities = self.STACK.capabilities(dock_count)
         self._core = core
         self._now_ms = now_ms
         self._inbox: Inbox[Any] = Inbox()
-        self._opened_ms = now_ms
-        self._opening: threading.Thread | None = None
-        """Opens lost connections."""
+        self._sender = OrderSender(gate.lets_go)
         self._excused: set[str] = set()
         """Names waited for once in vain: a flight does not wait for them again."""
 
@@ -131,21 +125,6 @@ class LegacyLink(ABC, Generic[Core]):
     @abstractmethod
     def _prepare(self) -> None:
         """Connects to the services that orders need. CallFailed where one cannot be reached."""
-
-    def _keep_open(self, now_ms: int) -> None:
-        """Opens lost connections again, every `REOPEN_MS`, in a thread: it may take seconds."""
-        if self.can_stop or now_ms - self._opened_ms < REOPEN_MS:
-            return
-        if self._opening is not None and self._opening.is_alive():
-            return
-        self._opened_ms = now_ms
-
-        def prepare() -> None:
-            with suppress(CallFailed):  # the next try tells
-                self._prepare()
-
-        self._opening = threading.Thread(target=prepare, name="open services", daemon=True)
-        self._opening.start()
 
     @abstractmethod
     def _missing(self) -> list[str]:

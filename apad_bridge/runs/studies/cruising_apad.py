@@ -25,6 +25,7 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     PilotLeft,
     PoseReported,
+    ReleaseByName,
     Stop,
     VehicleCommand,
 )
@@ -128,8 +129,8 @@ class CruisingAPad:
                     [carried, opened, LetGo(now_ms, agent_id)] if isinstance(opened, DockOpened) else [opened]
                 )
                 self._set_load()
-            case MoveArm():
-                pass  # arms cost nothing here
+            case MoveArm() | ReleaseByName():
+                pass  # arms cost nothing here, and no dock of its own lies
             case Stop() | PilotLeft():
                 raise AssertionError("no guard stops this aPad: model_gap names guards")
             case _:

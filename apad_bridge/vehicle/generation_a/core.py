@@ -5,8 +5,8 @@ nothing (one more than there are docks), and a release may never answer (the pub
 ends, by the constants below, in mission time.
 
 Other parties send goals to the same server, which runs one at a time. Their orders are let end. A core that `takes_back`
-its vehicle then orders again the hold that should be. Any other core reports `CommandedByOthers`, and orders no hold that
-would stop the other's order: a person gives the vehicle back.
+its vehicle then asks again for the hold that should be (`HoldWanted`). Any other core reports `CommandedByOthers`, and
+orders no hold that would stop the other's order: a person gives the vehicle back.
 """
 
 from __future__ import annotations
@@ -30,11 +30,17 @@ from apad_bridge.vehicle.commands import (
     GoalOfOthers,
     GoTo,
     Hold,
+    HoldWanted,
+    MoveArm,
     OpenDock,
+    OrderCut,
     PilotLeft,
     PilotReported,
     PoseReported,
+    ReleaseByName,
+    ReleaseWanted,
     Stop,
+    VehicleCommand,
 )
 from apad_bridge.vehicle.docking import GoToProgress
 from apad_bridge.vehicle.generation_a.controllers_off import ControllersOff
@@ -85,6 +91,7 @@ class _SentGoal:
     """An unfinished goal."""
 
     command: Command
+    before: Cleared[VehicleCommand]
     order: GoalOrder
     sent_ms: int
     is_taken: bool = False
@@ -105,8 +112,8 @@ class GenerationACore:
 
     `battery_v` is (empty, full). `docked` are the agents by dock index that the vehicle is known to hold at
     `now_ms`, at `places`. Goal keys begin with `nonce`, which no two runs on one server may share. `gate` judges each
-    goal. `take_orders` returns the goals that the core sends by itself, `take_question` whether to ask the vehicle what
-    it holds.
+    goal. `take_orders` returns the goals that a silent vehicle may not have heard, `take_question` whether to ask the
+    vehicle what it holds.
     """
 
     def __init__(
@@ -141,7 +148,7 @@ class GenerationACore:
         self._latest_key = ""
         self._silence = SilenceWatch()
         self._is_silent = False
-        self._orders: list[GoalOrder] = []
+        self._orders: list[_SentGoal] = []
         self._own_orders = 0
         self._post: GoTo | Hold | None = None
         """The command at whose place the vehicle should stay."""
@@ -172,15 +179,26 @@ class GenerationACore:
         """Keys of the unfinished goals to docking mechanisms."""
         return [key for key, sent in self._goals.items() if isinstance(sent.command, CloseDock | OpenDock)]
 
-    def command(self, command: Command | Stop | PilotLeft, now_ms: int) -> Cleared[GoalOrder] | None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> Cleared[GoalOrder] | None:
         """The goal to send; None for a stop, and for a perch or release from afar, which the vehicle would call done."""
+        command, self._now_ms = cleared.order, now_ms
+        assert not isinstance(command, MoveArm), "the stack has no such order, as its capabilities state"
         if isinstance(command, PilotLeft):
             return None  # nothing but a pilot's own goals tells of a pilot here
+        if isinstance(command, ReleaseByName):
+            name = f"{self._object_prefix}{command.agent_id}"
+            return self._let_out(
+                GoalOrder(self._own_key(), RELEASE, name=name, agent_id=command.agent_id), cleared
+            )
         self._orders = []
+        # A hold that was wanted before this command would replace it.
+        self._facts = [it for it in self._facts if not isinstance(it, HoldWanted)]
         self._off.forget()
         if isinstance(command, Stop):
+            if self.unacknowledged:
+                self._facts.append(OrderCut(now_ms))
             self._post, self._away_ms, self._goals = None, None, {}
-            self._off.order(command.command_id, now_ms)
+            self._off.order(cleared)
             return None
         if (
             isinstance(command, CloseDock | OpenDock)
@@ -196,13 +214,12 @@ class GenerationACore:
         ):
             self._post, self._goals = None, {}
             return None
-        self._now_ms = now_ms
-        order = self._send(f"{self._nonce}-{command.command_id}", command, now_ms)
-        return self._let_out(order)
+        order = self._send(f"{self._nonce}-{command.command_id}", command, cleared, now_ms)
+        return self._let_out(order, cleared)
 
-    def _let_out(self, order: GoalOrder) -> Cleared[GoalOrder] | None:
-        """Asks the gate about each goal, whoever wants it. A command whose goal it refuses has failed."""
-        cleared = self._gate.clear_for_wire(order, _as_command(order), self._now_ms)
+    def _let_out(self, order: GoalOrder, before: Cleared[VehicleCommand]) -> Cleared[GoalOrder] | None:
+        """Asks the gate about each goal for the command `before`. A command whose goal it refuses has failed."""
+        cleared = self._gate.clear_for_wire(order, _as_command(order), before, self._now_ms)
         if cleared is not None:
             return cleared
         sent = self._goals.pop(order.key, None)
@@ -214,7 +231,7 @@ class GenerationACore:
             )
         return None
 
-    def _send(self, key: str, command: Command, now_ms: int) -> GoalOrder:
+    def _send(self, key: str, command: Command, before: Cleared[VehicleCommand], now_ms: int) -> GoalOrder:
         progress = None
         match command:
             case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
@@ -230,28 +247,28 @@ class GenerationACore:
             case OpenDock(_, _, agent_id):
                 self.docks.order_release(agent_id, now_ms)
                 order = GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}", agent_id=agent_id)
-        self._goals[key] = _SentGoal(command, order, now_ms, progress=progress)
+        self._goals[key] = _SentGoal(command, before, order, now_ms, progress=progress)
         self._latest_key = key
         return order
 
     def take_orders(self) -> list[Cleared[GoalOrder]]:
-        """The goals that nobody commanded just now, returned once.
+        """The goals to repeat, because the vehicle was silent when they were sent, returned once."""
+        repeated, self._orders = self._orders, []
+        let_out = (self._let_out(it.order, it.before) for it in repeated)
+        return [it for it in let_out if it is not None]
 
-        They are a goal to repeat, because the vehicle was silent when it was sent; a hold after another party's order; and
-        the release by name of an aMussel that the vehicle may still hold, as soon as no goal of ours runs.
-        """
+    def _want_release(self, now_ms: int) -> None:
+        """Asks for the release of an aMussel that the vehicle may still hold, as soon as no goal of ours runs."""
         is_free = not self._goals and not self._server.others_run and not self._off.is_ordered
         if self.docks.unordered_releases and is_free:
-            agent_id = self.docks.unordered_releases.pop(0)
-            name = f"{self._object_prefix}{agent_id}"
-            self._orders.append(GoalOrder(self._own_key(), RELEASE, name=name, agent_id=agent_id))
-        orders, self._orders = self._orders, []
-        return [it for it in map(self._let_out, orders) if it is not None]
+            self._facts.append(ReleaseWanted(now_ms, *self.docks.unordered_releases.pop(0)))
 
     def take_off_order(self) -> Cleared[OffOrder] | None:
         """The order that switches the controllers off, once each time that it must be sent."""
-        order = self._off.take_order()
-        return None if order is None else self._gate.clear_for_wire(order, Stop(0), self._now_ms)
+        if (taken := self._off.take_order()) is None:
+            return None
+        order, before = taken
+        return self._gate.clear_for_wire(order, Stop(0), before, self._now_ms)
 
     def take_question(self) -> bool:
         """True, once, when the vehicle should be asked what it holds (`check_docking_availability`)."""
@@ -285,7 +302,7 @@ class GenerationACore:
         # A real vehicle that was silent waits for a person; the simulated one goes on.
         if not changed.is_silent and latest is not None and not latest.is_taken and self._takes_back:
             latest.sent_ms = now_ms
-            self._orders.append(latest.order)
+            self._orders.append(latest)
 
     def receive(self, message: Received, now_ms: int) -> None:
         """Takes a message; one stamped after `now_ms` waits for its time."""
@@ -319,9 +336,9 @@ class GenerationACore:
             self.docks.silent(self.readings, server_lives=self._server.lives(self.readings))
         )
         self._server.look(self.readings)
-        self._off.advance(now_ms)
         self._time_out_goals(now_ms)
         self._watch_others(now_ms)
+        self._want_release(now_ms)
         facts, self._facts = self._facts, []
         facts += self.docks.places(self.readings)
         readings = self.readings.take(self._gate)
@@ -477,8 +494,7 @@ class GenerationACore:
             return
         self._away_ms = None
         if self._takes_back:
-            hold = Hold(self._post.command_id, self._post.north_m, self._post.east_m)
-            self._orders.append(self._send(self._own_key(), hold, now_ms))
+            self._facts.append(HoldWanted(now_ms, self._post.north_m, self._post.east_m))
 
     def _fail(self, command: Command, at_ms: int, reason: str) -> None:
         self._facts.append(CommandFailed(at_ms, command.command_id, reason))

@@ -59,8 +59,9 @@ class _Holding:
 
 @dataclass(slots=True)
 class _Surplus:
-    """The perches, beyond one, of an agent that was released."""
+    """The perches, beyond one, of an agent that was released from this dock."""
 
+    dock_index: int
     perches: int
     until_ms: int
     """A first position up to here shows that the aPad holds it still."""
@@ -87,9 +88,9 @@ class ReportedDocks:
         self.dropped: Counter[str] = Counter()
         self.disagreements: list[tuple[int, str]] = []
         """Agents with what the witnesses of their docks say, each told once and taken by the core."""
-        self.unordered_releases: list[int] = []
-        """Agents that the vehicle may hold though their dock opened, by silence alone or once of twice: it should release
-        them by name."""
+        self.unordered_releases: list[tuple[int, int]] = []
+        """The dock's index and the agent, where the vehicle may hold it though its dock opened, by silence alone or once of
+        twice: it should release it by name."""
         self.lost_m: dict[int, tuple[float, float]] = {}
         """The last place (north, east) of each free agent whose dock opened by silence alone."""
         self._perches: Counter[int] = Counter()
@@ -135,7 +136,7 @@ class ReportedDocks:
         self._perches[agent_id] += 1 + (surplus.perches if surplus is not None and surplus.is_held else 0)
 
     def _forget_release(self, agent_id: int) -> None:
-        self.unordered_releases = [it for it in self.unordered_releases if it != agent_id]
+        self.unordered_releases = [it for it in self.unordered_releases if it[1] != agent_id]
 
     def perch_refused(self, agent_id: int) -> None:
         """The server did not carry the perch out."""
@@ -196,7 +197,7 @@ class ReportedDocks:
             return False
         if not surplus.is_held:
             self.dropped["position_static of an aMussel that was held twice: released again"] += 1
-            self.unordered_releases += [agent_id] * surplus.perches
+            self.unordered_releases += [(surplus.dock_index, agent_id)] * surplus.perches
         surplus.is_held = True
         surplus.perches -= message.released
         if surplus.perches == 0:
@@ -286,7 +287,7 @@ class ReportedDocks:
     def _open_by_silence(self, agent_id: int, at_ms: int, why: str) -> list[LinkFact]:
         self.dropped["silence on position_static, taken for a release without an order"] += 1
         self._disagree(agent_id, f"position_static is silent, and {why}: taken for released")
-        self.unordered_releases.append(agent_id)
+        self.unordered_releases.append((self._held[agent_id].dock_index, agent_id))
         if (place_m := self._held[agent_id].place_m) is not None:
             self.lost_m[agent_id] = place_m
         return self._open(agent_id, at_ms)
@@ -294,5 +295,5 @@ class ReportedDocks:
     def _open(self, agent_id: int, at_ms: int) -> list[LinkFact]:
         holding = self._held.pop(agent_id)
         if (perches := self._perches.pop(agent_id, 0)) > 1:
-            self._surpluses[agent_id] = _Surplus(perches - 1, at_ms + TWICE_MS)
+            self._surpluses[agent_id] = _Surplus(holding.dock_index, perches - 1, at_ms + TWICE_MS)
         return [DockOpened(at_ms, holding.dock_index, agent_id), LetGo(at_ms, agent_id)]

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.generation_b.messages import NumberedOrder, Order, ServiceAnswered, StopOrder
+from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.vehicle.generation_b.messages import (
+    NumberedOrder,
+    Order,
+    PositionOrder,
+    ServiceAnswered,
+    StopOrder,
+)
+from apad_bridge.vehicle.link import Cleared
 
 ANSWER_MS = 5_000
 """A service without an answer for so long has failed: its node is gone, or its callback hangs."""
@@ -17,6 +25,7 @@ TRIES = 3
 @dataclass(slots=True)
 class PendingCall:
     order: Order
+    before: Cleared[VehicleCommand]
     number: int
     sent_ms: int
     first_number: int
@@ -43,12 +52,12 @@ class OrderCalls:
             return []
         return [f"order {pending.number}"]
 
-    def order(self, order: Order, now_ms: int) -> None:
-        before, number = self.pending, self._send(order)
+    def order(self, order: Order, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        """Sends an order for the command `cleared`."""
+        before, number = self.pending, self._send(order, cleared)
         is_again = before is not None and before.order == order == StopOrder() and before.answered_ms is None
-        self.pending = PendingCall(
-            order, number, now_ms, before.first_number if is_again and before else number
-        )
+        first_number = before.first_number if is_again and before else number
+        self.pending = PendingCall(order, cleared, number, now_ms, first_number)
 
     def forget(self) -> None:
         self.pending, self._to_send = None, []
@@ -78,7 +87,8 @@ class OrderCalls:
         pending = self.pending
         if pending is None or pending.answered_ms is not None:
             return None
-        is_stop = isinstance(pending.order, StopOrder)
+        order = pending.order
+        is_stop = isinstance(order, StopOrder) or (isinstance(order, PositionOrder) and order.pre_empts)
         answer_ms = STOP_ANSWER_MS if is_stop else ANSWER_MS
         if pending.retry_ms is None and now_ms - pending.sent_ms >= answer_ms:
             self._refuse(pending, f"its service did not answer within {answer_ms / 1000:g} s", now_ms)
@@ -88,14 +98,15 @@ class OrderCalls:
             self.pending = None
             return pending.first_cause
         pending.tries += 1
-        pending.number, pending.sent_ms, pending.retry_ms = self._send(pending.order), now_ms, None
+        pending.number, pending.sent_ms = self._send(pending.order, pending.before), now_ms
+        pending.retry_ms = None
         return None
 
     def _refuse(self, pending: PendingCall, reason: str, at_ms: int) -> None:
         pending.first_cause = pending.first_cause or reason
         pending.retry_ms = at_ms + RETRY_MS
 
-    def _send(self, order: Order) -> int:
+    def _send(self, order: Order, cleared: Cleared[VehicleCommand]) -> int:
         self._number += 1
-        self._to_send.append(NumberedOrder(self._number, order))
+        self._to_send.append(NumberedOrder(self._number, order, cleared))
         return self._number

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import PAPER_DOCKS, Docking
-from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Stop, VehicleCommand
+from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, OrderCut, Stop, VehicleCommand
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
     ArmReceived,
@@ -97,7 +97,7 @@ class GenerationBCore:
         """Asks the gate about each call, whoever wants it. A call that it refuses fails as if the aPad refused it."""
         calls = []
         for call in self._tasks.calls.take():
-            cleared = self._gate.clear_for_wire(call, _as_command(call.order), self._now_ms)
+            cleared = self._gate.clear_for_wire(call, _as_command(call.order), call.before, self._now_ms)
             if cleared is not None:
                 calls.append(cleared)
                 if isinstance(call.order, GoToOrder):
@@ -106,9 +106,9 @@ class GenerationBCore:
                 self._tasks.calls.receive(ServiceAnswered(self._now_ms, call.number, "a guard refused it"))
         return calls
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         self._now_ms = now_ms
-        self._tasks.command(command, now_ms)
+        self._tasks.command(cleared, now_ms)
 
     def receive(self, message: Received, now_ms: int) -> None:
         """Takes a message; one stamped after `now_ms` waits for its time."""
@@ -119,6 +119,8 @@ class GenerationBCore:
                 self.readings.receive(message)
             case ServiceAnswered():
                 self._tasks.receive_answer(message)
+            case OrderCut():
+                self._tasks.note_cut(message)
             case StatusReceived(at_ms, docking, status):
                 self.status_count += 1
                 self._tasks.receive_status(docking, status, at_ms)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from typing import Any
 
+from apad_bridge.vehicle.commands import OrderCut, VehicleCommand
+from apad_bridge.vehicle.link import Cleared
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
 
@@ -98,6 +100,8 @@ class NumberedOrder:
 
     number: int
     order: Order
+    before: Cleared[VehicleCommand]
+    """The command for which it goes out, as the gate let it out."""
 
 
 # Messages from the aPad.
@@ -158,6 +162,7 @@ Received = (
     | StateRefReceived
     | BatteryReceived
     | ServiceAnswered
+    | OrderCut
     | StatusReceived
     | FinishedReceived
     | ManualReceived

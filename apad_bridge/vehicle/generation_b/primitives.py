@@ -19,6 +19,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     PrimitiveStatus,
     dock_direction_rad,
 )
+from apad_bridge.vehicle.link import Cleared
 
 GRACE_MS = 3_000
 """A vehicle that took an order and does not run it for so long has dropped it."""
@@ -123,16 +124,14 @@ class HoldTask:
     """A position that the aPad was ordered to hold.
 
     Other parties' orders that pre-empt the hold show on the status topics: a go-to on `goto_status`, a
-    docking on `docking_status`. The bridge does not fight them: it lets them end and then orders the hold
+    docking on `docking_status`. The bridge does not fight them: it lets them end and then asks for the hold
     again.
     """
 
     order: PositionOrder
     ordered_ms: int
     """The time of the order; from the service's answer on, the time of that."""
-    command: Hold | None = None
-    """None for the hold after a primitive, ordered because the primitive's end leaves the controllers off."""
-
+    command: Hold
     is_quiet: bool = False
     """After the order was taken, `goto_status` stated that no go-to runs: a later go-to is another party's."""
     is_lost: bool = False
@@ -193,7 +192,7 @@ class ServoTask:
         self.command = command
         self.has_let_go = False
         """An undocking whose arm stands open, while the vehicle still pulls back."""
-        self.next_command: VehicleCommand | None = None
+        self.next_command: Cleared[VehicleCommand] | None = None
         """A command that came meanwhile and waits, because it would cut the pulling back short."""
         self._config = config
         self._watch = StatusWatch()

@@ -1,7 +1,7 @@
 """Runs the tasks of a generation B aPad: one go-to, hold or visual docking at a time.
 
-Each order has its tries and time-outs. The bridge notices a vehicle that dropped an order, and it orders
-dynamic positioning after the end of every task. It orders nothing while a pilot steers.
+Each order has its tries and time-outs. A vehicle that dropped its order, or came to the end of a task, has its controllers
+off: then the tasks ask for a hold (`HoldWanted`), and order none themselves. They order nothing while a pilot steers.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from apad_bridge.vehicle.commands import (
     GoalOfOthers,
     GoTo,
     Hold,
+    HoldWanted,
     MoveArm,
     OpenDock,
+    OrderCut,
     PilotLeft,
     PilotReported,
     PoseReported,
@@ -33,13 +35,12 @@ from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
     Go2pointGoalSeen,
     Order,
-    PositionOrder,
     PrimitiveStatus,
     ServiceAnswered,
     StopOrder,
 )
 from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask, hold_task_of
-from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.link import Cleared, LinkFact
 from apad_bridge.vehicle.telemetry import Readings
 
 REPLACED = "another client's goal replaced it"
@@ -103,6 +104,8 @@ class Tasks:
         self._readings = readings
         self._dropped: Counter[str] = Counter()
         self._facts: list[LinkFact] = []
+        self._cleared: Cleared[VehicleCommand] | None = None
+        """The newest command for which orders go out, as the gate let it out."""
         self._go_to_task: GoToTask | None = None
         self._servo_task: ServoTask | None = None
         self._hold_task: HoldTask | None = None
@@ -123,15 +126,15 @@ class Tasks:
         facts, self._facts = self._facts, []
         return facts
 
-    def command(self, command: VehicleCommand, now_ms: int) -> None:
-        servo = self._servo_task
+    def command(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
+        command, servo = cleared.order, self._servo_task
         if isinstance(command, PilotLeft):
             # A person's word, and no news of the vehicle: what it reports would ask for another word.
             self.pilot_steers, self._pilot_is_known = False, True
             return
         is_stop = isinstance(command, Stop) or (isinstance(command, Hold) and command.pre_empts)
         if servo is not None and servo.has_let_go and not is_stop and not isinstance(command, MoveArm):
-            servo.next_command = command
+            servo.next_command = cleared
             return
         if self.pilot_steers and not self._takes_back:
             if not isinstance(command, MoveArm):
@@ -139,6 +142,10 @@ class Tasks:
             return
         if not isinstance(command, MoveArm):
             self._stop = None
+            # A hold that was wanted before this command would replace it.
+            self._facts = [it for it in self._facts if not isinstance(it, HoldWanted)]
+        if isinstance(command, GoTo | Hold | Stop) or self._is_servoed(command):
+            self._cleared = cleared
         match command:
             case GoTo(_, north_m, east_m):
                 self._goal_m = (north_m, east_m)
@@ -149,16 +156,22 @@ class Tasks:
                 self._clear()
                 self._stop, self._is_quiet = command, False
                 self._order(StopOrder(), now_ms)
-            case MoveArm():  # the link moves arms; they give no answer
-                pass
-            case CloseDock(_, _, agent_id) | OpenDock(_, _, agent_id):
-                if self._docking.profile_of(agent_id) is not DockingProfile.VIRTUAL:
-                    self._begin_servo(command, now_ms)
-                elif isinstance(command, OpenDock):
-                    self._facts += self._docks.open(command, now_ms)
-                else:
-                    # The port has waited out the docking time, and the bench makes the contact.
-                    self._facts += self._docks.close(command, self._pose, now_ms)
+            case CloseDock() | OpenDock() if self._is_servoed(command):
+                self._begin_servo(command, now_ms)
+            case OpenDock():
+                self._facts += self._docks.open(command, now_ms)
+            case CloseDock():
+                # The port has waited out the docking time, and the bench makes the contact.
+                self._facts += self._docks.close(command, self._pose, now_ms)
+
+    def _is_servoed(self, command: VehicleCommand) -> bool:
+        """True for a docking or an undocking by the vehicle's own visual servoing."""
+        if not isinstance(command, CloseDock | OpenDock):
+            return False
+        return self._docking.profile_of(command.agent_id) is not DockingProfile.VIRTUAL
+
+    def note_cut(self, cut: OrderCut) -> None:
+        self._facts.append(cut)
 
     def receive_answer(self, answer: ServiceAnswered) -> None:
         """A service answers: the vehicle has taken the present order, or refuses it."""
@@ -256,8 +269,8 @@ class Tasks:
             self._go(self._go_to_task.command, at_ms)
         elif self._servo_task is not None:
             self._order(self._servo_task.first_order, at_ms)
-        elif self._hold_task is not None and self._hold_task.command is not None:
-            self._hold(hold_task_of(self._hold_task.command, at_ms))
+        elif self._hold_task is not None:
+            self._want_again(self._hold_task, at_ms)
         else:
             self._hold_here(at_ms)
 
@@ -282,28 +295,22 @@ class Tasks:
         if self._go_to_task is not None:
             self._go(self._go_to_task.command, now_ms)
         elif self._hold_task is not None:
-            self._hold_again(self._hold_task, now_ms)
+            self._want_again(self._hold_task, now_ms)
 
     def watch(self, now_ms: int) -> None:
         """Ends tasks by time-out, by silence, or by the vehicle's position."""
         if (cause := self.calls.retry_or_fail(now_ms)) is not None:
             if self._stop is not None:
                 self._facts.append(CommandFailed(now_ms, self._stop.command_id, cause))
-            elif self._commanded is not None:
-                self._fail(cause, now_ms)
             else:
-                self._dropped[
-                    "a hold after the end of a primitive: its service refused it, or did not answer"
-                ] += 1
-                if self._hold_task is not None:
-                    self._hold_task.ordered_ms = now_ms
+                self._fail(cause, now_ms)
         if self._go_to_task is not None:
             self._watch_go_to(self._go_to_task, now_ms)
         elif self._servo_task is not None:
             self._watch_servo(self._servo_task, now_ms)
         elif self._hold_task is not None and self._must_hold_again(self._hold_task, now_ms):
             self._dropped["the aPad did not hold its position, and got the hold again"] += 1
-            self._hold_again(self._hold_task, now_ms)
+            self._want_again(self._hold_task, now_ms)
 
     def _must_hold_again(self, task: HoldTask, now_ms: int) -> bool:
         """Another party's order is not cut short, for as long as a docking of ours may take."""
@@ -328,15 +335,16 @@ class Tasks:
         return self._under_way or held
 
     def _order(self, order: Order, now_ms: int) -> None:
+        assert self._cleared is not None, "an order stands for a command"
         if not self.pilot_steers:
-            self.calls.order(order, now_ms)
+            self.calls.order(order, self._cleared, now_ms)
 
     def _clear(self) -> None:
         """Forgets the present task and hold."""
         self._go_to_task = self._servo_task = self._hold_task = None
 
     def _fail(self, reason: str, at_ms: int) -> None:
-        """Reports the present command as failed and holds the vehicle where it is."""
+        """Reports the present command as failed, and asks for a hold where the vehicle is."""
         if (command := self._commanded) is not None:
             self._facts.append(CommandFailed(at_ms, command.command_id, reason))
         self._hold_here(at_ms)
@@ -348,14 +356,16 @@ class Tasks:
         self._hold_task = task
         self._order(task.order, task.ordered_ms)
 
-    def _hold_again(self, task: HoldTask, now_ms: int) -> None:
-        self._order(task.renew(now_ms), now_ms)
+    def _want_again(self, task: HoldTask, now_ms: int) -> None:
+        held = task.renew(now_ms)
+        self._facts.append(HoldWanted(now_ms, held.north_m, held.east_m, held.heading_rad))
 
     def _hold_here(self, now_ms: int) -> None:
-        """Holds the present position, because the end of a task leaves the controllers off."""
+        """Asks for a hold at the present position, because the end of a task leaves the controllers off."""
         self._clear()
+        self.calls.forget()
         if self._pose is not None:
-            self._hold(HoldTask(PositionOrder(self._pose.north_m, self._pose.east_m), now_ms))
+            self._facts.append(HoldWanted(now_ms, self._pose.north_m, self._pose.east_m))
 
     # Going.
 
@@ -375,8 +385,12 @@ class Tasks:
             self._arrive(task.command, now_ms)
 
     def _arrive(self, command: GoTo, at_ms: int) -> None:
-        self._facts.append(Arrived(at_ms, command.command_id))
-        self._hold(HoldTask(PositionOrder(command.north_m, command.east_m), at_ms))
+        self._clear()
+        self.calls.forget()
+        self._facts += [
+            Arrived(at_ms, command.command_id),
+            HoldWanted(at_ms, command.north_m, command.east_m),
+        ]
 
     # Visual docking.
 

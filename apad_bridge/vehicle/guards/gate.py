@@ -1,8 +1,8 @@
 """The gate: every order that moves a vehicle or an aMussel passes it, whoever gives the order.
 
 A flight wraps its vehicle's link into a `GuardedVehicle` (guarded_vehicle.py), so that the mission, scripts, calls and
-persons have no other road to it. The links to vehicles on ROS also repeat orders by themselves; they ask the same `Gate`
-before each.
+persons have no other road to it. An order that was let out at one time leaves at another: the links ask the same `Gate`
+again when they put an order into words, and directly before the bytes leave (`lets_go`).
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ from apad_bridge.vehicle.commands import (
     PilotLeft,
     PilotReported,
     PoseReported,
+    ReleaseByName,
     Stop,
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.battery_watch import BatteryWatch
 from apad_bridge.vehicle.guards.guards import GoodPosition, Guard, PersonsWord, SoundNumbers
-from apad_bridge.vehicle.guards.monitor import Monitor
+from apad_bridge.vehicle.guards.monitor import DEFAULT_STOPPING, Monitor, Stopping
 from apad_bridge.vehicle.guards.orders import (
     BodyInWater,
     GuardedOrder,
@@ -39,7 +40,7 @@ from apad_bridge.vehicle.guards.orders import (
     is_stop,
 )
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
-from apad_bridge.vehicle.guards.stops import Stops
+from apad_bridge.vehicle.guards.stops import Latch, Stops
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.link import Cleared, LinkFact, Order
 
@@ -49,6 +50,7 @@ NAMES: dict[type, str] = {
     CloseDock: "dock",
     OpenDock: "undock",
     MoveArm: "move an arm",
+    ReleaseByName: "undock",
     Stop: "stop",
     PilotLeft: "take the aPad from its pilot",
     Surfacing: SURFACING,
@@ -68,6 +70,9 @@ RETURN_RADIUS_M = 1.0
 @dataclass(frozen=True, slots=True)
 class _LetOut(Cleared[Order]):
     order: Order
+    under: int
+    asks_guards: bool = True
+    """False for a stop, and for a way that was judged as a whole: only the latch holds it up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +90,8 @@ class Gate:
         self.watch = watch
         self.battery = BatteryWatch()
         self.events: list[Event] = []
-        self.stops = Stops(self.events)
+        self.latch = Latch()
+        self.stops = Stops(self.events, self.latch)
         self._bodies: tuple[BodyInWater, ...] = ()
         """The bodies that must not be touched."""
         self._others = ""
@@ -111,6 +117,8 @@ class Gate:
 
     def note_others(self, reason: str) -> None:
         """Another party has the vehicle, for this reason, until a person decides; the first reason counts."""
+        if not self._others:
+            self.latch.turn()
         self._others = self._others or reason
 
     def forget_others(self) -> None:
@@ -162,6 +170,7 @@ class Gate:
                 pilot = PILOT_UNKNOWN if fact.steers is None else PILOT_STEERS if fact.steers else ""
                 if pilot != self.pilot:
                     self.events.append(PilotTold(fact.steers))
+                    self.latch.turn()
                 self.pilot = pilot
             elif isinstance(fact, DockClosed):
                 # The next order may come before the bodies are seen again.
@@ -202,31 +211,49 @@ class Gate:
         return next((Refusal(name, reason) for name, reason in found if reason), None)
 
     def clear(self, command: VehicleCommand, now_ms: int) -> Cleared[VehicleCommand] | Refusal:
-        return self.refusal(command, now_ms) or _LetOut(command)
+        return self.refusal(command, now_ms) or _LetOut(command, self.latch.number)
 
-    def clear_for_wire(self, sent: Order, command: GuardedOrder, now_ms: int) -> Cleared[Order] | None:
-        """Clears a command that a link is about to send, maybe by itself again; None, and a line, if a guard refuses it."""
-        return _LetOut(sent) if self.passes(command, now_ms) else None
+    def clear_for_wire(
+        self, sent: Order, command: GuardedOrder, before: Cleared[VehicleCommand], now_ms: int
+    ) -> Cleared[Order] | None:
+        """Clears what a link is about to send for the command `before`, maybe once more; `command` is what it does.
+
+        None where a stop, a pilot or another party came since `before` was let out; None, and a line, if a guard refuses.
+        """
+        asks_guards = not isinstance(before, _LetOut) or before.asks_guards
+        if not self.lets_go(before) or (asks_guards and not self.passes(command, now_ms)):
+            return None
+        return _LetOut(sent, before.under, asks_guards)
+
+    def lets_go(self, cleared: Cleared[Order]) -> bool:
+        """True for an order that may still leave: no stop, pilot or other party came since. For any thread."""
+        return cleared.under == self.latch.number
 
     def clear_stop(self, stop: Hold | Stop) -> Cleared[VehicleCommand]:
         """A stop of the guards or of a person, whose owner has asked who has the vehicle and whether it may hold."""
-        return _LetOut(stop)
+        return _LetOut(stop, self.latch.number, asks_guards=False)
 
     def clear_way_back(self, command_id: int, now_ms: int) -> Cleared[VehicleCommand] | None:
         """The way back inside the fence, which a person has ordered; None where there is no such way."""
         (north_m, east_m), why_not = self.way_back(now_ms)
-        return None if why_not else _LetOut(GoTo(command_id, north_m, east_m, WAY_BACK_M_S, RETURN_RADIUS_M))
+        if why_not:
+            return None
+        way = GoTo(command_id, north_m, east_m, WAY_BACK_M_S, RETURN_RADIUS_M)
+        return _LetOut(way, self.latch.number, asks_guards=False)
 
     def clear_return(self, command_id: int, speed_m_s: float) -> Cleared[VehicleCommand] | None:
         """The way of a simulated vehicle to the nearest place inside its waters; None where there is none."""
         place_m = self.watch.place_m
         inside_m = None if place_m is None else self._waters.nearest_inside(place_m)
-        return None if inside_m is None else _LetOut(GoTo(command_id, *inside_m, speed_m_s, RETURN_RADIUS_M))
+        if inside_m is None:
+            return None
+        way = GoTo(command_id, *inside_m, speed_m_s, RETURN_RADIUS_M)
+        return _LetOut(way, self.latch.number, asks_guards=False)
 
     def take_from_pilot(self, command_id: int) -> Cleared[VehicleCommand]:
         """A person says that the pilot has left the vehicle."""
         self.pilot = ""
-        return _LetOut(PilotLeft(command_id))
+        return _LetOut(PilotLeft(command_id), self.latch.number)
 
     def passes(self, order: GuardedOrder, now_ms: int) -> bool:
         """False, and a line in the journal, for an order that a guard refuses."""
@@ -268,6 +295,8 @@ class Safety:
     """A real vehicle that had to be stopped moves again when a person allows it, and not before."""
     drift_m_s: Callable[[Point, int], Point] = lambda place_m, now_ms: (0.0, 0.0)
     """The velocity (north, east) with which the known sea takes a vehicle whose controllers are off there."""
+    stopping: Stopping = DEFAULT_STOPPING
+    """The vehicle's way to rest without thrust."""
 
 
 def plain_safety() -> Safety:

@@ -31,26 +31,39 @@ from apad_bridge.vehicle.commands import (
     GoalOfOthers,
     GoTo,
     Hold,
+    HoldWanted,
     MoveArm,
     OpenDock,
+    OrderCut,
     PilotReported,
     PoseReported,
+    ReleaseByName,
+    ReleaseWanted,
     Stop,
     VehicleCommand,
 )
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
 from apad_bridge.vehicle.guards.monitor import MonitorFinding, UnderWay
+from apad_bridge.vehicle.guards.obedience import Obedience, Obeys, Sight
 from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
-from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopsEnded
+from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopRecord, StopsEnded
 from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
 
 _Answer = CommandAccepted | Arrived | CommandFailed
+_Wish = HoldWanted | ReleaseWanted | OrderCut
+"""A link's facts for this class alone."""
 PILOT_HAD_IT = "a pilot has steered the aPad: continue, or take it over"
 REST_M = 0.5
 REST_MS = 3_000
 """A vehicle that stays within `REST_M` for so long is at rest."""
 DRIFT_MS = 10_000
 """So often the operator is told where a vehicle without thrust drifts."""
+REPEAT_MS = 1_000
+AFTER_CUT_MS = 5_000
+"""A stop is repeated so often, until the hull obeys and the newest order that it cut lies so far back. The vehicle may
+carry such an order out late: a connection's end does not end what its server has begun."""
+BLIND_MS = 10_000
+"""Where no position tells if the hull obeys, a stop that was taken is repeated for so long."""
 
 
 class GuardedVehicle:
@@ -87,6 +100,20 @@ class GuardedVehicle:
         """Since when, and where, the vehicle has been at one place."""
         self._drift_ms: int | None = None
         """The time of the newest message about the drift."""
+        self._obedience: Obedience | None = None
+        """Follows the hull from the acceptance of the stop in force on; None before."""
+        self._drifts = False
+        """The hull had no thrust when the stop in force came: only the water moves it."""
+        self._cut_ms: int | None = None
+        """The time of the newest order that a stop has cut."""
+        self._stop_ms: int | None = None
+        """The time at which the stop in force went out last, until the vehicle answers; None when it has."""
+        self._repeat_ms: int | None = None
+        """The time from which on the stop in force is due again."""
+        self._restored_ms: int | None = None
+        """The time of the first look at it."""
+        self._restored = self._stops.in_force
+        """The stop that a former supervisor left in force, until it is decided whether it goes out again."""
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """The link's facts, and the failures of refused commands. Once a tick the monitor looks, and reacts."""
@@ -94,10 +121,12 @@ class GuardedVehicle:
         self._taken = []
         if now_ms > self._looked_ms:
             self._looked_ms = now_ms
+            if self._restored is not None:
+                self._go_on_with(self._restored, now_ms)
             self._look(now_ms)
         facts += self._facts
         self._facts = []
-        return [it for it in facts if not (isinstance(it, _Answer) and it.command_id < 0)]
+        return [it for it in facts if not (isinstance(it, _Wish) or _is_own(it))]
 
     def look_between(self, now_ms: int) -> None:
         """Takes the facts of a real vehicle between two ticks, and stops it where its position has gone bad.
@@ -112,6 +141,8 @@ class GuardedVehicle:
         self._taken = [it for it in self._taken if not isinstance(it, replaced)] + facts
         if self.gate.watch.fault(now_ms):
             self._look(now_ms)
+        else:
+            self._watch_stop(now_ms)
 
     def _take_facts(self, now_ms: int) -> list[LinkFact]:
         """The link's new facts, of which the gate and the stops have taken note."""
@@ -195,7 +226,7 @@ class GuardedVehicle:
     def _take(self, fact: LinkFact, now_ms: int) -> None:
         match fact:
             case CommandAccepted(_, command_id) if self._stops.is_sent_by(command_id):
-                self._stops.taken(now_ms)
+                self._stop_taken(now_ms)
                 self._note_acceptance(fact)
             case CommandAccepted():
                 self._note_acceptance(fact)
@@ -206,6 +237,12 @@ class GuardedVehicle:
                 if command_id == self._way_back:
                     self._way_back = None
                     self._send_stop(now_ms)
+            case OrderCut():
+                self._cut_ms = now_ms
+            case HoldWanted(_, north_m, east_m, heading_rad):
+                self._wish(Hold(self._take_id(), north_m, east_m, heading_rad), now_ms)
+            case ReleaseWanted(_, dock_index, agent_id):
+                self._wish(ReleaseByName(self._take_id(), dock_index, agent_id), now_ms)
             case CommandedByOthers(_, client):
                 self._others_command(client, now_ms)
             case GoalOfOthers(_, client, north_m, east_m):
@@ -214,6 +251,16 @@ class GuardedVehicle:
             case PilotReported() if not self.gate.pilot and self._safety.needs_person:
                 # A pilot who lets go has not said that the mission may go on.
                 self.gate.note_others(PILOT_HAD_IT)
+
+    def _wish(self, command: Hold | ReleaseByName, now_ms: int) -> None:
+        """Orders what a link asks for, as far as nobody else has the vehicle. A stop in force stands alone."""
+        if self.gate.awaits_person or self.gate.pilot:
+            return
+        cleared = self.gate.clear(command, now_ms)
+        if isinstance(cleared, Cleared):
+            self._send(cleared, now_ms)
+        else:
+            self.gate.note_refused(command, cleared)
 
     def _others_command(self, client: str, now_ms: int) -> None:
         if not self._safety.needs_person:
@@ -243,7 +290,7 @@ class GuardedVehicle:
     def _leave_to_pilot(self, now_ms: int) -> None:
         """Fails the order under way: the pilot ends every order of ours."""
         self._fail_present(self.gate.pilot, now_ms)
-        self._under_way = self._ordered = self._way_back = None
+        self._under_way = self._ordered = self._way_back = self._obedience = self._repeat_ms = None
         self.gate.watch.note_goal(None)
 
     def _note_acceptance(self, fact: CommandAccepted) -> None:
@@ -278,7 +325,7 @@ class GuardedVehicle:
 
     def _send(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         command = cleared.order
-        if not isinstance(command, MoveArm):
+        if not isinstance(command, MoveArm | ReleaseByName):
             self._mechanism = command if isinstance(command, CloseDock | OpenDock) else self._mechanism
             self._under_way = UnderWay(command) if isinstance(command, GoTo) else None
             self._ordered = command if isinstance(command, GoTo | Hold) else None
@@ -292,6 +339,19 @@ class GuardedVehicle:
 
     # Stops.
 
+    def _go_on_with(self, stop: StopRecord, now_ms: int) -> None:
+        """Sends a restored OFF again, and a restored HOLD that nobody knows to be taken, as soon as it may hold."""
+        if self._restored_ms is None:
+            self._restored_ms = now_ms
+        is_blind = stop.kind is StopKind.HOLD and not may_hold(self.gate.situation(now_ms))
+        if stop.kind is StopKind.HOLD and (stop.taken_ms is not None or stop.stills_arms):
+            self._restored = None  # the vehicle holds by itself, or hands are near its thrusters
+        elif self._stops.in_force is not stop:
+            self._restored = None  # another stop has come
+        elif not is_blind or now_ms - self._restored_ms >= TAKEN_MS:
+            self._restored = None
+            self._send_stop(now_ms)
+
     def _begin_stop(
         self,
         kind: StopKind,
@@ -302,9 +362,12 @@ class GuardedVehicle:
         is_persons: bool = False,
         stills_arms: bool = False,
     ) -> None:
+        before = self._stops.in_force
+        self._drifts = before is not None and before.kind is StopKind.OFF and before.obeyed_ms is not None
         self._stops.begin(kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills_arms)
         self._way_back = self._rest = self._drift_ms = None
         self._fail_present(reason or f"stopped by {by}", now_ms)
+        self._obedience = None
         self._send_stop(now_ms)
 
     def _fail_present(self, reason: str, now_ms: int) -> None:
@@ -317,37 +380,59 @@ class GuardedVehicle:
     def _send_stop(self, now_ms: int) -> None:
         """Sends the stop in force; a HOLD becomes OFF where the vehicle may not hold any more."""
         stop, situation = self._stops.in_force, self.gate.situation(now_ms)
-        if stop is None:
+        if stop is None or self.gate.pilot == PILOT_STEERS:
             return
         if stop.kind is StopKind.HOLD and not may_hold(situation):
-            self._stops.become_off(situation.position_fault or situation.outside)
-            stop = self._stops.in_force
+            self._become_off(situation.position_fault or situation.outside)
+        elif stop.kind is StopKind.HOLD and situation.place_m is not None:
+            self._stops.keep_place(situation.place_m)
         command_id = self._take_id()
+        self._stop_ms, self._repeat_ms = now_ms, now_ms + REPEAT_MS
+        stop = self._stops.in_force
         self._stops.sent(command_id, now_ms)
-        if stop is not None and stop.kind is StopKind.HOLD and situation.place_m is not None:
-            here = Hold(command_id, *situation.place_m, pre_empts=True)
-            self._send(self.gate.clear_stop(here), now_ms)
+        if stop is not None and stop.place_m is not None:
+            held = Hold(command_id, *stop.place_m, pre_empts=True)
+            self._send(self.gate.clear_stop(held), now_ms)
         else:
             self._send(self.gate.clear_stop(Stop(command_id)), now_ms)
+
+    def _become_off(self, reason: str) -> None:
+        self._obedience = None
+        self._stops.become_off(reason)
 
     def _send_again(self, reason: str, now_ms: int) -> None:
         """Sends the stop in force to a vehicle that moves in spite of it: it comes before other clients."""
         self._stops.order_again(reason)
-        self._rest = None
+        self._rest = self._obedience = None
         self._send_stop(now_ms)
 
+    def _stop_taken(self, now_ms: int) -> None:
+        self._stop_ms = None
+        self._stops.taken(now_ms)
+        stop, situation = self._stops.in_force, self.gate.situation(now_ms)
+        if stop is not None and self._obedience is None and situation.place_m is not None:
+            sight = self._sight(situation.place_m, now_ms)
+            self._obedience = Obedience(stop.kind, stop.place_m, self._safety.stopping, sight)
+
+    def _sight(self, place_m: Point, now_ms: int) -> Sight:
+        watch = self.gate.watch
+        flow_m_s = watch.velocity_m_s if self._drifts else self._safety.drift_m_s(place_m, now_ms)
+        return Sight(now_ms, place_m, watch.velocity_m_s, flow_m_s, watch.way_error_m)
+
     def _stop_failed(self, reason: str, now_ms: int) -> None:
-        """The vehicle has not taken the stop: OFF in place of a HOLD, and an OFF again."""
+        """The vehicle has not taken the stop: OFF in place of a HOLD. An OFF is due again."""
         stop = self._stops.in_force
         assert stop is not None
         if self.gate.pilot == PILOT_STEERS:
             # A pilot ends a stop that was taken, too. Nothing goes out, and nothing when the pilot lets go.
             self._stops.failed(self.gate.pilot)
+            self._repeat_ms = None
             return
+        self._stop_ms = None
         self._stops.failed(reason)
         if stop.kind is StopKind.HOLD:
-            self._stops.become_off(f"the vehicle did not take the hold: {reason}")
-        self._send_stop(now_ms)
+            self._become_off(f"the vehicle did not take the hold: {reason}")
+            self._send_stop(now_ms)
 
     def _watch_stop(self, now_ms: int) -> None:
         stop = self._stops.in_force
@@ -358,6 +443,8 @@ class GuardedVehicle:
             self._stop_overdue(stop.kind, now_ms)
         situation = self.gate.situation(now_ms)
         place_m = None if situation.position_fault else situation.place_m
+        self._stops.blind(situation.position_fault)
+        self._judge_hull(place_m, now_ms)
         if place_m is None:
             self._rest = None
         elif self._rest is None or math.dist(self._rest[1], place_m) > REST_M:
@@ -368,12 +455,43 @@ class GuardedVehicle:
             self._drift_ms = now_ms
             self.gate.events.append(self._drift(now_ms))
 
+    def _judge_hull(self, place_m: Point | None, now_ms: int) -> None:
+        """Follows the hull by its believed place, None for none, and repeats the stop while it is due."""
+        obeys = Obeys.UNKNOWN
+        if self._obedience is not None and place_m is not None and self._way_back is None:
+            obeys = self._obedience.look(self._sight(place_m, now_ms))
+        stop = self._stops.in_force
+        assert stop is not None
+        if obeys is Obeys.YES:
+            self._stops.obeyed(now_ms)
+        elif obeys is Obeys.NO and self._obedience is not None:
+            reason = self._obedience.reason
+            self._stops.disobeyed(reason)
+            if stop.kind is StopKind.HOLD:
+                self._become_off(reason)
+                self._send_stop(now_ms)
+        if self._is_due_again(obeys, now_ms):
+            self._send_stop(now_ms)
+
+    def _is_due_again(self, obeys: Obeys, now_ms: int) -> bool:
+        stop = self._stops.in_force
+        if stop is None or self._stop_ms is not None or self._repeat_ms is None or now_ms < self._repeat_ms:
+            return False  # one call at a time: a vehicle that is busy carries out no backlog
+        if self._way_back is not None:
+            return False
+        if self._cut_ms is not None and now_ms - self._cut_ms < AFTER_CUT_MS:
+            return True
+        if stop.kind is StopKind.HOLD or obeys is Obeys.YES:
+            return False
+        return stop.taken_ms is None or bool(stop.not_obeyed) or now_ms - stop.taken_ms < BLIND_MS
+
     def _stop_overdue(self, kind: StopKind, now_ms: int) -> None:
         reason = "the vehicle has not answered"
         if kind is StopKind.HOLD:
             self._stop_failed(reason, now_ms)
         else:
-            self._stops.failed(reason)  # the link repeats it until the vehicle takes it
+            self._stop_ms = None
+            self._stops.failed(reason)
 
     def _drift(self, now_ms: int) -> Drifting:
         """The course of a vehicle without thrust, by its last speed or the known sea, and when it would get out."""
@@ -433,7 +551,7 @@ class GuardedVehicle:
                 self._send_again(finding.reason, now_ms)
             return
         if stop is not None and stop.kind is StopKind.HOLD and wants_off:
-            self._stops.become_off(finding.reason)
+            self._become_off(finding.reason)
             self._send_stop(now_ms)
         elif self._way_back is not None and finding.cause is Cause.OUTSIDE:
             return  # a person sent it back from there
@@ -453,3 +571,8 @@ class GuardedVehicle:
             self._send(self.gate.clear_stop(Stop(self._take_id())), now_ms)
         else:
             self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
+
+
+def _is_own(fact: LinkFact) -> bool:
+    """True for the answer to a command of the guards' own."""
+    return isinstance(fact, _Answer) and fact.command_id < 0

@@ -103,6 +103,10 @@ class Stopping:
         return self.coasting_m * max(ratio, ratio**2)
 
 
+DEFAULT_STOPPING = Stopping(0.0, 4.2, 0.6)
+"""For a vehicle whose coasting the scenario does not give: that of the simulated aPad of generation B, which is long."""
+
+
 @dataclass(frozen=True, slots=True)
 class CanStopInWaters:
     """The vehicle comes to rest inside the waters if it is told to stop now."""

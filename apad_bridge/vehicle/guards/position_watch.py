@@ -226,9 +226,7 @@ class PositionWatch:
         samples = self._samples
         if last.stamp_ms is not None and self._noise_m2 is None:
             return 0.0
-        second_m2 = max(sorted(self._new_noises_m2)[:-1], default=0.0)
-        error_m = max(PLACE_ERROR_M, NOISE_ERRORS * max(self._noise_m, math.sqrt(second_m2)))
-        least_m_s = 0.0
+        error_m, least_m_s = self.way_error_m, 0.0
         for before in samples:
             span_ms = _span_ms(before, last)
             seconds = (span_ms + _error_ms(before, last)) / 1000
@@ -236,6 +234,12 @@ class PositionWatch:
                 way_m = math.dist(_place(before), _place(last))
                 least_m_s = max(least_m_s, (way_m - error_m) / seconds)
         return least_m_s
+
+    @property
+    def way_error_m(self) -> float:
+        """The error of the way between two positions, by the noise that is known."""
+        second_m2 = max(sorted(self._new_noises_m2)[:-1], default=0.0)
+        return max(PLACE_ERROR_M, NOISE_ERRORS * max(self._noise_m, math.sqrt(second_m2)))
 
     @property
     def _noise_m(self) -> float:

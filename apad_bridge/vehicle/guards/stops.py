@@ -2,17 +2,20 @@
 
 HOLD keeps the place by the thrusters. It needs a position that is believed, inside the waters. OFF is no thrust: the water
 takes the vehicle. A stop is *ordered* when somebody wants it, *sent* when the order leaves, *taken* when the vehicle has
-accepted it, and the vehicle is *at rest* when its position no longer changes. Only a stop that was taken is done.
+accepted it, *obeyed* when the hull slows, and the vehicle is *at rest* when its position no longer changes. Only a stop
+that is obeyed is done. The hull may also *not obey* (`obedience.py`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
 from apad_bridge.events.event import Event
 from apad_bridge.events.guards import StopChanged, StopEnded, StopKind, StopState
+from apad_bridge.vehicle.guards.orders import Point
 
 TAKEN_MS = 3_000
 """A stop that a real vehicle has not taken so long after its sending is reported, and a HOLD becomes OFF."""
@@ -31,6 +34,20 @@ class StopsEnded(StrEnum):
     """The person has only said who commands the vehicle."""
 
 
+class Latch:
+    """A number that grows whenever the right to move the vehicle changes. An order leaves only under its own number.
+
+    One thread turns it, and any thread may read it.
+    """
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def turn(self) -> None:
+        """A stop began, became OFF or ended, or a pilot or another party came or left."""
+        self.number += 1
+
+
 @dataclass(frozen=True, slots=True)
 class StopRecord:
     """Times are mission ms; None before the state came."""
@@ -44,7 +61,14 @@ class StopRecord:
     is_persons: bool = False
     sent_ms: int | None = None
     taken_ms: int | None = None
+    obeyed_ms: int | None = None
     rest_ms: int | None = None
+    not_obeyed: str = ""
+    """How the hull goes on in spite of the stop; empty while it obeys, or nobody can tell yet."""
+    untold: str = ""
+    """The reason why nobody can tell if the hull obeys a stop that was taken; empty where somebody can."""
+    place_m: Point | None = None
+    """The place (north, east) that a HOLD keeps: the one where it first went out."""
     not_taken: str = ""
     """The reason why the vehicle has not taken it; empty while it may still do so."""
     refused: str = ""
@@ -56,8 +80,12 @@ class StopRecord:
     def state(self) -> StopState:
         if self.refused:
             return StopState.REFUSED
+        if self.not_obeyed:
+            return StopState.NOT_OBEYED
         if self.rest_ms is not None:
             return StopState.AT_REST
+        if self.obeyed_ms is not None:
+            return StopState.OBEYED
         if self.taken_ms is not None:
             return StopState.TAKEN
         if self.not_taken:
@@ -69,17 +97,87 @@ class StopRecord:
         return f"stop {self.number} ({self.kind}, by {self.by}) is in force{why}"
 
 
+@dataclass(frozen=True, slots=True)
+class RestoredStops:
+    """The newest stop of a run's former supervisor, and the one in force."""
+
+    newest: StopRecord | None = None
+    in_force: StopRecord | None = None
+
+    @classmethod
+    def of(cls, events: Iterable[tuple[int, StopChanged | StopEnded]]) -> RestoredStops:
+        """The stops by the journal's lines, with their mission times."""
+        newest = in_force = None
+        for at_ms, event in events:
+            if isinstance(event, StopEnded):
+                in_force = None
+                continue
+            newest = _changed(in_force, event, at_ms)
+            if event.state is not StopState.REFUSED:
+                in_force = newest
+        return cls(newest, in_force)
+
+    def text(self) -> str:
+        """A line for the person who resumes the run; empty without a stop in force."""
+        stop = self.in_force
+        if stop is None:
+            return ""
+        what = "hands at the docks" if stop.stills_arms else f"stopped ({stop.kind})"
+        seconds = stop.ordered_ms // 1000
+        since = f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
+        return (
+            f"{what}, by {stop.by}, since {since} of mission time: nothing moves until `musselbed continue`"
+        )
+
+
+NO_STOPS = RestoredStops()
+
+
+def _changed(before: StopRecord | None, event: StopChanged, at_ms: int) -> StopRecord:
+    """The record of a stop after one line of the journal."""
+    place_m = None if event.north_m is None or event.east_m is None else (event.north_m, event.east_m)
+    if before is None or before.number != event.number or event.state is StopState.REFUSED:
+        before = StopRecord(event.number, event.mode, event.by, event.reason or "", at_ms)
+    changed = replace(
+        before,
+        kind=event.mode,
+        is_persons=event.is_persons,
+        stills_arms=event.hands,
+        place_m=place_m if event.mode is StopKind.HOLD else None,
+    )
+    match event.state:
+        case StopState.ORDERED:
+            return replace(changed, sent_ms=None, taken_ms=None, obeyed_ms=None, rest_ms=None)
+        case StopState.SENT:
+            return replace(changed, sent_ms=at_ms)
+        case StopState.TAKEN:
+            return replace(changed, taken_ms=at_ms, not_taken="")
+        case StopState.OBEYED:
+            return replace(changed, obeyed_ms=at_ms, not_obeyed="")
+        case StopState.NOT_OBEYED:
+            return replace(changed, not_obeyed=event.reason or "", obeyed_ms=None, rest_ms=None)
+        case StopState.AT_REST:
+            return replace(changed, rest_ms=at_ms)
+        case StopState.NOT_TAKEN:
+            return replace(changed, not_taken=event.reason or "")
+        case StopState.REFUSED:
+            return replace(changed, refused=event.reason or "")
+
+
 class Stops:
     """Keeps the newest stop, and the one in force. It sends nothing: a `GuardedVehicle` does, and says what came of it."""
 
-    def __init__(self, events: list[Event]) -> None:
+    def __init__(self, events: list[Event], latch: Latch) -> None:
         self._events = events
         """The journal's lines that nobody has taken yet; the gate's too."""
+        self._latch = latch
         self.newest: StopRecord | None = None
         self.in_force: StopRecord | None = None
         """Nothing but this stop moves or stills the vehicle, until a person continues."""
         self._command_id: int | None = None
         """The command by which the stop in force went out last."""
+        self._restored_number: int | None = None
+        """The number of the stop that a former supervisor left in force."""
         self._is_told = False
         """The operator was told that the vehicle has not taken it, in this mode."""
         self._awaited_ms: int | None = None
@@ -88,9 +186,11 @@ class Stops:
 
     @property
     def is_persons_hold(self) -> bool:
-        """The stop in force is a person's HOLD, which another word of a person ends."""
+        """The stop in force is a person's HOLD, which another word of a person ends; one that outlived a crash is none."""
         stop = self.in_force
-        return stop is not None and stop.is_persons and stop.kind is StopKind.HOLD and not stop.stills_arms
+        if stop is None or stop.stills_arms or stop.number == self._restored_number:
+            return False
+        return stop.is_persons and stop.kind is StopKind.HOLD
 
     def may_end(self, ends: StopsEnded) -> bool:
         """True where no stop is in force, or one that a word of this kind ends."""
@@ -110,6 +210,7 @@ class Stops:
     ) -> None:
         """A new stop is ordered, and is in force. It stills the arms if the one before it did."""
         stills = stills_arms or (self.in_force is not None and self.in_force.stills_arms)
+        self._latch.turn()
         self.in_force = StopRecord(
             self._next_number(), kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills
         )
@@ -123,7 +224,8 @@ class Stops:
 
     def become_off(self, reason: str) -> None:
         """A HOLD in force becomes OFF, for this reason, under the same number."""
-        self._change(kind=StopKind.OFF)
+        self._latch.turn()
+        self._change(kind=StopKind.OFF, place_m=None)
         self._begin_anew(reason)
 
     def order_again(self, reason: str) -> None:
@@ -132,14 +234,19 @@ class Stops:
             self._begin_anew(reason)
 
     def _begin_anew(self, reason: str) -> None:
-        self._change(sent_ms=None, taken_ms=None, rest_ms=None)
+        self._change(sent_ms=None, taken_ms=None, obeyed_ms=None, rest_ms=None)
         self._is_told = False
         self._note(StopState.ORDERED, reason)
+
+    def keep_place(self, place_m: Point) -> None:
+        """The HOLD in force keeps this place, if it keeps none yet."""
+        if self.in_force is not None and self.in_force.place_m is None:
+            self._change(place_m=place_m)
 
     def sent(self, command_id: int, now_ms: int) -> None:
         assert self.in_force is not None
         self._command_id = command_id
-        if self._awaited_ms is None:
+        if self._awaited_ms is None and self.in_force.taken_ms is None:
             self._awaited_ms = now_ms
         if self.in_force.sent_ms is None:
             self._change(sent_ms=now_ms)
@@ -161,8 +268,28 @@ class Stops:
             self._change(not_taken=reason)
             self._note(StopState.NOT_TAKEN, reason)
 
+    def obeyed(self, now_ms: int) -> None:
+        """The hull slows, or was slow when the stop was taken."""
+        if self.in_force is not None and self.in_force.obeyed_ms is None:
+            self._change(obeyed_ms=now_ms, not_obeyed="")
+            self._note(StopState.OBEYED)
+
+    def blind(self, reason: str) -> None:
+        """Nobody can tell if the hull obeys, for this reason; empty where somebody can again."""
+        stop = self.in_force
+        if stop is not None and stop.taken_ms is not None and bool(stop.untold) != bool(reason):
+            self._change(untold=reason)
+            self.newest = self.in_force
+
+    def disobeyed(self, reason: str) -> None:
+        """The hull goes on in spite of the stop, for this reason; told once."""
+        if self.in_force is not None and not self.in_force.not_obeyed:
+            self._change(not_obeyed=reason, obeyed_ms=None, rest_ms=None)
+            self._note(StopState.NOT_OBEYED, reason)
+
     def at_rest(self, now_ms: int) -> None:
-        if self.in_force is not None and self.in_force.taken_ms is not None and self.in_force.rest_ms is None:
+        stop = self.in_force
+        if stop is not None and stop.obeyed_ms is not None and stop.rest_ms is None:
             self._change(rest_ms=now_ms)
             self._note(StopState.AT_REST)
 
@@ -180,8 +307,15 @@ class Stops:
     def end(self, by: str) -> None:
         """A person continues: no stop is in force any more."""
         if self.in_force is not None:
+            self._latch.turn()
             self._events.append(StopEnded(self.in_force.number, by))
         self.in_force = self._command_id = self._awaited_ms = None
+
+    def restore(self, restored: RestoredStops) -> None:
+        """Takes over the stops of the run's former supervisor."""
+        self.newest, self.in_force = restored.newest, restored.in_force
+        self._restored_number = None if restored.in_force is None else restored.in_force.number
+        self._latch.turn()
 
     def _next_number(self) -> int:
         return 1 if self.newest is None else self.newest.number + 1
@@ -197,4 +331,17 @@ class Stops:
         self._tell(self.in_force, state, reason)
 
     def _tell(self, stop: StopRecord, state: StopState, reason: str) -> None:
-        self._events.append(StopChanged(stop.number, stop.kind, stop.by, state, reason or None))
+        north_m, east_m = (None, None) if stop.place_m is None else stop.place_m
+        self._events.append(
+            StopChanged(
+                stop.number,
+                stop.kind,
+                stop.by,
+                state,
+                reason or None,
+                is_persons=stop.is_persons,
+                hands=stop.stills_arms,
+                north_m=north_m,
+                east_m=east_m,
+            )
+        )

@@ -23,6 +23,7 @@ from apad_bridge.vehicle.commands import (
     OpenDock,
     PilotLeft,
     PoseReported,
+    ReleaseByName,
     Stop,
     VehicleCommand,
     VehicleFact,
@@ -127,8 +128,8 @@ class SimulatedAPad:
                 self._accept(Coast() if isinstance(command, Stop) else command)
             if isinstance(command, Stop):  # without power the controllers are off already
                 facts.append(CommandAccepted(now_ms, command.command_id))
-        elif isinstance(command, MoveArm | PilotLeft):
-            pass  # arms cost nothing here, and no pilot steers it
+        elif isinstance(command, MoveArm | PilotLeft | ReleaseByName):
+            pass  # arms cost nothing here, no pilot steers it, and no dock of its own lies
         elif self._battery.is_empty:
             facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
         elif isinstance(command, CloseDock):

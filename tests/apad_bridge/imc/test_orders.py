@@ -107,7 +107,7 @@ def test_stop_abort_and_the_mission_itself(desk: Desk) -> None:
     make = desk.codec.make
     assert desk.control(STOP).request.act is Act.STOP
     assert desk.take(make("Abort")).request.act is Act.ABORT
-    assert desk.control(START, plan_id="mission").request.act is Act.CONTINUE
+    assert desk.control(START, plan_id="mission").request.act is Act.GIVE_BACK
     told = desk.read(desk.take(make("Abort")).answer(Answer(False, "the mission is over: mission time")))
     assert name_of(told) == "LogBookEntry" and "the mission is over" in told.text
     assert desk.take(make("Heartbeat")) is None

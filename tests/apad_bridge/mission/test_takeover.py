@@ -213,7 +213,7 @@ def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_s
     assert len(flying.events("plan")) == plans
     assert asked(flying, Act.CONTINUE) == (True, "")
     flying.until(lambda: len(flying.events("plan")) > plans)
-    assert asked(flying, Act.CONTINUE) == (False, NOTHING_STOPPED)
+    assert asked(flying, Act.CONTINUE) == (False, f"{NOTHING_STOPPED}; the mission steers")
     assert flying.events("operator") == [
         {"order": order, "by": "Anna"} for order in ("stop", "stop", "continue")
     ]
@@ -248,13 +248,31 @@ def test_a_go_to_of_a_person_is_stopped_and_continued(pool: Scenario) -> None:
     assert flying.by_hand.paused
     flying.seconds(60)
     assert flying.by_hand.goto is Status.RUNNING
-    assert asked(flying, Act.CONTINUE) == (
-        True,
-        "a person still flies the aPad: continue again to give it back",
-    )
-    flying.until(lambda: flying.by_hand.goto is Status.DONE)
     assert asked(flying, Act.CONTINUE) == (True, "")
+    flying.until(lambda: flying.by_hand.goto is Status.DONE)
+    accepted, why = asked(flying, Act.CONTINUE)
+    assert not accepted and "a person steers: only give-back" in why
+    assert asked(flying, Act.GIVE_BACK) == (True, "")
     assert flying.phase is not Phase.COMMANDED
+
+
+@pytest.mark.parametrize("words", [("take over", "stop"), ("stop", "take over")])
+def test_a_stop_changes_nobodys_right_to_steer(pool: Scenario, words: tuple[str, str]) -> None:
+    """A person took the aPad over, before the stop or under it: then only that person's word gives it back."""
+    flying = Flying(pool)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    for word in words:
+        if word == "stop":
+            assert asked(flying, Act.STOP) == (True, "")
+        else:
+            flying.call_mission(lambda flown: flown.take_over())
+    plans = len(flying.events("plan"))
+    answer = flying.answered(lambda: carry_out(Request(Act.CONTINUE, "Anna"), flying.calls, flying.gate))
+    assert answer.accepted and answer.steers.startswith("a person steers")
+    flying.seconds(60)
+    assert flying.phase is Phase.COMMANDED and len(flying.events("plan")) == plans
+    assert asked(flying, Act.GIVE_BACK) == (True, "")
+    flying.until(lambda: len(flying.events("plan")) > plans)
 
 
 def test_an_aborted_mission_ends_with_a_hold_and_takes_no_more_orders(pool: Scenario) -> None:
@@ -283,7 +301,8 @@ def test_a_remark_stands_in_the_journal_and_changes_nothing_else(pool: Scenario)
 def test_a_flight_by_hand_that_was_not_stopped_has_nothing_to_continue(pool: Scenario) -> None:
     flying = Flying.by_calls(pool)
     flying.seconds(3)
-    assert asked(flying, Act.CONTINUE) == (False, NOTHING_STOPPED)
+    accepted, why = asked(flying, Act.CONTINUE)
+    assert not accepted and why.startswith(NOTHING_STOPPED)
     assert asked(flying, Act.STOP) == (True, "")
     assert asked(flying, Act.CONTINUE) == (True, "")
 
@@ -299,7 +318,8 @@ def test_a_stop_by_hand_does_not_wait_for_the_first_position(pool: Scenario) -> 
     vehicle = WithoutPosition(parts.simulated_apad(pool))
     flying = Flying.by_calls(pool, lambda context: replace(context, vehicle=vehicle))
     flying.seconds(3)
-    assert asked(flying, Act.STOP) == (True, "")
+    accepted, why = asked(flying, Act.STOP)
+    assert not accepted and "has taken the stop, and nobody can tell if it slows" in why
     stop = flying.gate.stops.in_force
     assert stop is not None and stop.kind is StopKind.OFF and stop.taken_ms is not None
 

@@ -56,8 +56,8 @@ def test_a_command_gives_an_order_and_prints_the_answer(
     assert flying.answered(lambda: main.main(["stop", str(run_dir), "--by", "Anna", "--json"])) == 0
     assert flying.phase is Phase.COMMANDED
     told = json.loads(capsys.readouterr().out)[run_dir.name]
-    assert (told["accepted"], told["stop"], told["mode"], told["state"]) == (True, 1, "hold", "taken")
-    assert [it["state"] for it in flying.events("stop")] == ["ordered", "sent", "taken"]
+    assert (told["accepted"], told["stop"], told["mode"], told["state"]) == (True, 1, "hold", "obeyed")
+    assert [it["state"] for it in flying.events("stop")] == ["ordered", "sent", "taken", "obeyed"]
     flying.seconds(5)
     assert flying.events("stop")[-1]["state"] == "at rest"
     assert flying.answered(lambda: main.main(["stop", str(run_dir)])) == 0
@@ -75,14 +75,14 @@ def test_a_command_gives_an_order_and_prints_the_answer(
 def test_an_abort_with_motors_off_waits_until_the_controllers_are_off(flying: Flying, run_dir: Path) -> None:
     assert flying.answered(lambda: main.main(["abort", str(run_dir), "--motors-off"])) == 0
     assert flying.phase is Phase.ENDED
-    assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "taken")
+    assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "obeyed")
 
 
 def test_a_stop_needs_no_position_and_hands_still_the_arms(pool: Scenario, run_dir: Path) -> None:
     flying = Flying(pool)
     with control_offered(run_dir, flying.calls, flying.gate):
         assert flying.answered(lambda: main.main(["hands", str(run_dir)])) == 0
-    assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "taken")
+    assert [(it["mode"], it["state"]) for it in flying.events("stop")][-1] == ("off", "obeyed")
     assert flying.gate.stops.in_force is not None and flying.gate.stops.in_force.stills_arms
 
 
@@ -129,7 +129,7 @@ def test_a_dead_supervisors_socket_is_replaced_and_its_own_removed(run_dir: Path
     flying = Flying(pool)
     with control_offered(run_dir, flying.calls, flying.gate):
         request = Request(Act.REMARK, "Anna", "after the crash")
-        assert flying.answered(lambda: ask(run_dir, request)) == Answer(True, "")
+        assert flying.answered(lambda: ask(run_dir, request)) == Answer(True, "", steers="the mission steers")
     assert not (run_dir / SOCKET_NAME).exists()
     with pytest.raises(NobodyListens):
         ask(run_dir, request)
@@ -166,7 +166,7 @@ def test_a_stop_comes_through_where_the_process_may_open_no_further_file(
             for it in opened:
                 os.close(it)
             link.close()
-    assert json.loads(answer)["state"] == "taken"
+    assert json.loads(answer)["state"] == "obeyed"
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -232,7 +232,8 @@ def connected(run_dir: Path) -> socket.socket:
 def test_a_go_to_takes_the_apad_over_and_moves_it_and_a_hold_follows(flying: Flying, run_dir: Path) -> None:
     flying.until(lambda: flying.phase is Phase.GO_COLLECT)
     order = Request(Act.GO_TO, "Anna", goal_m=(20.0, 15.0), speed_m_s=0.4)
-    assert flying.answered(lambda: ask(run_dir, order)) == Answer(True, "")
+    answer = flying.answered(lambda: ask(run_dir, order))
+    assert answer.accepted and answer.steers.startswith("a person steers")
     assert flying.phase is Phase.COMMANDED
     assert [it["taken"] for it in flying.events("override")] == [True]
     flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
@@ -245,7 +246,7 @@ def test_a_go_to_takes_the_apad_over_and_moves_it_and_a_hold_follows(flying: Fly
     orders = [(it["order"], it["north_m"], it["east_m"]) for it in flying.events("operator")]
     assert orders == [("go to", 20.0, 15.0), ("hold", 18.0, 15.0)]
 
-    assert flying.answered(lambda: ask(run_dir, Request(Act.CONTINUE, "Anna"))).accepted
+    assert flying.answered(lambda: ask(run_dir, Request(Act.GIVE_BACK, "Anna"))).accepted
     assert flying.phase is not Phase.COMMANDED
 
 
@@ -259,8 +260,9 @@ def test_a_go_to_replaces_the_one_that_was_stopped(flying: Flying, run_dir: Path
     flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
     here = flying.flight.supervisor.pose
     assert here is not None and math.dist((here.north_m, here.east_m), (14.0, 5.0)) < 1.0
-    # No stopped order is left to go on with: `continue` gives the aPad back.
-    assert flying.answered(lambda: ask(run_dir, Request(Act.CONTINUE, "Anna"))) == Answer(True, "")
+    # No stopped order is left to go on with.
+    assert not flying.answered(lambda: ask(run_dir, Request(Act.CONTINUE, "Anna"))).accepted
+    assert flying.answered(lambda: ask(run_dir, Request(Act.GIVE_BACK, "Anna"))).accepted
     assert flying.phase is not Phase.COMMANDED
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from scenario_files import POOL_FILE
+from stack_benches import cleared
 
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.loader import load
@@ -16,8 +17,11 @@ from apad_bridge.vehicle.commands import (
     CommandedByOthers,
     GoTo,
     Hold,
+    HoldWanted,
     OpenDock,
     Primitive,
+    ReleaseByName,
+    ReleaseWanted,
     VehicleCommand,
 )
 from apad_bridge.vehicle.docking import DockingPort
@@ -70,8 +74,8 @@ class WithA:
         self._receive(self.vehicle.advance(now_ms), now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        if (cleared := self.core.command(command, now_ms)) is not None:
-            self.send(cleared.order, now_ms)
+        if (goal := self.core.command(cleared(command), now_ms)) is not None:
+            self.send(goal.order, now_ms)
 
     def send(self, order: GoalOrder, now_ms: int) -> None:
         """Sends a goal, of the core or of another party."""
@@ -83,8 +87,8 @@ class WithA:
         self._receive(self.vehicle.receive(goal, now_ms), now_ms)
 
     def answer(self, now_ms: int) -> None:
-        for cleared in self.core.take_orders():
-            self.send(cleared.order, now_ms)
+        for goal in self.core.take_orders():
+            self.send(goal.order, now_ms)
         if self.core.take_question() and self.answers:
             self.core.receive(DocksReceived(now_ms, frozenset(self.vehicle.held)), now_ms)
 
@@ -127,11 +131,11 @@ class WithB:
         self._receive(self.vehicle.advance(now_ms), now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        self.core.command(command, now_ms)
+        self.core.command(cleared(command), now_ms)
 
     def answer(self, now_ms: int) -> None:
-        for cleared in self.core.take_calls():
-            call = cleared.order
+        for let_out in self.core.take_calls():
+            call = let_out.order
             self._receive(self.vehicle.receive(call.order, now_ms), now_ms)
             if self.vehicle.takes is not None:
                 refused = (
@@ -193,6 +197,12 @@ class Bench:
         for _ in range(4):
             self.stack.answer(self.now_ms)
             for fact in self.stack.core.advance(self.now_ms):
+                if isinstance(fact, HoldWanted):  # what a link asks for is ordered, as the gate's owner does
+                    self.stack.command(Hold(-1, fact.north_m, fact.east_m, fact.heading_rad), self.now_ms)
+                    continue
+                if isinstance(fact, ReleaseWanted):
+                    self.stack.command(ReleaseByName(-1, fact.dock_index, fact.agent_id), self.now_ms)
+                    continue
                 self.facts.append(fact)
                 if not hasattr(fact, "agent_id") or hasattr(fact, "dock_index"):
                     self._pass_on(self.port.receive(fact, self.now_ms))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 import pytest
+from stack_benches import cleared
 
 from apad_bridge.scenario.schema import Docking, DockingProfile, Servo
 from apad_bridge.vehicle.commands import (
@@ -20,6 +21,7 @@ from apad_bridge.vehicle.commands import (
     GoalOfOthers,
     GoTo,
     Hold,
+    HoldWanted,
     OpenDock,
     PilotLeft,
     PilotReported,
@@ -92,14 +94,21 @@ class Apad:
         self.core.receive(StatusReceived(at_ms, True, status), at_ms)
 
     def tells(self, now_ms: int) -> list[LinkFact]:
-        """The new facts, without readings of pose and battery, acceptances, and places that only moved."""
-        readings = PoseReported | BatteryReported | CommandAccepted | Carried
-        return [it for it in self.core.advance(now_ms) if not isinstance(it, readings)]
+        """The new facts, without readings of pose and battery, acceptances, and places that only moved.
+
+        A hold that the core asks for is ordered, as the gate's owner does.
+        """
+        readings = PoseReported | BatteryReported | CommandAccepted | Carried | HoldWanted
+        facts = self.core.advance(now_ms)
+        for it in facts:
+            if isinstance(it, HoldWanted):
+                self.core.command(cleared(Hold(-1, it.north_m, it.east_m, it.heading_rad)), now_ms)
+        return [it for it in facts if not isinstance(it, readings)]
 
 
 def test_a_go_to_arrives_by_its_status_and_is_then_held() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     assert apad.answers(0) == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
     apad.goes(0, PrimitiveStatus.RUNNING)
     assert apad.tells(1_000) == []
@@ -114,7 +123,7 @@ def test_a_go_to_arrives_by_its_status_and_is_then_held() -> None:
 def test_an_order_is_accepted_by_its_service_s_answer(command: GoTo | Hold) -> None:
     apad = Apad()
     apad.core.advance(0)
-    apad.core.command(command, 0)
+    apad.core.command(cleared(command), 0)
     assert apad.core.advance(2_000) == []
     apad.answers(2_000)
     assert apad.core.advance(3_000) == [CommandAccepted(2_000, 1)]
@@ -122,7 +131,7 @@ def test_an_order_is_accepted_by_its_service_s_answer(command: GoTo | Hold) -> N
 
 def test_a_hold_is_astray_by_its_acceptance_and_not_by_its_order() -> None:
     apad = Apad()
-    apad.core.command(Hold(1, 20.0, 20.0), 0)
+    apad.core.command(cleared(Hold(1, 20.0, 20.0)), 0)
     apad.tells(4_000)
     assert apad.answers(4_000) == [PositionOrder(20.0, 20.0)]
     for now_ms, orders in ((13_000, []), (14_000, [PositionOrder(20.0, 20.0)])):
@@ -133,10 +142,10 @@ def test_a_hold_is_astray_by_its_acceptance_and_not_by_its_order() -> None:
 
 def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     apad.goes(0, PrimitiveStatus.RUNNING)
-    apad.core.command(GoTo(2, -5.0, -6.0, 0.5, 0.5), 1_000)
+    apad.core.command(cleared(GoTo(2, -5.0, -6.0, 0.5, 0.5)), 1_000)
     apad.goes(1_000, PrimitiveStatus.RUNNING)
     apad.goes(1_000, PrimitiveStatus.PREEMPTED)
     apad.answers(1_000)
@@ -151,7 +160,7 @@ def test_the_end_of_the_go_to_before_is_not_the_end_of_this_one() -> None:
 
 def test_a_go_to_that_was_so_short_that_nobody_saw_it_run_has_arrived() -> None:
     apad = Apad()
-    apad.core.command(GoTo(1, 2.1, 3.0, 0.5, 0.5), 0)
+    apad.core.command(cleared(GoTo(1, 2.1, 3.0, 0.5, 0.5)), 0)
     apad.answers(0)
     apad.goes(1_000, PrimitiveStatus.DONE)
     assert apad.tells(1_000) == [Arrived(1_000, 1)]
@@ -159,7 +168,7 @@ def test_a_go_to_that_was_so_short_that_nobody_saw_it_run_has_arrived() -> None:
 
 def test_a_go_to_that_the_vehicle_drops_fails_after_three_seconds() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     apad.goes(0, PrimitiveStatus.RUNNING)
     apad.goes(2_000, PrimitiveStatus.PREEMPTED)
@@ -172,7 +181,7 @@ def test_a_go_to_that_the_vehicle_drops_fails_after_three_seconds() -> None:
 
 def test_a_go_to_said_to_be_done_far_from_its_goal_has_failed() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     apad.goes(0, PrimitiveStatus.RUNNING)
     apad.goes(2_000, PrimitiveStatus.DONE)
@@ -182,7 +191,7 @@ def test_a_go_to_said_to_be_done_far_from_its_goal_has_failed() -> None:
 
 def test_without_any_message_on_goto_status_the_position_decides() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     for at_ms in range(10_000, 14_000, 1_000):
         apad.is_at(at_ms, 5.1, 6.0)
@@ -193,7 +202,7 @@ def test_without_any_message_on_goto_status_the_position_decides() -> None:
 
 def test_a_service_that_refuses_is_asked_three_times_and_the_first_cause_kept() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0, "first")
     seconds = []
     for now_ms in range(0, 6_000, 1_000):
@@ -205,7 +214,7 @@ def test_a_service_that_refuses_is_asked_three_times_and_the_first_cause_kept() 
 
 def test_a_service_that_does_not_answer_fails_by_time_out() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     told = [fact for now_ms in range(0, 30_000, 1_000) for fact in apad.tells(now_ms)]
     assert told == [CommandFailed(18_000, 1, "its service did not answer within 5 s")]
 
@@ -216,14 +225,14 @@ def test_a_service_that_does_not_answer_fails_by_time_out() -> None:
 )
 def test_what_the_vehicle_would_abort_is_not_ordered(impossible: GoTo) -> None:
     apad = Apad()
-    apad.core.command(impossible, 0)
+    apad.core.command(cleared(impossible), 0)
     (failed,) = apad.tells(0)
     assert isinstance(failed, CommandFailed) and "aborts" in failed.reason
 
 
 def test_a_vehicle_that_does_not_hold_is_told_again() -> None:
     apad = Apad()
-    apad.core.command(Hold(1, 2.0, 3.0, 0.7), 0)
+    apad.core.command(cleared(Hold(1, 2.0, 3.0, 0.7)), 0)
     assert apad.answers(0) == [PositionOrder(2.0, 3.0, 0.7)]
     apad.is_at(5_000, 2.0, 7.0)
     apad.tells(9_000)
@@ -235,7 +244,7 @@ def test_a_vehicle_that_does_not_hold_is_told_again() -> None:
 def holding(still_running_ms: int = 0) -> Apad:
     """A hold that was taken at 0, and a late status of the go-to that it pre-empted."""
     apad = Apad()
-    apad.core.command(Hold(1, 2.0, 3.0), 0)
+    apad.core.command(cleared(Hold(1, 2.0, 3.0)), 0)
     assert apad.answers(0) == [PositionOrder(2.0, 3.0)]
     apad.goes(still_running_ms, PrimitiveStatus.RUNNING)
     apad.goes(1_000, PrimitiveStatus.PREEMPTED)
@@ -262,7 +271,7 @@ def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
 
 def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to() -> None:
     apad = Apad(takes_back=False)
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     apad.core.receive(Go2pointGoalSeen(100, THERE.north_m, THERE.east_m, "/apad1/commander"), 100)
     assert apad.tells(1_000) == []
@@ -279,9 +288,9 @@ def test_a_goal_that_nobody_here_ordered_is_anothers_and_ends_our_go_to() -> Non
 
 def test_an_earlier_goal_of_ours_that_is_shown_late_is_nobody_elses() -> None:
     apad = Apad(takes_back=False)
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
-    apad.core.command(Hold(2, 2.0, 3.0, pre_empts=True), 1_000)
+    apad.core.command(cleared(Hold(2, 2.0, 3.0, pre_empts=True)), 1_000)
     apad.answers(1_000)
     apad.core.receive(Go2pointGoalSeen(1_500, THERE.north_m, THERE.east_m, "/apad1/commander"), 1_500)
     assert apad.tells(2_000) == []
@@ -328,7 +337,7 @@ def test_a_docking_of_anothers_that_never_ends_holds_nothing_up_for_ever() -> No
 
 def test_a_virtual_docking_is_the_benchs_contact_and_is_carried_along() -> None:
     apad = Apad()
-    apad.core.command(CloseDock(1, 1, 7), 0)
+    apad.core.command(cleared(CloseDock(1, 1, 7)), 0)
     assert apad.core.advance(0)[:2] == [
         DockClosed(0, 1, 7),
         Carried(0, 7, pytest.approx(2.0), pytest.approx(3.4)),
@@ -336,26 +345,26 @@ def test_a_virtual_docking_is_the_benchs_contact_and_is_carried_along() -> None:
     apad.is_at(1_000, 4.0, 5.0, math.pi / 2)  # facing east: dock 1, to starboard, is south
     carried = [it for it in apad.core.advance(1_000) if isinstance(it, Carried)]
     assert carried == [Carried(1_000, 7, pytest.approx(3.6), pytest.approx(5.0))]
-    apad.core.command(OpenDock(2, 1, 7), 2_000)
+    apad.core.command(cleared(OpenDock(2, 1, 7)), 2_000)
     assert apad.tells(2_000) == [DockOpened(2_000, 1, 7), LetGo(2_000, 7)]
     assert apad.answers(2_000) == []  # a virtual docking orders nothing of the vehicle
 
 
 def test_a_docking_can_miss() -> None:
     apad = Apad(probability=1.0)
-    apad.core.command(CloseDock(1, 1, 7), 0)
+    apad.core.command(cleared(CloseDock(1, 1, 7)), 0)
     assert apad.tells(0) == [CommandFailed(0, 1, MISSED)]
 
 
 def test_visual_docking_stands_off_orders_and_ends_by_its_status() -> None:
     apad = Apad()
-    apad.core.command(GoTo(1, 2.0, 4.0, 0.5, 0.5), 0)
+    apad.core.command(cleared(GoTo(1, 2.0, 4.0, 0.5, 0.5)), 0)
     apad.answers(0)
     apad.goes(0, PrimitiveStatus.RUNNING)
     apad.goes(0, PrimitiveStatus.DONE)
     apad.tells(0)
     apad.answers(0)
-    apad.core.command(CloseDock(2, 2, 8), 1_000)
+    apad.core.command(cleared(CloseDock(2, 2, 8)), 1_000)
     (stand,) = apad.answers(1_000)
     # The aMussel is believed at (2, 4), the boat is west of it: two metres west, with dock 2, the stern, towards it.
     assert stand == PositionOrder(pytest.approx(2.0), pytest.approx(2.0), pytest.approx(-math.pi / 2))
@@ -374,25 +383,25 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     None
 ):
     apad = Apad()
-    apad.core.command(CloseDock(1, 2, 7), 0)
+    apad.core.command(cleared(CloseDock(1, 2, 7)), 0)
     apad.tells(0)
     apad.core.receive(ArmReceived(1_000, 2), 1_000)  # moved for people to see: 7 is docked virtually
     assert apad.tells(1_000) == []
     core = Apad().core
-    core.command(CloseDock(1, 2, 8), 0)
+    core.command(cleared(CloseDock(1, 2, 8)), 0)
     call = core.take_calls()[0].order
     core.receive(ServiceAnswered(0, call.number, None), 0)
     for at_ms, status in ((0, PrimitiveStatus.RUNNING), (40_000, PrimitiveStatus.DONE)):
         core.receive(StatusReceived(at_ms, True, status), at_ms)
     core.advance(40_000)
     core.take_calls()
-    core.command(OpenDock(2, 2, 8), 50_000)
+    core.command(cleared(OpenDock(2, 2, 8)), 50_000)
     call = core.take_calls()[0].order
     core.receive(ArmReceived(50_000, 2), 50_000)
     core.receive(ServiceAnswered(50_000, call.number, None), 50_000)
     core.receive(StatusReceived(50_000, True, PrimitiveStatus.RUNNING), 50_000)
     assert core.advance(60_000) == [DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
-    core.command(GoTo(3, 5.0, 6.0, 0.5, 0.5), 60_000)
+    core.command(cleared(GoTo(3, 5.0, 6.0, 0.5, 0.5)), 60_000)
     assert core.take_calls() == []  # it still pulls back
     core.receive(StatusReceived(85_000, True, PrimitiveStatus.DONE), 85_000)
     assert core.advance(85_000) == []
@@ -401,7 +410,7 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
 
 def test_a_search_that_finds_nothing_is_given_up() -> None:
     apad = Apad()
-    apad.core.command(CloseDock(1, 2, 8), 0)
+    apad.core.command(cleared(CloseDock(1, 2, 8)), 0)
     assert apad.answers(0) == [BY_EYE]
     apad.docks(0, PrimitiveStatus.RUNNING)
     assert apad.tells(89_000) == []
@@ -413,13 +422,13 @@ def test_a_search_that_finds_nothing_is_given_up() -> None:
 
 def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then() -> None:
     apad = Apad()
-    apad.core.command(CloseDock(1, 2, 20), 0)
+    apad.core.command(cleared(CloseDock(1, 2, 20)), 0)
     apad.answers(0)
     apad.docks(0, PrimitiveStatus.RUNNING)
     apad.docks(40_000, PrimitiveStatus.DONE)
     assert apad.tells(40_000) == [DockClosed(40_000, 2, 20)]
     assert [it for it in apad.core.advance(41_000) if isinstance(it, Carried)] == []
-    apad.core.command(CloseDock(2, 2, 7), 42_000)
+    apad.core.command(cleared(CloseDock(2, 2, 7)), 42_000)
     assert apad.tells(42_000) == [CommandFailed(42_000, 2, "dock 3 holds aMussel 20")]
 
 
@@ -447,13 +456,13 @@ def test_a_docking_by_hand_far_from_all_is_counted() -> None:
 
 def test_a_pilot_is_not_fought() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     apad.goes(0, PrimitiveStatus.RUNNING)
     apad.core.receive(ManualReceived(1_000, True), 1_000)
     apad.goes(1_000, PrimitiveStatus.PREEMPTED)
     assert apad.tells(1_000) == [CommandFailed(1_000, 1, PILOT)]
-    apad.core.command(GoTo(2, 7.0, 8.0, 0.5, 0.5), 2_000)
+    apad.core.command(cleared(GoTo(2, 7.0, 8.0, 0.5, 0.5)), 2_000)
     assert apad.tells(20_000) == []
     assert apad.answers(20_000) == []
     apad.core.receive(ManualReceived(21_000, False), 21_000)
@@ -462,7 +471,7 @@ def test_a_pilot_is_not_fought() -> None:
 
 def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
     apad = Apad(takes_back=False)
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     apad.goes(0, PrimitiveStatus.RUNNING)
     apad.core.receive(ManualReceived(1_000, True), 1_000)
@@ -472,7 +481,7 @@ def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
         PilotReported(1_000, True),
         CommandedByOthers(1_000),
     ]
-    apad.core.command(Hold(2, 7.0, 8.0), 2_000)
+    apad.core.command(cleared(Hold(2, 7.0, 8.0)), 2_000)
     assert apad.tells(20_000) == [CommandFailed(2_000, 2, PILOT)]
     apad.core.receive(ManualReceived(21_000, False), 21_000)
     assert apad.tells(21_000) == [PilotReported(21_000, False)]
@@ -480,7 +489,7 @@ def test_a_real_vehicle_stays_with_its_pilot_when_the_pilot_lets_go() -> None:
         apad.is_at(at_ms, 30.0, 30.0)  # far from anything that it was ever told
         apad.tells(at_ms)
         assert apad.answers(at_ms) == []
-    apad.core.command(GoTo(3, 7.0, 8.0, 0.5, 0.5), 120_000)  # a person has given it back
+    apad.core.command(cleared(GoTo(3, 7.0, 8.0, 0.5, 0.5)), 120_000)  # a person has given it back
     assert apad.answers(120_000) == [GoToOrder(7.0, 8.0, 0.5, 0.5)]
 
 
@@ -488,17 +497,17 @@ def test_a_person_who_says_that_the_pilot_has_left_is_not_asked_again() -> None:
     apad = Apad(takes_back=False)
     apad.core.receive(ManualReceived(1_000, True), 1_000)
     apad.tells(1_000)
-    apad.core.command(PilotLeft(1), 2_000)
+    apad.core.command(cleared(PilotLeft(1)), 2_000)
     assert apad.tells(2_000) == []
-    apad.core.command(GoTo(2, 7.0, 8.0, 0.5, 0.5), 3_000)
+    apad.core.command(cleared(GoTo(2, 7.0, 8.0, 0.5, 0.5)), 3_000)
     assert apad.answers(3_000) == [GoToOrder(7.0, 8.0, 0.5, 0.5)]
 
 
 def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     call = apad.core.take_calls()[0].order
-    apad.core.command(Hold(2, 2.0, 3.0), 0)
+    apad.core.command(cleared(Hold(2, 2.0, 3.0)), 0)
     apad.core.receive(ServiceAnswered(0, call.number, None), 0)
     assert apad.core.unacknowledged == ["order 2"]
 
@@ -506,7 +515,7 @@ def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
 def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:
     """The vehicle may have rebooted, and a go-to that nobody runs would stall."""
     apad = Apad()
-    apad.core.command(THERE, 0)
+    apad.core.command(cleared(THERE), 0)
     apad.answers(0)
     apad.goes(0, PrimitiveStatus.RUNNING)
     for now_ms in range(1_000, 8_000, 1_000):
@@ -521,7 +530,7 @@ def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:
 
 def test_a_virtual_docking_from_afar_fails() -> None:
     apad = Apad({7: (2.0, 13.0)})
-    apad.core.command(CloseDock(1, 0, 7), 0)
+    apad.core.command(cleared(CloseDock(1, 0, 7)), 0)
     assert apad.tells(0) == [
         CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
     ]

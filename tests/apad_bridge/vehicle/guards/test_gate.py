@@ -211,7 +211,7 @@ def test_a_stop_goes_through_its_states_and_only_then_is_the_vehicle_at_rest() -
     assert bench.states() == ["1 hold taken"]
     for _ in range(3):
         bench.at(7.0, 5.0)
-    assert bench.states() == ["1 hold at rest"]
+    assert bench.states() == ["1 hold obeyed", "1 hold at rest"]
 
 
 def test_a_second_stop_is_off_and_nothing_goes_out_until_a_person_continues() -> None:
@@ -250,7 +250,7 @@ def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_t
     bench.stop()
     for _ in range(6):
         bench.at(5.0, 5.0)
-    assert [type(it) for it in bench.wire.out] == [Hold, Stop]
+    assert [type(it) for it in bench.wire.out] == [Hold, Stop, Stop]
     assert bench.states() == [
         "1 hold ordered",
         "1 hold sent",
@@ -261,7 +261,7 @@ def test_a_hold_that_the_vehicle_does_not_take_becomes_off_and_the_operator_is_t
     ]
     bench.wire.facts.append(CommandAccepted(bench.now_ms, bench.wire.out[-1].command_id))
     bench.at(5.0, 5.0)
-    assert bench.states() == ["1 off taken", "1 off at rest"]
+    assert bench.states() == ["1 off taken", "1 off obeyed", "1 off at rest"]
 
 
 def test_while_a_pilot_steers_nothing_goes_out_and_a_stop_is_refused() -> None:
@@ -520,8 +520,8 @@ def test_a_stop_that_was_lost_on_the_way_is_given_again_until_it_is_taken() -> N
     bench.wire.out = []
     assert isinstance(off, Stop)
     bench.wire.facts.append(CommandAccepted(bench.now_ms, off.command_id))
-    bench.at(5.0, 8.0)
-    assert bench.wire.out == [] and bench.states()[-1] == "1 off taken"
+    bench.at(5.0, 5.3)
+    assert bench.wire.out == [] and bench.states()[-3:] == ["1 off taken", "1 off obeyed", "1 off at rest"]
 
 
 def test_a_real_vehicle_that_had_to_be_stopped_waits_for_a_person() -> None:

@@ -1,0 +1,297 @@
+"""Sends an aPad's orders by the one road (`vehicle/sending_road.py`), from one thread that owns all their connections.
+
+A link puts its orders into a queue and goes on. The thread writes to services, and publishes on topics, in the order that
+the road says, and reads the answers. It never waits for one connection: what may take seconds, as a look-up at the master,
+happens in a thread that sends no order.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import selectors
+import socket
+import struct
+import termios
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
+from apad_bridge.ros.links.service_calls import (
+    PATIENCE_S,
+    Answers,
+    CallFailed,
+    ServiceAddress,
+    request_bytes,
+)
+from apad_bridge.vehicle.link import Cleared
+from apad_bridge.vehicle.sending_road import (
+    CUT,
+    CutLine,
+    Ended,
+    OpenLine,
+    Outgoing,
+    Rank,
+    RoadAction,
+    SendingRoad,
+    Write,
+)
+
+Answered = Callable[[Any, str | None, bool], None]
+"""Takes the response, the reason if there is none, and whether a stop ended the order on its way."""
+_AT_ONCE = struct.pack("ii", 1, 0)
+"""Linger on, for no time: the connection's end throws away what the other side has not acknowledged."""
+
+
+def end_at_once(sock: socket.socket) -> None:
+    """Ends a connection, and what is still on its way: TCP would deliver it, minutes later, too."""
+    with suppress(OSError):  # it has ended already
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
+        sock.shutdown(socket.SHUT_RD)  # wakes whoever reads from it
+    sock.close()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Order:
+    outgoing: Outgoing
+    message: Any
+    answered: Answered
+
+
+@dataclass(frozen=True, slots=True)
+class _Opened:
+    line: str
+    result: socket.socket | str
+    """The connection, or the reason why there is none."""
+
+
+class _ServiceLine:
+    def __init__(self, address: ServiceAddress) -> None:
+        self.address = address
+        self.socket: socket.socket | None = None
+        self.answers = Answers(address.kind)
+
+
+class OrderSender:
+    """`lets_go` is the gate's last word about an order, asked directly before the order leaves."""
+
+    def __init__(self, lets_go: Callable[[Cleared[Any]], bool]) -> None:
+        self._road = SendingRoad(lets_go)
+        self._services: dict[str, _ServiceLine] = {}
+        self._topics: dict[str, Any] = {}
+        self._came: SimpleQueue[_Order | _Opened] = SimpleQueue()
+        self._orders: dict[Outgoing, _Order] = {}
+        self._responses: dict[str, Any] = {}
+        """The newest response that came by each line."""
+        self._open = frozenset[str]()
+        self._changed = threading.Condition()
+        """Guards `_open` and `_whys` for those who wait."""
+        self._whys: dict[str, str] = {}
+        """The reason why a line is not open, by line."""
+        self._wake_in, self._wake_out = socket.socketpair()
+        self._wake_in.setblocking(False)
+        self._is_closed = False
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._wake_in, selectors.EVENT_READ, None)
+        self._thread: threading.Thread | None = None
+
+    # For the link's thread.
+
+    def add_service(self, line: str, service: str, kind: Any) -> None:
+        """A line to a service, before `begin`. Two lines may lead to one service."""
+        self._services[line] = _ServiceLine(ServiceAddress(service, kind))
+        self._road.add_line(line)
+
+    def add_topic(self, line: str, topic: str, kind: Any) -> Any:
+        """A line by a topic, before `begin`. Returns its publisher, by which nobody else may publish."""
+        publisher = never_blocking_publisher(topic, kind, Stalls())
+        self._topics[line] = publisher
+        self._road.add_line(line, answers=False)
+        return publisher
+
+    def begin(self) -> None:
+        """Opens the lines and keeps them open, from now on."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="sender of orders", daemon=True)
+            self._thread.start()
+
+    def wait_until_open(self, lines: Iterable[str]) -> None:
+        """CallFailed, with the service's name, for a line that is not open within `PATIENCE_S`."""
+        wanted = set(lines)
+        with self._changed:
+            self._changed.wait_for(lambda: wanted <= self._open | self._whys.keys(), PATIENCE_S)
+            for line in sorted(wanted - self._open):
+                name = self._services[line].address.name
+                raise CallFailed(f"{name}: {self._whys.get(line, 'it does not answer')}")
+
+    def are_open(self, lines: Iterable[str]) -> bool:
+        return self._open.issuperset(lines)
+
+    def send(self, line: str, rank: Rank, cleared: Cleared[Any], message: Any, answered: Answered) -> None:
+        """Takes an order. The sender's thread runs `answered` once, whatever comes of it."""
+        self._put(_Order(Outgoing(cleared, rank, line), message, answered))
+
+    def close(self) -> None:
+        self._is_closed = True
+        self._wake()
+        if self._thread is not None:
+            self._thread.join(PATIENCE_S)
+        for publisher in self._topics.values():
+            publisher.unregister()
+
+    def _put(self, item: _Order | _Opened) -> None:
+        self._came.put(item)
+        self._wake()
+
+    def _wake(self) -> None:
+        with suppress(OSError):  # a full pipe wakes as well
+            self._wake_out.send(b"\0", socket.MSG_DONTWAIT)
+
+    # For the sender's thread.
+
+    def _run(self) -> None:
+        while not self._is_closed:
+            self._take_what_came()
+            self._advance()
+            self._tell_open()
+            due_ms = self._road.next_due_ms()
+            wait_s = 1.0 if due_ms is None else min(1.0, max(0.0, (due_ms - _now_ms()) / 1000))
+            if self._came.empty():
+                self._read(wait_s)
+        for line in self._services.values():
+            if line.socket is not None:
+                end_at_once(line.socket)
+        self._selector.close()
+
+    def _take_what_came(self) -> None:
+        with suppress(Empty):
+            while True:
+                item = self._came.get_nowait()
+                if isinstance(item, _Order):
+                    self._orders[item.outgoing] = item
+                    self._road.put(item.outgoing, _now_ms())
+                    self._advance()
+                else:
+                    self._take_connection(item)
+
+    def _advance(self) -> None:
+        for action in self._road.advance(_now_ms()):
+            self._act(action)
+
+    def _take_connection(self, opened: _Opened) -> None:
+        line = self._services[opened.line]
+        if isinstance(opened.result, str):
+            with self._changed:
+                self._whys[opened.line] = opened.result
+                self._changed.notify_all()
+            self._road.not_opened(opened.line, f"{line.address.name}: {opened.result}", _now_ms())
+            return
+        line.socket, line.answers = opened.result, Answers(line.address.kind)
+        line.socket.setblocking(False)
+        self._selector.register(line.socket, selectors.EVENT_READ, opened.line)
+        self._whys.pop(opened.line, None)
+        self._road.opened(opened.line)
+
+    def _act(self, action: RoadAction) -> None:
+        match action:
+            case OpenLine(name):
+                address = self._services[name].address
+                threading.Thread(
+                    target=self._open_line, args=(name, address), name=f"open {name}", daemon=True
+                ).start()
+            case CutLine(name) if name in self._topics:
+                self._cut_topic(self._topics[name])
+            case CutLine(name):
+                self._drop(name)
+            case Write(outgoing):
+                self._write(outgoing)
+            case Ended(outgoing, refused):
+                response = self._responses.pop(outgoing.line, None) if refused is None else None
+                self._orders.pop(outgoing).answered(response, refused, refused == CUT)
+
+    def _open_line(self, name: str, address: ServiceAddress) -> None:
+        try:
+            self._put(_Opened(name, address.open()))
+        except CallFailed as failed:
+            self._put(_Opened(name, str(failed)))
+
+    def _write(self, outgoing: Outgoing) -> None:
+        message = self._orders[outgoing].message
+        if outgoing.line in self._topics:
+            self._topics[outgoing.line].publish(message)
+            return
+        sock = self._services[outgoing.line].socket
+        assert sock is not None, "the road writes to open lines"
+        data = request_bytes(message)
+        try:
+            is_whole = sock.send(data) == len(data)
+        except OSError:
+            is_whole = False
+        if not is_whole:  # a free line has an empty buffer, so it has ended
+            self._drop(outgoing.line)
+            self._road.ended(outgoing.line, _now_ms())
+
+    def _cut_topic(self, publisher: Any) -> None:
+        """Ends the connections that still hold bytes of an order; their readers connect again."""
+        for connection in list(publisher.impl.connections):
+            sock = getattr(connection, "socket", None)
+            if sock is not None and _unacknowledged_bytes(sock) > 0:
+                end_at_once(sock)
+                connection.close()
+
+    def _drop(self, name: str) -> None:
+        line = self._services[name]
+        sock, line.socket = line.socket, None
+        if sock is not None:
+            self._selector.unregister(sock)
+            end_at_once(sock)
+
+    def _read(self, wait_s: float) -> None:
+        for key, _ in self._selector.select(wait_s):
+            if key.data is None:
+                with suppress(BlockingIOError):
+                    while self._wake_in.recv(4096):
+                        pass
+            else:
+                self._read_line(key.data)
+
+    def _read_line(self, name: str) -> None:
+        line = self._services[name]
+        if line.socket is None:
+            return
+        try:
+            data = line.socket.recv(65_536)
+            answers = line.answers.take(data)
+        except BlockingIOError:
+            return
+        except (OSError, ValueError):
+            data, answers = b"", []
+        if not data:
+            self._drop(name)
+            self._road.ended(name, _now_ms())
+        for response, error in answers:
+            self._responses[name] = response
+            self._road.answered(name, error)
+
+    def _tell_open(self) -> None:
+        is_open = frozenset(it for it in self._services if self._road.is_open(it))
+        if is_open != self._open:
+            with self._changed:
+                self._open = is_open
+                self._changed.notify_all()
+
+
+def _unacknowledged_bytes(sock: socket.socket) -> int:
+    """The bytes that the other side has not acknowledged; 0 for a connection that has ended."""
+    with suppress(OSError, ValueError):
+        (count,) = struct.unpack("i", fcntl.ioctl(sock.fileno(), termios.TIOCOUTQ, b"\0" * 4))
+        return int(count)
+    return 0
+
+
+def _now_ms() -> int:
+    return time.monotonic_ns() // 1_000_000
