@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
-from apad_bridge.events.event import Category, Event, Meaning, Reason, Uncounted
+from apad_bridge.events.event import Category, East, Event, Meaning, North, Reason, Uncounted
 
 SURFACING = "permit to surface"
 """The name of the one guarded order that no primitive stands behind."""
@@ -137,10 +137,10 @@ class StopChanged(Event):
         Meaning("`taken`: the vehicle has accepted it; `obeyed`: the hull slows; `not obeyed`: it goes on"),
     ]
     reason: Annotated[str | None, Meaning("why")] = None
-    is_persons: Annotated[bool, Meaning("true for a person's")] = False
-    hands: Annotated[bool, Meaning("true while somebody has hands at the docks, so that no arm moves")] = (
-        False
-    )
+    is_persons: Annotated[bool | None, Meaning("true for a person's")] = None
+    hands: Annotated[
+        bool | None, Meaning("true while somebody has hands at the docks, so that no arm moves")
+    ] = None
     north_m: Annotated[float | None, Meaning("the place that a HOLD keeps, north", "m")] = None
     east_m: Annotated[float | None, Meaning("the place that a HOLD keeps, east", "m")] = None
 
@@ -194,6 +194,22 @@ class SentBackIn(Event):
 
     def text(self) -> str:
         return f"{self.by} sends the aPad back inside the fence, {self.lookout} watches the water"
+
+
+@dataclass(frozen=True)
+class HoldRepeated(Event):
+    kind = "hold_again"
+    when = "an aPad that did not take a hold, and has no other order, is ordered to hold again"
+    counted = ()
+    category = Category.TROUBLE
+
+    north_m: North
+    east_m: East
+
+    def text(self) -> str:
+        return (
+            f"the aPad did not take the hold, and is to hold again at ({self.north_m:g}, {self.east_m:g}) m"
+        )
 
 
 @dataclass(frozen=True)

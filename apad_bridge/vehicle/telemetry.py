@@ -45,6 +45,8 @@ class Readings:
         self.pose: PoseReported | None = None
         """The newest pose, taken or not."""
         self._pose: PoseReported | None = None
+        self._poses: list[PoseReported] = []
+        """All poses since the last were taken."""
         self._battery: BatteryReported | None = None
         self._invalid: tuple[int, int, str] | None = None
         """The count of unusable positions since the last good one; time of the newest, and why it is unusable."""
@@ -86,6 +88,7 @@ class Readings:
                 also_from,
                 message.heard_ms,
             )
+            self._poses.append(self._pose)
 
     def _receive_battery(self, message: BatteryReceived) -> None:
         if (reason := out_of_range(battery_percent=message.percent)) is not None:
@@ -96,7 +99,10 @@ class Readings:
         self._battery = BatteryReported(message.at_ms, voltage_v, fraction)
 
     def take(self, gate: Gate) -> list[LinkFact]:
-        """The newest readings since the last call, which the gate observes."""
+        """The newest readings since the last call, which the gate observes; its watch looks at each pose."""
+        poses, self._poses = self._poses, []
+        for pose in poses:
+            gate.watch.look_at(pose)
         if self._invalid is not None and (self._invalid[0] >= INVALID_COUNT or self._pose is None):
             gate.watch.take_invalid(self._invalid[1], self._invalid[2])
         newest: list[LinkFact] = [it for it in (self._pose, self._battery) if it is not None]

@@ -210,11 +210,11 @@ def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any, scen
     last(scenario, LONG_S)
     process, run = fly(2)
     wait_for(lambda: docked(run), "nothing was docked")
-    for order, printed in (
-        ("stop", f"done: the aPad has taken the stop; to move it again: musselbed continue {run}"),
-        ("stop", f"done: the aPad has taken the stop; to move it again: musselbed continue {run}"),
-        ("continue", "done"),
-    ):
+    steers = "nobody steers: continue returns the aPad to the mission"
+    stopped = (
+        f"done: the aPad has taken the stop and slows; {steers}; to move it again: musselbed continue {run}"
+    )
+    for order, printed in (("stop", stopped), ("stop", stopped), ("continue", "done; the mission steers")):
         answered = musselbed(order, run, "--by", "Anna")
         assert (answered.returncode, answered.stdout.splitlines()[-1]) == (0, printed), answered.stderr
     assert musselbed("remark", run, "gulls [red]").returncode == 0

@@ -15,6 +15,7 @@ from apad_bridge.events.guards import (
     DangerOver,
     Drifting,
     GuardReacted,
+    HoldRepeated,
     OthersCommanded,
     Reaction,
     SentBackIn,
@@ -62,6 +63,8 @@ REPEAT_MS = 1_000
 AFTER_CUT_MS = 5_000
 """A stop is repeated so often, until the hull obeys and the newest order that it cut lies so far back. The vehicle may
 carry such an order out late: a connection's end does not end what its server has begun."""
+HOLD_AGAIN_MS = 10_000
+"""A real vehicle that did not take a hold, and has no other order, gets the hold again so often."""
 BLIND_MS = 10_000
 """Where no position tells if the hull obeys, a stop that was taken is repeated for so long."""
 
@@ -90,6 +93,8 @@ class GuardedVehicle:
         """The newest order where to go or stay. Until the vehicle has accepted it, it follows the one before."""
         self._mechanism: CloseDock | OpenDock | None = None
         """The newest order to a dock that the vehicle has not answered."""
+        self._hold_again_ms: int | None = None
+        """The time from which on the newest order, a hold that the vehicle did not take, is due again."""
         self._own_id = 0
         """Commands of the guards' own have ids below 0, which no port uses."""
         self._looked_ms = -1
@@ -234,6 +239,7 @@ class GuardedVehicle:
                 self._stop_failed(reason, now_ms)
             case Arrived(_, command_id) | CommandFailed(_, command_id):
                 self._note_end(command_id)
+                self._note_failed_hold(fact, now_ms)
                 if command_id == self._way_back:
                     self._way_back = None
                     self._send_stop(now_ms)
@@ -307,6 +313,27 @@ class GuardedVehicle:
             self._under_way = self._ordered = None
             self.gate.watch.note_goal(None)
 
+    def _note_failed_hold(self, fact: Arrived | CommandFailed, now_ms: int) -> None:
+        held = self._ordered
+        if isinstance(held, Hold) and held.command_id == fact.command_id and self._safety.needs_person:
+            self._hold_again_ms = now_ms + HOLD_AGAIN_MS
+
+    def _repeat_hold(self, now_ms: int) -> None:
+        """Orders a hold again that the vehicle did not take: without an order it would drift, and nobody be told."""
+        held, due_ms = self._ordered, self._hold_again_ms
+        if not isinstance(held, Hold) or due_ms is None or now_ms < due_ms:
+            return
+        self._hold_again_ms = now_ms + HOLD_AGAIN_MS
+        if self.gate.awaits_person or self.gate.pilot:
+            return
+        again = replace(held, command_id=self._take_id())
+        cleared = self.gate.clear(again, now_ms)
+        if isinstance(cleared, Cleared):
+            self.gate.events.append(HoldRepeated(round(held.north_m, 2), round(held.east_m, 2)))
+            self._send(cleared, now_ms)
+        else:
+            self.gate.note_refused(again, cleared)
+
     # Sending.
 
     def _note_refusal(self, command: VehicleCommand, refusal: Refusal, now_ms: int) -> None:
@@ -326,6 +353,7 @@ class GuardedVehicle:
     def _send(self, cleared: Cleared[VehicleCommand], now_ms: int) -> None:
         command = cleared.order
         if not isinstance(command, MoveArm | ReleaseByName):
+            self._hold_again_ms = None
             self._mechanism = command if isinstance(command, CloseDock | OpenDock) else self._mechanism
             self._under_way = UnderWay(command) if isinstance(command, GoTo) else None
             self._ordered = command if isinstance(command, GoTo | Hold) else None
@@ -527,6 +555,7 @@ class GuardedVehicle:
             if change.cause is Cause.POSITION and not self._safety.needs_person:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
         self._watch_stop(now_ms)
+        self._repeat_hold(now_ms)
 
     def _react(self, finding: MonitorFinding, now_ms: int) -> None:
         """Fails the command under way, and brings the vehicle to rest. A person's word ends a real vehicle's stop."""

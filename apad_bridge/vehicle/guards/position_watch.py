@@ -4,8 +4,8 @@ A poor link delays positions, and delivers several at once. So ways are measured
 vehicle's clock. The age is the delay beyond the least delay of the last minutes, so that a lag that grows shows, and a
 clock that is off by a constant does not. A position without a stamp has its arrival alone.
 
-A doubt is a reason to believe no position any more: a jump, stamps that step, a delay that grows, a second publisher, a
-frozen position. It ends after `settled_ms`, or with a person's word (`believe`).
+A doubt is a reason to believe no position any more: a jump, two places, stamps that step, a delay that grows, a second
+publisher, a frozen position. It ends after `settled_ms`, or with a person's word (`believe`).
 
 Each position counts for its age, its stamps, its publisher and its place. Motion and noise are learned from samples at
 least `SAMPLE_MS` apart, so that they do not depend on the rate at which somebody looks.
@@ -21,6 +21,7 @@ from itertools import pairwise
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.guards.orders import Point
+from apad_bridge.vehicle.guards.two_places import TwoPlaces
 
 SAMPLE_MS = 800
 """The least time between two samples."""
@@ -183,6 +184,7 @@ class PositionWatch:
         """The newest squares of it."""
         self._rest_m2: float | None = None
         """The mean square of the steps at rest."""
+        self._two_places = TwoPlaces()
         self._goal_m: Point | None = None
         self._under_way_ms = 0
         """The time at which the vehicle accepted the order by which it is under way."""
@@ -294,6 +296,18 @@ class PositionWatch:
         while len(self._samples) > 2 and _span_ms(self._samples[1], pose) >= LEAST_SPEED_MS:
             self._samples.popleft()
 
+    def look_at(self, pose: PoseReported) -> None:
+        """Looks if the positions alternate between two places. It sees each, also those that a newer one replaces.
+
+        A vehicle that a person gives back can wait for a person; of others, noise of the link looks alike.
+        """
+        if self._limits.settled_ms is not None:
+            return
+        at_ms = _heard_ms(pose) if pose.stamp_ms is None else pose.stamp_ms
+        if (apart_m := self._two_places.take(at_ms, _place(pose))) > 0:
+            self._doubt_it(f"it alternates between two places {apart_m:.1f} m apart", pose.at_ms)
+            self._two_places.forget()
+
     def take_invalid(self, at_ms: int, reason: str) -> None:
         """Takes a newest position that is no place: not a number, or beyond all waters."""
         self._invalid = at_ms, reason
@@ -302,6 +316,7 @@ class PositionWatch:
         """A person has looked at the position, and believes it: every doubt ends."""
         self._doubt, self._frozen_ms = "", 0
         self._witnesses.clear()
+        self._two_places.forget()
         self._clock = _VehicleClock()
 
     def note_goal(self, goal_m: Point | None, at_ms: int = 0) -> None:

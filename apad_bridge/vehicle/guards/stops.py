@@ -141,8 +141,8 @@ def _changed(before: StopRecord | None, event: StopChanged, at_ms: int) -> StopR
     changed = replace(
         before,
         kind=event.mode,
-        is_persons=event.is_persons,
-        stills_arms=event.hands,
+        is_persons=bool(event.is_persons),
+        stills_arms=bool(event.hands),
         place_m=place_m if event.mode is StopKind.HOLD else None,
     )
     match event.state:
@@ -331,7 +331,7 @@ class Stops:
         self._tell(self.in_force, state, reason)
 
     def _tell(self, stop: StopRecord, state: StopState, reason: str) -> None:
-        north_m, east_m = (None, None) if stop.place_m is None else stop.place_m
+        north_m, east_m = (None, None) if stop.place_m is None else (round(it, 3) for it in stop.place_m)
         self._events.append(
             StopChanged(
                 stop.number,
@@ -339,8 +339,8 @@ class Stops:
                 stop.by,
                 state,
                 reason or None,
-                is_persons=stop.is_persons,
-                hands=stop.stills_arms,
+                is_persons=stop.is_persons or None,
+                hands=stop.stills_arms or None,
                 north_m=north_m,
                 east_m=east_m,
             )
