@@ -73,7 +73,7 @@ def add_parser(commands: Any) -> None:
     """Adds `order` with all orders, and the short form of each."""
     order = commands.add_parser(
         "order",
-        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort or remark. Each "
+        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort, remark. Each "
         "has a short form, such as `musselbed stop RUN`.",
         epilog=ending("musselbed order stop runs/pool-12-1", "musselbed order continue runs/pool-12-1"),
     )
