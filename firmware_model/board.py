@@ -66,6 +66,8 @@ class Board:
         """
         self.config = config
         self._now_ms = now_ms
+        self._was_dark = False
+        """A charger feeds the board again, after neither battery did."""
         if config.whole is None:
             self._hardware = worst = WorstCaseHardware(config, primary, secondary)
             self.firmware = Firmware(config, codec, worst, now_ms) if firmware is None else firmware(worst)
@@ -99,9 +101,11 @@ class Board:
         return self.firmware.reset_cause
 
     @property
-    def watchdog_fired(self) -> bool:
-        """True once the watchdog is to reset the board."""
-        return self.firmware.watchdog_fired
+    def reset_due(self) -> ResetCause | None:
+        """The cause of the reset that is due: its watchdog fired, or its power came back; None for none."""
+        if self._was_dark:
+            return ResetCause.BROWN_OUT
+        return ResetCause.WATCHDOG if self.firmware.watchdog_fired else None
 
     @property
     def primary(self) -> Battery:
@@ -154,9 +158,16 @@ class Board:
         """The time of the board's next timer; those due together fire in the order of `Timer`."""
         return self._next()[0]
 
+    @property
+    def _is_running(self) -> bool:
+        """False while no code runs, for want of power."""
+        return self.firmware.state is not State.LOST or self._hardware.feed is not ActiveBattery.NEITHER
+
     def _next(self) -> tuple[int | None, Timer]:
-        due_ms, timer = self.firmware.next_timer()
         found = self._hardware.next_timer()
+        if not self._is_running:
+            return found
+        due_ms, timer = self.firmware.next_timer()
         other_ms = found[0]
         if other_ms is None or (due_ms is not None and (due_ms, timer) < found):
             return due_ms, timer
@@ -194,11 +205,13 @@ class Board:
         hardware, firmware = self._hardware, self.firmware
         match stimulus:
             case ChargePinRose(noticed, powered):
+                was_running = self._is_running
                 actions += hardware.pin_changed(True, powered, now_ms)
-                actions += firmware.pin_changed(noticed, now_ms)
+                actions += firmware.pin_changed(noticed, now_ms) if was_running else []
+                self._was_dark = not was_running and self._is_running
             case ChargePinFell(noticed):
                 actions += hardware.pin_changed(False, False, now_ms)
-                actions += firmware.pin_changed(noticed, now_ms)
+                actions += firmware.pin_changed(noticed, now_ms) if self._is_running else []
             case PacketHeard(data):
                 if hardware.is_modem_listening:
                     actions += self._switched(hardware.receive_packet(now_ms), now_ms)
@@ -215,7 +228,7 @@ class Board:
                     actions.append(Dropped(now_ms, "Wi-Fi is off"))
             case SurfaceReached() | BottomReached():
                 hardware.at_surface = isinstance(stimulus, SurfaceReached)
-                actions += firmware.depth_changed(now_ms)
+                actions += firmware.depth_changed(now_ms) if self._is_running else []
             case PowerCameOn(cause, at_surface, pin_high):
                 hardware.power_on(pin_high, at_surface, now_ms)
                 actions += firmware.start(cause, now_ms)

@@ -76,7 +76,9 @@ class Firmware:
                 Dropped(now_ms, "a surfacing: it did not come up in time"),
                 *self._deadline_reached(trigger),
             ]
-        return self._deadline_reached(self._boot_trigger() if self.state is State.BOOTING else trigger)
+        return self._deadline_reached(
+            self._boot_trigger() if trigger is Trigger.BOOTED_ON_BOTTOM else trigger
+        )
 
     def _deadline_reached(self, trigger: Trigger) -> list[Action]:
         """Ends the state after its own time."""

@@ -100,9 +100,7 @@ class InputPin(IntEnum):
     SAFE_LEVEL = 5
     """The backup battery feeds the board, and came to its safe level."""
     ON_SECONDARY = 6
-    """High while the backup battery feeds the board; it does not interrupt, nor does the next one."""
-    ON_NEITHER = 7
-    """High while both batteries are empty."""
+    """High while the backup battery feeds the board; it does not interrupt."""
     LOW_LEVEL = 8
     """The primary came to its low level. This and those below have no level in RUN."""
     SWITCH_BACK = 9
@@ -133,8 +131,6 @@ class SleepMode(IntEnum):
 
     AWAKE = 0
     DEEP = 1
-    OFF = 2
-    """It draws nothing; only where both batteries are empty, and deep sleep elsewhere."""
 
 
 class I2cResult(IntEnum):

@@ -40,7 +40,7 @@ class State(IntEnum):
     CALLING = 16
     """On the bottom at the backup battery's safe level, sending its status; between calls it is EMPTY and listens."""
     LOST = 17
-    """Both batteries are at 0: it can no longer surface."""
+    """Both batteries are at 0: no code runs, and it can no longer surface. A charger boots it."""
     AWAITING_BEACON = 18
     """Its clock may be off by more than the guard: it does not transmit, and listens for an aPad's time."""
 
@@ -130,7 +130,7 @@ TABLE: dict[tuple[State, Trigger], State] = {
     **{(state, _T.SURFACE_REACHED): _S.FLOATING for state in (*_BOTTOM, _S.SURFACING)},
     # Its motors did not run, for want of charge: it is still up.
     (_S.SINKING, _T.SURFACE_REACHED): _S.FLOATING,
-    **{(state, _T.CHARGE_EDGE_ROSE): _S.CHARGING for state in (*_UNDOCKED, _S.LOST)},
+    **{(state, _T.CHARGE_EDGE_ROSE): _S.CHARGING for state in _UNDOCKED},
     (_S.FLOATING, _T.FLOAT_TIMED_OUT): _S.SINKING,
     (_S.FLOATING, _T.CLEAR_TO_SINK): _S.SINKING,
     (_S.CHARGING, _T.ALARM_RANG): _S.REPORTING,
@@ -158,7 +158,7 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.EMPTY, _T.LAST_RESORT_CALL): _S.CALLING,
     (_S.EMPTY, _T.LAST_RESORT_SURFACE): _S.SURFACING,
     (_S.CALLING, _T.WAKE_OVER): _S.EMPTY,
-    **{(state, _T.BOTH_EMPTIED): _S.LOST for state in _UNDOCKED},
+    **{(state, _T.BOTH_EMPTIED): _S.LOST for state in (*_UNDOCKED, _S.BOOTING)},
 }
 
 

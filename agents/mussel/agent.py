@@ -40,6 +40,7 @@ from firmware_model.board import Board
 from firmware_model.config import BoardConfig
 from firmware_model.packets import LogRecords, Packet
 from firmware_model.packets.codec import Codec
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Battery, Flow
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
@@ -350,10 +351,14 @@ class Agent:
 
     def _advance_board(self, now_ms: int) -> list[Output]:
         outputs = self._carry_out(self.board.advance(now_ms))
-        if self.board.watchdog_fired:
-            outputs += self._power_on(self._physical_now(), now_ms, ResetCause.WATCHDOG)
+        outputs += self._reset_if_due(now_ms)
         self._note_truth(now_ms)
         return outputs
+
+    def _reset_if_due(self, now_ms: int) -> list[Output]:
+        """Boots a board whose watchdog fired, or whose power came back."""
+        cause = self.board.reset_due
+        return [] if cause is None else self._power_on(self._physical_now(), now_ms, cause)
 
     def _align(self, now_ms: int) -> list[Output]:
         """The coils have come together: the charger raises its pin."""
@@ -386,7 +391,7 @@ class Agent:
         is_off = not self.config.reports.heard_always and not self.board.has_wifi
         if self.board.state is State.BOOTING or is_off:
             return []
-        if self._ask_for_report is not None:
+        if self._ask_for_report is not None and self.board.feed is not ActiveBattery.NEITHER:
             outputs = self._carry_out(self._ask_for_report(now_ms))
             self._note_truth(now_ms)
             return outputs
@@ -562,7 +567,8 @@ class Agent:
         return self.body.depth_at_um(now_ms) == 0
 
     def _stimulate_board(self, stimulus: board_stimuli.Stimulus, now_ms: int) -> list[Output]:
-        return self._carry_out(self.board.receive(stimulus, now_ms))
+        outputs = self._carry_out(self.board.receive(stimulus, now_ms))
+        return outputs + self._reset_if_due(now_ms)
 
     def _carry_out(self, actions: list[board_actions.Action]) -> list[Output]:
         outputs: list[Output] = []

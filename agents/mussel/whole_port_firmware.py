@@ -9,7 +9,7 @@ from agents.mussel.board_link import BoardLink, FrameToBoard
 from agents.mussel.firmware_failure import FirmwareFailed
 from agents.mussel.peripherals import Address, ClockRegister, Peripherals, World
 from agents.mussel.port_firmware import PortFirmware
-from firmware_model.actions import Action, Buoyancy, Dropped, FeedFrom, SendBytes
+from firmware_model.actions import Action, Buoyancy, Dropped, FeedFrom, SendBytes, StateReported
 from firmware_model.config import BoardConfig, FullFirmware, LastResort
 from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.port import Level, Timer
@@ -24,6 +24,7 @@ from firmware_model.port_frames import (
 )
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.rails import IDLE, Rail, bits
+from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 _NUMBERS = struct.Struct("<13IHBBB")
@@ -70,8 +71,19 @@ class WholePortFirmware(PortFirmware):
         self._watchdog_ms: int | None = None
 
     def start(self, cause: ResetCause, now_ms: int) -> list[Action]:
-        """After a reset the core is awake and the modem listens."""
-        return [*super().start(cause, now_ms), *self._switch(now_ms)]
+        """After a reset the core is awake and the modem listens, if a battery feeds the board."""
+        started = [*super().start(cause, now_ms), *self._switch(now_ms)]
+        return started + self._go_dark(now_ms) if self._has_no_feed else started
+
+    @property
+    def _has_no_feed(self) -> bool:
+        return self._hardware.feed is ActiveBattery.NEITHER
+
+    def _go_dark(self, now_ms: int) -> list[Action]:
+        """Ends the program: no code runs without power. Its board is made anew when a charger feeds it."""
+        self.close()
+        old, self.state = self.state, State.LOST
+        return [*self._hardware.enter(self.state, 0, now_ms), StateReported(now_ms, old, self.state)]
 
     def next_timer(self) -> tuple[int | None, Timer]:
         if self.watchdog_fired:
@@ -98,6 +110,8 @@ class WholePortFirmware(PortFirmware):
             return []
         moved = level in (Level.EMPTIED, Level.SWITCH_BACK)
         feed: list[Action] = [FeedFrom(now_ms, self._hardware.feed)] if moved else []
+        if self._has_no_feed:
+            return feed + self._go_dark(now_ms)
         return feed + self._turn(now_ms, (ToBoard.PIN, _LINES[level], b"\1"))
 
     def clock_disturbed(self, now_ms: int) -> None:
@@ -140,22 +154,17 @@ class WholePortFirmware(PortFirmware):
         levels = {
             InputPin.SAFE_LEVEL: hardware.is_at_safe_level,
             InputPin.ON_SECONDARY: hardware.feed is ActiveBattery.SECONDARY,
-            InputPin.ON_NEITHER: hardware.feed is ActiveBattery.NEITHER,
         }
         return super()._levels() | sum(1 << line for line, high in levels.items() if high)
 
     def _switch(self, now_ms: int) -> list[Action]:
-        rails = self._modules
-        if self._sleep_mode is SleepMode.OFF and self._hardware.feed is ActiveBattery.NEITHER:
-            rails = 0
-        else:
-            rails |= bits(Rail.MU_ACTIVE if self._sleep_mode is SleepMode.AWAKE else Rail.MU_ASLEEP)
-        return self._hardware.enter(self.state, rails, now_ms)
+        core = Rail.MU_ACTIVE if self._sleep_mode is SleepMode.AWAKE else Rail.MU_ASLEEP
+        return self._hardware.enter(self.state, self._modules | bits(core), now_ms)
 
     def _sleep(self, frame: Frame, now_ms: int) -> list[Action]:
         actions = super()._sleep(frame, now_ms)
         mode = frame.port >> 1
-        if mode > SleepMode.OFF:
+        if mode > SleepMode.DEEP:
             raise FirmwareFailed(f"it sleeps in mode {mode}, which is none")
         if mode != self._sleep_mode:
             self._sleep_mode = SleepMode(mode)

@@ -110,22 +110,24 @@ class Bench:
             elif due_ms is not None and due_ms <= until_ms:
                 self.now_ms = due_ms
                 self._note(self.board.advance(due_ms))
-                self._reset_by_watchdog()
+                self._reset_if_due()
             else:
                 break
         self.now_ms = until_ms
         self._note(self.board.advance(until_ms))
         return self.trace[done:]
 
-    def _reset_by_watchdog(self) -> None:
-        if self.board.watchdog_fired:
-            self.reset(ResetCause.WATCHDOG)
+    def _reset_if_due(self) -> None:
+        cause = self.board.reset_due
+        if cause is not None:
+            self.reset(cause)
 
     def tell(self, stimulus: Stimulus) -> list[Action]:
         """Gives the board a stimulus now."""
-        actions = self.board.receive(stimulus, self.now_ms)
-        self._note(actions)
-        return actions
+        done = len(self.trace)
+        self._note(self.board.receive(stimulus, self.now_ms))
+        self._reset_if_due()
+        return self.trace[done:]
 
     def arrives(self, there: SurfaceReached | BottomReached) -> list[Action]:
         """Brings the body there now, whatever its motors did: by hand, or in a net."""

@@ -693,6 +693,14 @@ _EMERGENCY = [
         0.005,
     ),
     _case(
+        "boots-when-fed",
+        RequirementSource.STATES,
+        "without power no code runs, and a charger's feed boots it",
+        f"{_UP} 30min rises 20min falls 5min",
+        Whole("never", 0.01, report_min=13),
+        0.04,
+    ),
+    _case(
         "back-on-its-primary",
         RequirementSource.STATES,
         "a dock switches it back at 10 %",

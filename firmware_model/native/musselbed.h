@@ -18,8 +18,7 @@ enum mu_input {
     MU_CLOCK, /* this and the rest are a whole board's */
     MU_SAFE_LEVEL,
     MU_ON_SECONDARY,
-    MU_ON_NEITHER,
-    MU_LOW_LEVEL, /* from here on lines that interrupt, and have no level */
+    MU_LOW_LEVEL = 8, /* from here on lines that interrupt, and have no level */
     MU_SWITCH_BACK,
     MU_REPORT
 };
@@ -27,7 +26,7 @@ enum mu_output { MU_CHARGE, MU_MOTOR_UP, MU_MOTOR_DOWN, MU_WATCH_BATTERY };
 enum mu_uart { MU_MODEM, MU_WIFI, MU_REPORT_LINE };
 enum mu_adc { MU_PRIMARY, MU_SECONDARY }; /* 65535 counts are a full battery */
 enum mu_cause { MU_POWER_ON, MU_BROWN_OUT, MU_WATCHDOG };
-enum mu_sleep { MU_AWAKE, MU_DEEP_SLEEP, MU_OFF };
+enum mu_sleep { MU_AWAKE, MU_DEEP_SLEEP };
 
 /* The scenario's numbers for its boards; firmware with numbers of its own ignores them. Milliseconds. */
 struct mu_config {

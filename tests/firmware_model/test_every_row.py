@@ -146,7 +146,9 @@ def caused(state: State, trigger: Trigger) -> Bench:
     made = CONFIGS.get((state, trigger), config(doubts=state is State.AWAITING_BEACON))
     if state is State.OFF:
         return bench(made)
-    if state is State.BOOTING:
+    if (state, trigger) == (State.BOOTING, Trigger.BOTH_EMPTIED):
+        it = bench(made, primary=0.0, secondary=0.0)
+    elif state is State.BOOTING:
         it = bench(made, docked=trigger is Trigger.BOOTED_ON_CHARGER)
         if trigger is Trigger.BOOTED_AT_SURFACE:
             told(Kind.PERMISSION, 10_000, 18_000)(it)

@@ -7,7 +7,8 @@ from firmware_model.states import TABLE, State, Trigger, TriggerRefused, next_st
 # One row for each state: TRIGGER>NEXT; every other pair must be refused.
 ALLOWED = {
     "OFF": "POWER_CAME_ON>BOOTING",
-    "BOOTING": "BOOTED_ON_BOTTOM>ACTIVE BOOTED_AT_SURFACE>FLOATING BOOTED_ON_CHARGER>CHARGING",
+    "BOOTING": "BOOTED_ON_BOTTOM>ACTIVE BOOTED_AT_SURFACE>FLOATING BOOTED_ON_CHARGER>CHARGING "
+    "BOTH_EMPTIED>LOST",
     "ACTIVE": "PERMISSION_HEARD>SURFACING BATTERY_EMPTIED>EMPTY CHARGE_EDGE_ROSE>CHARGING SURFACE_REACHED>FLOATING "
     "WAKE_OVER>SLEEPING PING_HEARD>ACTIVE HOVER_TOLD>HOVERING BOTH_EMPTIED>LOST",
     "SURFACING": "PING_HEARD>SURFACING SINK_TOLD>SINKING SURFACE_REACHED>FLOATING CHARGE_EDGE_ROSE>CHARGING "
@@ -42,7 +43,7 @@ ALLOWED = {
     "CHARGE_EDGE_ROSE>CHARGING BATTERY_EMPTIED>SINKING BOTH_EMPTIED>LOST",
     "REPORTING": "WAKE_OVER>CHARGING CHARGE_EDGE_FELL>RELEASED",
     "CALLING": "WAKE_OVER>EMPTY CHARGE_EDGE_ROSE>CHARGING SURFACE_REACHED>FLOATING BOTH_EMPTIED>LOST",
-    "LOST": "CHARGE_EDGE_ROSE>CHARGING",
+    "LOST": "",
 }
 
 
@@ -57,6 +58,6 @@ def test_every_state_with_every_trigger(state: State, trigger: Trigger) -> None:
         assert next_state(state, trigger) is State[expected]
 
 
-def test_every_state_can_be_left_and_every_trigger_is_used() -> None:
-    assert {state for state, _ in TABLE} == set(State)
+def test_every_state_but_lost_can_be_left_without_a_reset_and_every_trigger_is_used() -> None:
+    assert {state for state, _ in TABLE} == set(State) - {State.LOST}
     assert {trigger for _, trigger in TABLE} == set(Trigger)

@@ -225,15 +225,17 @@ def test_the_low_level_wakes_a_sleeper_once_and_it_reports_in_its_slot(metering:
 
 def test_one_that_boots_with_both_batteries_empty_is_lost() -> None:
     bench = Bench(board(HOURLY, power()), primary=0.0, secondary=0.0)
-    bench.run(minutes=1)
-    assert bench.state is State.LOST
+    bench.run(ms=0)
+    assert (bench.state, bench.board.rails) == (State.LOST, 0)
 
 
-def test_a_lost_one_that_is_docked_all_the_same_charges() -> None:
+def test_a_lost_one_that_is_docked_all_the_same_boots_and_charges() -> None:
+    """Without power no code runs, so the charger's feed is a reset."""
     bench = asleep(primary=0.0001, secondary=0.0001)
     bench.run(hours=1)
     assert (bench.state, bench.board.rails) == (State.LOST, 0)
     bench.charge_pin_rises()
+    assert (bench.state, bench.board.reset_cause) == (State.BOOTING, ResetCause.BROWN_OUT)
     bench.run(hours=1)
     assert bench.state is State.CHARGING
     assert bench.primary > grains(0.05) and bench.secondary > grains(0.05)

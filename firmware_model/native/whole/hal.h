@@ -57,8 +57,8 @@ struct hal_config {
 };
 const struct hal_config *hal_config(void);
 
-enum hal_feed { HAL_PRIMARY, HAL_SECONDARY, HAL_NEITHER };
-enum hal_sleep { HAL_AWAKE, HAL_DEEP, HAL_OFF };
+enum hal_feed { HAL_PRIMARY, HAL_SECONDARY };
+enum hal_sleep { HAL_AWAKE, HAL_DEEP };
 enum hal_rail {
     HAL_MU_ASLEEP, HAL_MU_ACTIVE, HAL_OXYGEN, HAL_PRESSURE, HAL_TEMPERATURE, HAL_TURBIDITY, HAL_PI, HAL_MODEM,
     HAL_MODEM_RECEIVING, HAL_MODEM_TRANSMITTING, HAL_WIFI, HAL_GSM, HAL_BLUETOOTH, HAL_MOTORS

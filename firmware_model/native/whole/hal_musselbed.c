@@ -94,9 +94,8 @@ static enum hal_event_kind kind_of(const struct mu_event *event) {
         [MU_CHARGER] = HAL_CHARGER,     [MU_SURFACE] = HAL_SURFACE,
         [MU_BOTTOM] = HAL_BOTTOM,       [MU_BATTERY_EMPTY] = HAL_EMPTIED,
         [MU_CLOCK] = HAL_CLOCK,         [MU_SAFE_LEVEL] = HAL_SAFE_LEVEL,
-        [MU_ON_SECONDARY] = HAL_OTHER,  [MU_ON_NEITHER] = HAL_OTHER,
-        [MU_LOW_LEVEL] = HAL_LOW_LEVEL, [MU_SWITCH_BACK] = HAL_OTHER,
-        [MU_REPORT] = HAL_REPORT};
+        [MU_ON_SECONDARY] = HAL_OTHER,  [MU_LOW_LEVEL] = HAL_LOW_LEVEL,
+        [MU_SWITCH_BACK] = HAL_OTHER,   [MU_REPORT] = HAL_REPORT};
     if (event->kind == MU_RESET)
         return HAL_RESET;
     if (event->kind == MU_UART)
@@ -136,9 +135,7 @@ bool hal_at_surface(void) { return mu_level(MU_SURFACE); }
 
 bool hal_at_safe_level(void) { return mu_level(MU_SAFE_LEVEL); }
 
-enum hal_feed hal_feed(void) {
-    return mu_level(MU_ON_NEITHER) ? HAL_NEITHER : mu_level(MU_ON_SECONDARY) ? HAL_SECONDARY : HAL_PRIMARY;
-}
+enum hal_feed hal_feed(void) { return mu_level(MU_ON_SECONDARY) ? HAL_SECONDARY : HAL_PRIMARY; }
 
 void hal_rails(uint16_t wanted, enum hal_sleep sleep) {
     uint8_t bytes[2];

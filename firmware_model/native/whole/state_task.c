@@ -24,8 +24,6 @@ static const uint16_t RAILS[STATES] = {
     [AWAITING_BEACON] = R(HAL_MODEM)};
 
 static enum hal_sleep sleep_in(enum state state) {
-    if (state == LOST)
-        return HAL_OFF;
     bool asleep = state == SLEEPING || state == CHARGING || state == EMPTY;
     return asleep && hal_config()->sleeps ? HAL_DEEP : HAL_AWAKE;
 }
@@ -89,10 +87,6 @@ void renew_deadline(void) {
         hal_clock_alarm(HAL_NEVER);
     by_timer = by_clock = false;
     hal_timer(STATE_TASK, HAL_NEVER);
-    if (hal_feed() == HAL_NEITHER && takes(board.state, BOTH_EMPTIED)) {
-        ends_after(0, BOTH_EMPTIED);
-        return;
-    }
     switch (board.state) {
     case BOOTING: ends_after(config->boot_ms, BOOTED_ON_BOTTOM); break;
     case SURFACING: ends_after(config->surfacing_timeout_ms, SURFACING_TIMED_OUT); break;
@@ -197,7 +191,7 @@ void state_event(const struct hal_event *event) {
         if (by_clock)
             state_ends();
         break;
-    case HAL_EMPTIED: apply_if_allowed(hal_feed() == HAL_NEITHER ? BOTH_EMPTIED : BATTERY_EMPTIED); break;
+    case HAL_EMPTIED: apply_if_allowed(BATTERY_EMPTIED); break;
     case HAL_SAFE_LEVEL:
         if (board.state == EMPTY)
             renew_deadline();
