@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 from agents.modem.frames import SHORT_MS, ModemGeneration
 from agents.mussel.body import Body, WaterConfig, gps_fix_um
 from agents.mussel.firmware_failure import PowerLost
-from agents.mussel.outputs import Output, PingAnswered, SoundSent, StimulusDropped, Truth, WifiSent
+from agents.mussel.outputs import (
+    Output,
+    PingAnswered,
+    SoundSent,
+    StateDoubted,
+    StimulusDropped,
+    Truth,
+    WifiSent,
+)
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig, Reporter
 from agents.mussel.stimuli import (
@@ -53,6 +61,7 @@ if TYPE_CHECKING:
     from agents.mussel.logbook import Logbook
     from agents.mussel.peripherals import World
     from agents.mussel.port_firmware import PortFirmware
+    from agents.mussel.state_doubts import StateDoubts
     from firmware_model.port import FirmwareLike
     from firmware_model.sampling.flash import Flash
 
@@ -91,6 +100,7 @@ class Agent:
         self._flash: FailingFlash | None = None
         self._defects: Defects | None = None
         self._others: PortFirmware | None = None
+        self._doubts: StateDoubts | None = None
         self._ask_for_report: Callable[[int], list[board_actions.Action]] | None = None
         """Asks the firmware for a report; None where the board's host makes them."""
         self._world: World | None = None
@@ -280,6 +290,8 @@ class Agent:
                 outputs += fire(due_ms)
             except PowerLost:
                 outputs += self._brown_out(due_ms)
+            if self._others is not None:
+                outputs += self._doubted(due_ms)
             self._timer = self._next_timer()
         self._now_ms = now_ms
         return outputs
@@ -291,9 +303,22 @@ class Agent:
             outputs += self._take(stimulus, now_ms)
         except PowerLost:
             outputs += self._brown_out(now_ms)
+        if self._others is not None:
+            outputs += self._doubted(now_ms)
         self._note_truth(now_ms)
         self._timer = self._next_timer()
         return outputs
+
+    def _doubted(self, now_ms: int) -> list[Output]:
+        """A doubt of the state that somebody's firmware tells. A defect may explain it, so a defective board is spared."""
+        if self._defects is not None:
+            return []
+        if self._doubts is None:
+            from agents.mussel.state_doubts import StateDoubts
+
+            self._doubts = StateDoubts(self.board)
+        reason = self._doubts.due(self.board, self.body, now_ms)
+        return [] if reason is None else [StateDoubted(now_ms, self._agent_id, reason)]
 
     def _brown_out(self, now_ms: int) -> list[Output]:
         """Resets the board whose supply failed in the middle of a write."""

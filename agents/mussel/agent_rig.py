@@ -34,7 +34,7 @@ from agents.water.patches import CALM, QuantityWater
 from firmware_model.actions import Buoyancy, RunBuoyancy
 from firmware_model.bench.conformance import Case, Whole
 from firmware_model.bench.costly_firmware import CostlyFirmware
-from firmware_model.bench.rigs import Rig, RigEvent, RigHistory, charging, ends, flowed
+from firmware_model.bench.rigs import Rig, RigEvent, RigHistory, charging, ends, flowed, states
 from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
 from firmware_model.packets import Beacon
 from firmware_model.packets.codec import BUILT_IN, MusselbedCodec
@@ -259,6 +259,7 @@ class AgentRig(Rig):
             secondary=secondary,
             secondary_flowed=flowed(courses[1], secondary),
             ends=tuple(sorted(over, key=lambda it: it.at_ms)),
+            states=tuple(states((it.at_ms, it.state) for it in truths)),
         )
 
 

@@ -46,11 +46,20 @@ class StimulusDropped:
     reason: str
 
 
-Output = WifiSent | SoundSent | StimulusDropped | PingAnswered
+@dataclass(frozen=True, slots=True)
+class StateDoubted:
+    """Somebody's firmware tells a state that its board contradicts."""
 
-_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, StimulusDropped, PingAnswered)
+    at_ms: int
+    agent_id: int
+    reason: str
+
+
+Output = WifiSent | SoundSent | StimulusDropped | PingAnswered | StateDoubted
+
+_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, StimulusDropped, PingAnswered, StateDoubted)
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
-_VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int))
+_VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int), ("reason", str))
 """The name and type of each kind's value besides its time and its agent."""
 
 

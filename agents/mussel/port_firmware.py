@@ -100,9 +100,9 @@ class PortFirmware:
     def start(self, cause: ResetCause, now_ms: int) -> list[Action]:
         """The MCU left reset; the process begins with the first timer, which is due at once."""
         self.reset_cause = cause
-        self.state = State.BOOTING
+        old, self.state = self.state, State.BOOTING
         self._alarm_ms = now_ms
-        return []
+        return [StateReported(now_ms, old, self.state)]
 
     def next_timer(self) -> tuple[int | None, Timer]:
         return self._alarm_ms, Timer.DEADLINE

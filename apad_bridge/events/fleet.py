@@ -122,6 +122,20 @@ class ProcessDied(Event):
 
 
 @dataclass(frozen=True)
+class StateDisbelieved(Event):
+    kind = "state_doubted"
+    when = "firmware of somebody's own tells a state that its board contradicts, for the first time"
+    counted = Uncounted("a warning; the orders that follow from the state count")
+    category = Category.ALARM
+
+    id: AMussel
+    reason: Reason
+
+    def text(self) -> str:
+        return f"the firmware of aMussel {self.id} is wrong: {self.reason}"
+
+
+@dataclass(frozen=True)
 class AMusselSuspected(Event):
     kind = "suspect"
     when = "packets of an aMussel contradict physics, for the first time: its twin believes no charge that they state"

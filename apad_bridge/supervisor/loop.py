@@ -11,7 +11,7 @@ from collections import Counter
 from dataclasses import astuple
 
 from agents.coordinator import AgentDied
-from agents.mussel.outputs import SoundSent, StimulusDropped, WifiSent
+from agents.mussel.outputs import SoundSent, StateDoubted, StimulusDropped, WifiSent
 from agents.mussel.stimuli import SoundArrived, Stimulus, to_json
 from agents.packet_medium import Medium
 from agents.time_scale import MissionMs
@@ -26,7 +26,7 @@ from agents.water.sea_events import (
     StimulusDelivered,
 )
 from apad_bridge.events.event import Event
-from apad_bridge.events.fleet import APadLeftWater, ProcessDied, Stimulated
+from apad_bridge.events.fleet import APadLeftWater, ProcessDied, StateDisbelieved, Stimulated
 from apad_bridge.events.run import EndReason
 from apad_bridge.events.sound import LinksRead, ModemTold, RangeMeasured
 from apad_bridge.mission.events import (
@@ -265,6 +265,8 @@ class Flight:
                     self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
                 case StimulusDropped(_, _, reason):
                     self.dropped[reason] += 1
+                case StateDoubted(_, agent_id, reason):
+                    self._recorder.event(now_ms, StateDisbelieved(agent_id, reason))
                 case SoundReached(at_ms, agent_id, data) if self._fleet.has_other_apads:
                     # Each aPad in the water hears for itself, so nothing is relayed.
                     if self.supervisor.allocation.concerns(agent_id):

@@ -1,14 +1,14 @@
 """The conformance kit: cases for somebody's firmware, and their judge, which sees the outside of a board.
 
 A case is a script of stimuli. The judge compares what two boards do in it, ours and the one under test: when their motors
-run, when their batteries charge, which bytes they send, and their charges at the end. It sees no state. Passing is a least
-filter: it shows that no case failed, and not that the firmware is right.
+run, when their batteries charge, which bytes they send, which states they tell, and their charges at the end. Passing is a
+least filter: it shows that no case failed, and not that the firmware is right.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import StrEnum
 from hashlib import blake2b
@@ -16,7 +16,7 @@ from itertools import zip_longest
 from typing import Any
 
 from firmware_model import packets
-from firmware_model.bench.rigs import Rig, RigEvent, RigHistory, is_wait, lasts_ms
+from firmware_model.bench.rigs import STATE, Rig, RigEvent, RigHistory, is_wait, lasts_ms
 from firmware_model.config import LastResort
 from firmware_model.packets import (
     CommandPacket,
@@ -27,6 +27,7 @@ from firmware_model.packets import (
     SlotAssignment,
 )
 from firmware_model.power.charge import FULL
+from firmware_model.states import State
 
 _TRACED = re.compile(r"(\d+(?:\.\d+)?)\s*([<>])\s*(.+)")
 _END_MS = 600
@@ -37,6 +38,8 @@ _FASTEST = FULL * 4 // 1000 // 60_000
 """Grains a millisecond that no charge or load of the worst case exceeds: an event within its tolerance moves so much."""
 _WHOLE_FASTEST = FULL * 3 // 100 // 60_000
 """The same for a whole board, whose motors draw most."""
+_BY_CHARGE = tuple(f"{STATE}{state.name}" for state in (State.EMPTY, State.LOST))
+"""The states that begin when a battery is empty: 0.3 % of the energy moves them so far."""
 _LONGEST_TOLD = 64
 """The letters of an event in a table of two histories."""
 _CHARGE = 1 / 255
@@ -53,6 +56,8 @@ class RequirementSource(StrEnum):
     STATES = "docs/firmware-states.md"
     CHOICE = "our choice"
     CAPTURED = "a captured trace"
+    SCRIPT = "our firmware"
+    """A script that somebody, or chance, wrote: ours is the judge."""
 
 
 class Verdict(StrEnum):
@@ -170,6 +175,7 @@ def captured(text: str, name: str) -> tuple[Case, RigHistory]:
     """
     words: list[str] = []
     events: list[RigEvent] = []
+    states: list[RigEvent] = []
     end_ms = 0
     for number, line in enumerate(text.splitlines(), start=1):
         found = _TRACED.fullmatch(line.partition("#")[0].strip())
@@ -181,14 +187,14 @@ def captured(text: str, name: str) -> tuple[Case, RigHistory]:
         if at_ms < end_ms:
             raise ValueError(f"line {number}: time goes back to {found[1]} s")
         if found[2] == ">":
-            events.append(RigEvent(at_ms, found[3]))
+            (states if found[3].startswith(STATE) else events).append(RigEvent(at_ms, found[3]))
         if wait_ms := at_ms - end_ms:
             words.append(f"{wait_ms}ms")
         end_ms = at_ms
         if found[2] == "<":
             words.append(found[3])
     case = Case(name, RequirementSource.CAPTURED, "the board whose trace it is", " ".join(words))
-    return case, RigHistory(tuple(events), charge=None, flowed=0)
+    return case, RigHistory(tuple(events), charge=None, flowed=0, states=tuple(states) or None)
 
 
 def traced(case: Case, found: RigHistory) -> Iterator[str]:
@@ -199,7 +205,9 @@ def traced(case: Case, found: RigHistory) -> Iterator[str]:
         if not is_wait(token):
             lines.append((now_ms, f"{now_ms / 1000:.3f} < {token}"))
         now_ms += lasts_ms(token)
-    lines += [(it.at_ms, f"{it.at_ms / 1000:.3f} > {it.what}") for it in found.events]
+    lines += [
+        (it.at_ms, f"{it.at_ms / 1000:.3f} > {it.what}") for it in (*found.events, *(found.states or ()))
+    ]
     lines.append((now_ms, f"{now_ms / 1000:.3f} < 0ms"))
     yield from (line for _, line in sorted(lines, key=lambda it: it[0]))
 
@@ -227,6 +235,8 @@ def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) 
             return f"expected {_told(expected)}, found {_told(found)}{_other_values(expected, found)}"
         if abs(expected.at_ms - found.at_ms) > tolerance_ms:
             return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
+    if (difference := _state_difference(case, ours, theirs, late_ms)) is not None:
+        return difference
     count = len(ours.events) + 1
     fastest = _FASTEST if case.whole is None else _WHOLE_FASTEST
     late = fastest * (case.tolerance_ms + late_ms * (count + 1)) * count
@@ -237,6 +247,31 @@ def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) 
         if expects is not None and finds is not None and abs(expects - finds) > _ENERGY * flowed + late:
             return f"expected a charge{battery} of {expects / FULL:.4f} at the end, found {finds / FULL:.4f}"
     return None if case.paper is None else _paper_difference(case.paper, theirs)
+
+
+def _state_difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) -> str | None:
+    """The first state that differs; those that held for no time are left out."""
+    if ours.states is None or theirs.states is None:
+        return None
+    least_ms = 1 + 2 * late_ms
+    for n, (expected, found) in enumerate(
+        zip_longest(_lasting(ours.states, least_ms), _lasting(theirs.states, least_ms))
+    ):
+        if expected is None or found is None or expected.what != found.what:
+            return f"expected {_told(expected)}, found {_told(found)}"
+        by_charge_ms = _ENERGY * expected.at_ms if expected.what in _BY_CHARGE else 0
+        if abs(expected.at_ms - found.at_ms) > case.tolerance_ms + late_ms * (n + 2) + by_charge_ms:
+            return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
+    return None
+
+
+def _lasting(states: Sequence[RigEvent], least_ms: int) -> Iterator[RigEvent]:
+    """The states that held for `least_ms` or more. One board may pass through a state that another leaves out."""
+    former = ""
+    for state, after in zip_longest(states, states[1:]):
+        if (after is None or after.at_ms - state.at_ms >= least_ms) and state.what != former:
+            yield state
+            former = state.what
 
 
 def _paper_difference(paper: PaperTime, theirs: RigHistory) -> str | None:
@@ -326,16 +361,20 @@ def _has_values_of(ours: Any, theirs: Any, tolerance_ms: int) -> bool:
 
 
 def side_by_side(result: Result) -> Iterator[str]:
-    """Both histories, a line an event: its mark, what was expected, what was found."""
-    ours, theirs = (list(map(_told, it.events)) for it in (result.ours, result.theirs))
-    width = max([len(line) for line in ours] + [8])
+    """Both histories, a line an event: its mark, what was expected, what was found. States follow where they differ."""
+    ours, theirs = result.ours, result.theirs
+    pairs = list(zip_longest(ours.events, theirs.events))
+    if ours.states is not None and theirs.states is not None and ours.states != theirs.states:
+        pairs += zip_longest(ours.states, theirs.states)
+    lines = [
+        ("" if left is None else _told(left), "" if right is None else _told(right)) for left, right in pairs
+    ]
+    width = max([len(left) for left, _ in lines] + [8])
     yield f"   {'expected':{width}}  found"
-    for n in range(max(len(ours), len(theirs))):
-        left, right = (lines[n] if n < len(lines) else "" for lines in (ours, theirs))
-        same = n < min(len(ours), len(theirs)) and result.ours.events[n] == result.theirs.events[n]
-        yield f" {' ' if same else '!'} {left:{width}}  {right}"
-    if result.theirs.failure is not None:
-        yield f" ! {'':{width}}  {result.theirs.failure}"
+    for (left, right), (expected, found) in zip(lines, pairs, strict=True):
+        yield f" {' ' if expected == found else '!'} {left:{width}}  {right}"
+    if theirs.failure is not None:
+        yield f" ! {'':{width}}  {theirs.failure}"
 
 
 _RANDOM_TOKENS = (
@@ -370,8 +409,8 @@ def random_cases(count: int, seed: int, takes_time: bool = False, is_whole: bool
         script = ["3s", "437ms", *(known[byte % len(known)] for byte in words[: 4 + words[63] % 16])]
         yield Case(
             f"random-{seed}-{n}",
-            RequirementSource.CHOICE,
-            "the same motors, charge and bytes as ours",
+            RequirementSource.SCRIPT,
+            "the same as ours",
             (" 60ms " if takes_time else " ").join(script),
             (1.0, 0.5, 0.05)[words[62] % 3],
             whole=_WHOLE_BOARDS[words[61] % len(_WHOLE_BOARDS)] if is_whole else None,

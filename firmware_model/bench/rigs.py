@@ -8,10 +8,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from firmware_model.actions import RunBuoyancy, SendBytes
+from firmware_model.actions import RunBuoyancy, SendBytes, StateChanged, StateReported
 from firmware_model.bench.bench import Bench
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
+from firmware_model.states import State
 from firmware_model.stimuli import BottomReached, PacketHeard, ResetCause, SurfaceReached, WifiReceived
 
 _UNITS_MS = {"ms": 1, "s": 1000, "min": 60_000, "h": 3_600_000}
@@ -33,6 +34,8 @@ STIMULI = (
     "chatter:HIGH:LOW:TIMES, the pin in ms",
 )
 """The words that every rig plays, besides waits."""
+STATE = "state "
+"""Before the name of a state, in an event that tells it."""
 BENCH_STIMULI = ("surfaced", "landed", "travel:60s, the time that the body takes from now on")
 
 
@@ -63,6 +66,8 @@ class RigHistory:
     secondary_flowed: int = 0
     ends: tuple[RigEvent, ...] = ()
     """When its batteries became full or empty."""
+    states: tuple[RigEvent, ...] | None = None
+    """The states that it told, and since when. None in a trace that has none."""
 
 
 class Rig(ABC):
@@ -166,7 +171,21 @@ class BenchRig(Rig):
             bench.primary,
             flowed(course, bench.primary),
             ends=tuple(ends("the primary", course, model, now_ms)),
+            states=tuple(
+                states(
+                    (it.at_ms, it.new) for it in bench.trace if isinstance(it, StateChanged | StateReported)
+                )
+            ),
         )
+
+
+def states(steps: Iterable[tuple[int, State]]) -> Iterator[RigEvent]:
+    """The states that a board told, each once; a step into the same state is none."""
+    former = None
+    for at_ms, state in steps:
+        if state is not former:
+            yield RigEvent(at_ms, f"{STATE}{state.name}")
+        former = state
 
 
 Course = Sequence[tuple[int, Battery]]

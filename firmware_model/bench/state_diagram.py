@@ -1,6 +1,8 @@
-"""Draws the transition table as a diagram and lists the rails by state, for docs/firmware-states.md."""
+"""Draws the transition table as a diagram, and lists rails and numbers, for the pages of the firmware."""
 
 from __future__ import annotations
+
+from enum import IntEnum
 
 from firmware_model.power.rails import RAILS, Rail
 from firmware_model.states import TABLE, State, Trigger
@@ -25,6 +27,14 @@ def rails_table() -> str:
         names = [f"`{rail.name}`" for rail in Rail if RAILS[state] >> rail & 1]
         lines.append(f"| `{state.name}` | {', '.join(names) or 'nothing'} |")
     return "\n".join(lines)
+
+
+def numbers(names: type[IntEnum]) -> str:
+    """The numbers that firmware tells or switches, each with its name, seven in a line."""
+    told = [f"{int(it):2} {it.name}" for it in names]
+    width = max(len(it) for it in told) + 2
+    rows = (told[n : n + 7] for n in range(0, len(told), 7))
+    return "\n".join("".join(f"{it:{width}}" for it in row).rstrip() for row in rows)
 
 
 def blocks() -> str:

@@ -36,6 +36,8 @@ _DOCKED = f"{_UP} rises 10min"
 _RELEASED = f"{_DOCKED} falls 1s"
 _LEVEL_MS = 40_000
 """The tolerance of what a level of charge causes after 3 h and more: 0.3 % of that time."""
+_LOW_LEVEL_MS = 3000
+"""The same after a quarter of an hour."""
 _UPLOADED = "1h permission 70s rises 10min"
 """Docked, a report and an upload after the words before it."""
 
@@ -714,6 +716,7 @@ _EMERGENCY = [
         "3h",
         Whole("field", low_level=0.5),
         0.502,
+        tolerance_ms=_LOW_LEVEL_MS,
     ),
     _case(
         "another-low-level",
@@ -722,6 +725,7 @@ _EMERGENCY = [
         f"3s {_sound(SetThreshold(1, Threshold.LOW_LEVEL, 0.8))} 3h",
         Whole("field", low_level=0.1),
         0.802,
+        tolerance_ms=_LOW_LEVEL_MS,
     ),
     _case(
         "another-safe-level",
@@ -971,6 +975,7 @@ _PACKETS = [
             f"3s sound:{sealed(bytes([2, 9, 1, 0, which, 255, 200])).hex()} {_UPLOADED}",
             Whole("field", 0.5, low_level=0.5),
             0.502,
+            tolerance_ms=_LOW_LEVEL_MS,
         )
         for which in (3, 255)
     ),

@@ -40,6 +40,26 @@ def test_the_c_board_passes_everything(board: Path, capsys: pytest.CaptureFixtur
     assert {it["verdict"] for it in results} == {"passed"}
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("(void)board", "found nothing more"),
+        ("mu_state((const uint8_t[]){0, 1, 2, 9, 10, 12, 13, 14, 16}[board.state])", "state SLEEPING"),
+    ],
+    ids=["told never", "numbered otherwise"],
+)
+def test_a_board_of_other_states_fails(
+    tmp_path_factory: pytest.TempPathFactory, text: str, found: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Missions obey states. By hand: a board that surfaces is SURFACING, and 9 is the number of another state."""
+    source, program = NATIVE / "worst_case.c", tmp_path_factory.mktemp("stateless") / "board"
+    told = "mu_state((uint8_t)board.state)"
+    compiled_with(tmp_path_factory, source, source.read_text().replace(told, text), program)
+    assert main(["mu", "conform", str(program), "--case", "surfaces", "--json"]) == 3
+    (result,) = json.loads(capsys.readouterr().out)
+    assert found in result["reason"]
+
+
 @pytest.mark.parametrize("options", [["--random", "30"], ["--cost", "5", "--seed", "2"]], ids=" ".join)
 def test_the_whole_c_board_passes_everything(
     tmp_path_factory: pytest.TempPathFactory, options: list[str], capsys: pytest.CaptureFixture[str]
@@ -101,6 +121,7 @@ def test_a_captured_trace_is_a_case(board: Path, tmp_path: Path, capsys: pytest.
     trace = tmp_path / "missed.trace"
     assert main(["mu", "conform", str(board), "--case", "missed-rise", "--capture", str(trace)]) == 0
     assert "120.050 > charges" in trace.read_text()
+    assert "120.050 > state CHARGING" in trace.read_text()
     assert main(["mu", "conform", str(board), "--captured", str(trace)]) == 0
     assert main(["mu", "conform", str(PERL), "--captured", str(trace)]) == 3
     assert "a captured trace" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""docs/first-firmware.md and docs/firmware-port.md as printed: from an empty folder to a fleet of C boards."""
+"""The pages of firmware as printed: from an empty folder to a fleet of C boards, and the kit that judges them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from doc_blocks import blocks, file_of
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
-TUTORIAL, REFERENCE = ROOT / "docs" / "first-firmware.md", ROOT / "docs" / "firmware-port.md"
+TUTORIAL, *REFERENCES = (
+    ROOT / "docs" / it for it in ("first-firmware.md", "firmware-port.md", "conformance.md")
+)
 
 
 def test_the_pages_commands_give_what_they_show(tmp_path: Path) -> None:
     (tmp_path / "my_board.c").write_text(file_of(TUTORIAL, "my_board.c"))
     script = "\n".join(
-        block.text for page in (TUTORIAL, REFERENCE) for block in blocks(page) if block.mark == "tested"
+        block.text for page in (TUTORIAL, *REFERENCES) for block in blocks(page) if block.mark == "tested"
     )
     failing = "--case measures --case surfaces\n"
     assert failing in script

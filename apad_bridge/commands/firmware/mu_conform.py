@@ -147,7 +147,7 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
     known, is_whole = _CASES[arguments.profile], arguments.profile == WHOLE
     if arguments.script is not None:
         whole = Whole() if is_whole else None
-        return [Case("script", RequirementSource.CHOICE, "the same as ours", arguments.script, whole=whole)]
+        return [Case("script", RequirementSource.SCRIPT, "the same as ours", arguments.script, whole=whole)]
     if unknown := unknown_names(arguments.case, known):
         raise UserError(f"--case {unknown[0]}: there are {', '.join(case.name for case in known)}")
     chosen = [case for case in known if not arguments.case or case.name in arguments.case]

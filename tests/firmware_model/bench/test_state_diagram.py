@@ -3,10 +3,12 @@
 import re
 from pathlib import Path
 
-from firmware_model.bench.state_diagram import blocks, mermaid
+from firmware_model.bench.state_diagram import blocks, mermaid, numbers
+from firmware_model.power.rails import Rail
 from firmware_model.states import TABLE, State, Trigger
 
 PAGE = Path(__file__).parents[3] / "docs/firmware-states.md"
+PORT = PAGE.with_name("firmware-port.md")
 
 
 def test_the_page_is_current() -> None:
@@ -19,6 +21,11 @@ def test_the_diagram_says_the_whole_table_and_nothing_else() -> None:
         for trigger in triggers.split(", "):
             drawn[State[old], Trigger[trigger]] = State[new]
     assert drawn == TABLE
+
+
+def test_the_page_of_the_port_has_the_numbers_of_states_and_the_bits_of_rails() -> None:
+    for names in (State, Rail):
+        assert f"```text\n{numbers(names)}\n```" in PORT.read_text(), f"put this there:\n{numbers(names)}"
 
 
 def test_the_page_explains_every_state() -> None:
