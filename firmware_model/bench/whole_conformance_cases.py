@@ -673,7 +673,7 @@ _EMERGENCY = [
         "a-last-resort-ends-in-a-dock",
         RequirementSource.STATES,
         "once charged it sinks again after its time afloat",
-        "10h rises 350min falls 1s release 10min permission 70s 2h",
+        "4h rises 350min falls 1s release 10min permission 70s 2h",
         replace(_SURFACES, float_min=60),
         0.005,
         tolerance_ms=_LEVEL_MS,

@@ -39,7 +39,7 @@ def test_the_pages_commands_give_what_they_show(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stdout + done.stderr
     shown = [line for block in blocks(TUTORIAL) if block.kind == "text" for line in block.text.splitlines()]
-    assert len(shown) == 8
+    assert len(shown) == 12
     for line in shown:
         assert line.strip() in done.stdout
     assert done.stdout.count("153 cases: 153 passed") == 2
