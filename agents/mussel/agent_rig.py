@@ -143,10 +143,20 @@ class _ObservedAgent(Agent):
 class AgentRig(Rig):
     """A whole board in an aMussel of its own. `command` is somebody's firmware; empty for ours."""
 
-    def __init__(self, case: Case, command: tuple[str, ...] = (), cost_ms: int = 0, seed: int = 1) -> None:
+    def __init__(
+        self,
+        case: Case,
+        command: tuple[str, ...] = (),
+        cost_ms: int = 0,
+        seed: int = 1,
+        release_wait_ms: int | None = None,
+    ) -> None:
+        """`release_wait_ms` is another wait for a release packet than that of the case."""
         whole = case.whole or Whole()
         reports_ms = _NO_REPORTS_MS if whole.report_min is None else 60_000 * whole.report_min
         self._model = whole_board(whole, case.agent_id)
+        if release_wait_ms is not None:
+            self._model = replace(self._model, release_wait_ms=release_wait_ms)
         fleet = FleetConfig(
             theta=1,
             seed=1,
@@ -187,11 +197,13 @@ class AgentRig(Rig):
         self.outputs += self.agent.advance(self.now_ms)
 
     def pin(self, high: bool, *, noticed: bool) -> None:
-        contact = ContactClosed(_NORTH_UM, _EAST_UM) if high else ContactOpened()
-        if noticed:
-            self._tell(contact)
+        """Closes or opens a dock around it; below, where there is none, the pin alone changes, by a defect."""
+        body, unseen = self.agent.body, int(not noticed)
+        if body.docked or body.depth_at_um(self.now_ms) == 0:
+            contact = ContactClosed(_NORTH_UM, _EAST_UM) if high else ContactOpened()
+            self._tell(*([contact] if noticed else [PinDisturbed(0, 1), contact, PinDisturbed(0, 0)]))
         else:
-            self._tell(PinDisturbed(0, 1), contact, PinDisturbed(0, 0))
+            self._tell(PinDisturbed(int(high), unseen), PinDisturbed(int(high), 0))
 
     def receive(self, data: bytes, *, by_sound: bool) -> None:
         self._tell((SoundArrived if by_sound else WifiArrived)(data))
@@ -232,11 +244,6 @@ class AgentRig(Rig):
     def shown(self) -> RigHistory:
         agent = self.agent
         agent.close()
-        events = [RigEvent(it.at_ms, f"motors {it.to.name.lower()}{_depth(it)}") for it in agent.runs]
-        for output in self.outputs:
-            if isinstance(output, SoundSent | WifiSent):
-                by = "sound" if isinstance(output, SoundSent) else "Wi-Fi"
-                events.append(RigEvent(output.at_ms, f"sends by {by} {output.data.hex()}"))
         truths = agent.take_truths()
         courses = [
             [(it.at_ms, battery) for it, battery in zip(truths, batteries, strict=True)]
@@ -244,7 +251,14 @@ class AgentRig(Rig):
                 *((it.physical.primary, it.physical.secondary) for it in truths), strict=True
             )
         ]
-        events += charging(courses[0])
+        events = [
+            *charging(courses[0]),
+            *(RigEvent(it.at_ms, f"motors {it.to.name.lower()}{_depth(it)}") for it in agent.runs),
+        ]
+        for output in self.outputs:
+            if isinstance(output, SoundSent | WifiSent):
+                by = "sound" if isinstance(output, SoundSent) else "Wi-Fi"
+                events.append(RigEvent(output.at_ms, f"sends by {by} {output.data.hex()}"))
         model = self._model.charge
         primary, secondary = (model.charge_at(course[-1][1], self.now_ms) for course in courses)
         over = [

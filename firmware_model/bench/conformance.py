@@ -126,6 +126,18 @@ class Case:
     """Milliseconds decide it, so firmware that takes time may rightly decide otherwise."""
     agent_id: int = 1
     """The board's id. The commands by name are for aMussel 1."""
+    shows: str | Callable[[Any], bool] | None = None
+    """Without it the expected history would show nothing of the requirement: the begin of an event or of a state, or a
+    test of a packet that is sent. None for a case in which nothing is to happen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Another way to read the paper than ours. A board that is right by it differs, and does not fail."""
+
+    requirement: str
+    ours: Callable[[Case], Rig]
+    """Makes a board of ours that follows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +156,9 @@ def judged(
     failures: type[Exception],
     waivers: dict[str, str],
     late_ms: int = 0,
+    readings: Sequence[Reading] = (),
 ) -> Result:
-    """Runs the case on both boards.
+    """Runs the case on both boards, and, where they differ, on a board of ours for each other reading of the paper.
 
     `ours` and `theirs` make a rig for a case, or `ours` is a captured history. Dead firmware raises `failures`.
 
@@ -153,10 +166,14 @@ def judged(
     the case's tolerance.
     """
     expected = ours if isinstance(ours, RigHistory) else history(case, ours, failures)
+    if not _shows(case, expected):
+        raise AssertionError(f"the case {case.name} expects nothing of what it cites")
     found = history(case, theirs, failures)
     reason = _difference(case, expected, found, late_ms)
     if reason is None:
         verdict = Verdict.PASSED
+    elif (reading := _reading(case, found, readings, failures, late_ms)) is not None:
+        verdict, reason = Verdict.DIFFERS, f"{reading} ({reason})"
     elif case.name in waivers:
         verdict, reason = Verdict.WAIVED, f"{waivers[case.name]} ({reason})"
     else:
@@ -166,6 +183,28 @@ def judged(
             else Verdict.FAILED
         )
     return Result(case, verdict, reason or "", expected, found)
+
+
+def _reading(
+    case: Case, found: RigHistory, readings: Sequence[Reading], failures: type[Exception], late_ms: int
+) -> str | None:
+    """The other reading of the paper by which the board is right; None for none."""
+    for reading in readings:
+        if _difference(case, history(case, reading.ours, failures), found, late_ms) is None:
+            return reading.requirement
+    return None
+
+
+def _shows(case: Case, expected: RigHistory) -> bool:
+    """True if the expected history has what the case cites."""
+    shows = case.shows
+    if shows is None:
+        return True
+    if isinstance(shows, str):
+        told = (*expected.events, *(expected.states or ()), *expected.ends)
+        return any(it.what.startswith(shows) for it in told)
+    packets_sent = (_packet_of(it.what) for it in expected.events)
+    return any(it is not None and shows(it) for it in packets_sent)
 
 
 def captured(text: str, name: str) -> tuple[Case, RigHistory]:
@@ -225,9 +264,11 @@ def history(case: Case, make: Callable[[Case], Rig], failures: type[Exception]) 
 
 
 def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) -> str | None:
-    """The first difference, in words; None for none."""
+    """The first difference, in words; None for none. A time of the paper is judged by the paper alone."""
     if theirs.failure is not None:
         return f"its firmware failed: {theirs.failure}"
+    if case.paper is not None:
+        return _paper_difference(case.paper, theirs)
     packets_taken = case.script.count("sound:") + case.script.count("wifi:")
     for n, (expected, found) in enumerate(zip_longest(ours.events, theirs.events), start=packets_taken):
         tolerance_ms = case.tolerance_ms + late_ms * (n + 2)
@@ -246,7 +287,7 @@ def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) 
     ):
         if expects is not None and finds is not None and abs(expects - finds) > _ENERGY * flowed + late:
             return f"expected a charge{battery} of {expects / FULL:.4f} at the end, found {finds / FULL:.4f}"
-    return None if case.paper is None else _paper_difference(case.paper, theirs)
+    return None
 
 
 def _state_difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) -> str | None:

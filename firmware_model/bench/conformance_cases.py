@@ -53,15 +53,18 @@ _PAPER = [
         "13h",
     ),
     Case(
-        "surfaces", RequirementSource.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"
+        "surfaces", RequirementSource.PAPER, "V-A: the aPad's permission brings it up", "3s permission 3min"
     ),
     Case(
-        "surfaces-once", RequirementSource.PAPER, "III-C: it rises by one run of its motors", f"{_UP} 10min"
+        "surfaces-once",
+        RequirementSource.PAPER,
+        "V-A: runs of its motors are kept to a minimum",
+        f"{_UP} 10min",
     ),
     Case(
         "charges",
         RequirementSource.PAPER,
-        "III-C: the charger's pin alone starts a charge",
+        "III: a closed dock charges it",
         f"{_DOCKED} 5h",
         0.2,
     ),
@@ -82,33 +85,33 @@ _PAPER = [
     Case(
         "no-charge-unasked",
         RequirementSource.PAPER,
-        "III-C: without the pin nothing charges",
+        "III: without a dock nothing charges it",
         f"{_UP} 2h",
         0.5,
     ),
     Case(
         "charges-no-longer",
         RequirementSource.PAPER,
-        "III-C: the falling pin ends the charge",
+        "III: a released one is no longer charged",
         f"{_DOCKED} falls 1h",
         0.3,
     ),
     Case(
         "sinks-when-released",
         RequirementSource.PAPER,
-        "III-C: it sinks once its dock released it",
+        "V-A: it sinks once its dock released it",
         f"{_RELEASED} release 3min",
     ),
     Case(
         "not-before",
         RequirementSource.PAPER,
-        "III-C: in its dock it does not run its motors",
+        "V-A: in its dock it waits until it is full",
         f"{_DOCKED} release 1h",
     ),
     Case(
         "two-services",
         RequirementSource.PAPER,
-        "III-C: a second service is as the first",
+        "V-A: a second service is as the first",
         f"{_RELEASED} release 2min permission 70s rises 1h falls 1s release 3min",
     ),
     Case(
@@ -120,8 +123,8 @@ _PAPER = [
     ),
     Case(
         "empty-and-fetched",
-        RequirementSource.PAPER,
-        "III-C: an empty aMussel takes a permission",
+        RequirementSource.STATES,
+        "an empty one takes a permission",
         "2h permission 70s rises 1h",
         0.05,
     ),
@@ -618,8 +621,8 @@ _ORDERS = {
     Kind.PERMISSION: Trigger.PERMISSION_HEARD,
     Kind.RELEASE: Trigger.CLEAR_TO_SINK,
     Kind.SINK: Trigger.SINK_TOLD,
-    Kind.PING: Trigger.PING_HEARD,
 }
+"""A ping is none: the worst case's answer is our choice."""
 _TABLE = [
     *(
         Case(
@@ -628,6 +631,7 @@ _TABLE = [
             f"the table: {state.name} takes {trigger.name}",
             f"{script} sound:{_of(kind, 1)} 5min",
             primary,
+            shows=f"state {TABLE[state, trigger].name}",
         )
         for state, (primary, script) in WAYS_INTO.items()
         for kind, trigger in _ORDERS.items()
@@ -661,6 +665,7 @@ _TABLE = [
             f"the table: {state.name} takes CHARGE_EDGE_ROSE",
             f"{script} rises 10min falls 1s release 2min",
             primary,
+            shows="charges",
         )
         for state, (primary, script) in WAYS_INTO.items()
         if (state, Trigger.CHARGE_EDGE_ROSE) in TABLE

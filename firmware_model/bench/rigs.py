@@ -161,10 +161,11 @@ class BenchRig(Rig):
 
     def shown(self) -> RigHistory:
         bench = self.bench
-        events = [RigEvent(it.at_ms, f"motors {it.to.name.lower()}") for it in bench.did(RunBuoyancy)]
-        events += [RigEvent(it.at_ms, f"sends {it.data.hex()}") for it in bench.did(SendBytes)]
         course = [(at_ms, primary) for at_ms, primary, _ in bench.courses]
-        events += charging(course)
+        # Of what happens at one time, the cause comes first: the charger's edge before the motors that it starts.
+        events = list(charging(course))
+        events += [RigEvent(it.at_ms, f"motors {it.to.name.lower()}") for it in bench.did(RunBuoyancy)]
+        events += [RigEvent(it.at_ms, f"sends {it.data.hex()}") for it in bench.did(SendBytes)]
         model, now_ms = bench.config.charge, bench.now_ms
         return RigHistory(
             tuple(sorted(events, key=lambda it: it.at_ms)),

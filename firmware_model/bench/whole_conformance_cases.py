@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource, Whole
 from firmware_model.bench.wrong_packets import (
@@ -15,25 +17,33 @@ from firmware_model.bench.wrong_packets import (
 from firmware_model.config import LastResort
 from firmware_model.packets import (
     EVERYONE,
+    AcousticStatus,
     Beacon,
     Command,
     CommandPacket,
     HoverAt,
     Kind,
     LogAck,
+    LogRecords,
     SetThreshold,
+    ShortStatus,
     SleepSchedule,
     SlotAssignment,
     Threshold,
+    WifiStatus,
 )
 from firmware_model.packets.wire import sealed
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import TABLE, State, Trigger
+from firmware_model.stimuli import ResetCause
 
 _NEVER, _HOURLY, _FIELD = Whole("never"), Whole("hourly"), Whole("field")
 _UP = "3s permission 70s"
 """It floats."""
 _DOCKED = f"{_UP} rises 10min"
 _RELEASED = f"{_DOCKED} falls 1s"
+_SLOT_MS = 2
+"""The tolerance of a timeslot."""
 _LEVEL_MS = 40_000
 """The tolerance of what a level of charge causes after 3 h and more: 0.3 % of that time."""
 _LOW_LEVEL_MS = 3000
@@ -73,8 +83,16 @@ def _case(
     paper: PaperTime | None = None,
     tolerance_ms: int = 20,
     is_near_tie: bool = False,
+    shows: str | Callable[[Any], bool] | None = None,
 ) -> Case:
-    return Case(name, source, requirement, script, primary, tolerance_ms, whole, paper, is_near_tie)
+    return Case(
+        name, source, requirement, script, primary, tolerance_ms, whole, paper, is_near_tie, shows=shows
+    )
+
+
+def _sends(kind: type[Any], **values: object) -> Callable[[Any], bool]:
+    """True for a packet of this kind with these values."""
+    return lambda it: isinstance(it, kind) and all(getattr(it, key) == value for key, value in values.items())
 
 
 def _table_one(name: str, mode: str, script: str, whole: Whole, ends: str, *minutes: float) -> Case:
@@ -113,29 +131,32 @@ _PAPER = [
         485,
     ),
     _case(
-        "surfaces", RequirementSource.PAPER, "III-C: the aPad's permission brings it up", "3s permission 3min"
+        "surfaces", RequirementSource.PAPER, "V-A: the aPad's permission brings it up", "3s permission 3min"
     ),
     _case(
         "surfaces-from-sleep",
         RequirementSource.PAPER,
-        "III-C: a sleeping one hears it",
+        "IV-A: a packet wakes a sleeping one",
         "30min permission 3min",
     ),
     _case("stays-down", RequirementSource.PAPER, "II: without a permission it stays on the bottom", "13h"),
-    _case("charges", RequirementSource.PAPER, "III-C: a docked one is charged", f"{_DOCKED} 5h", primary=0.2),
+    _case("charges", RequirementSource.PAPER, "III: a closed dock charges it", f"{_DOCKED} 5h", primary=0.2),
     _case(
         "sinks-when-released",
         RequirementSource.PAPER,
-        "III-C: released, it sinks",
+        "V-A: released, it sinks",
         f"{_RELEASED} release 5min",
     ),
     _case(
-        "not-before", RequirementSource.PAPER, "III-C: in its dock it runs no motor", f"{_DOCKED} release 1h"
+        "not-before",
+        RequirementSource.PAPER,
+        "V-A: in its dock it waits until it is full",
+        f"{_DOCKED} release 1h",
     ),
     _case(
         "two-services",
         RequirementSource.PAPER,
-        "III-C: a second service is as the first",
+        "V-A: a second service is as the first",
         f"{_RELEASED} release 2h permission 70s rises 1h falls 1s release 3min",
     ),
 ]
@@ -150,6 +171,7 @@ _SLEEP = [
         "it samples, processes, and sends in its timeslot",
         "4h",
         _FIELD,
+        tolerance_ms=_SLOT_MS,
     ),
     _case(
         "in-slot-7",
@@ -157,12 +179,14 @@ _SLEEP = [
         "an assigned timeslot counts from now on",
         f"3s {_SLOT_7} 4h",
         _FIELD,
+        tolerance_ms=_SLOT_MS,
     ),
     _case(
         "a-first-slot",
         RequirementSource.STATES,
         "a board that had no slot transmits from now on",
         f"3s {_SLOT_7} 4h",
+        tolerance_ms=_SLOT_MS,
     ),
     *(
         _case(
@@ -171,6 +195,7 @@ _SLEEP = [
             "an offset moves the timeslot",
             f"3s {_sound(SlotAssignment(1, 300_000, 3000, 500, 2, offset_ms))} 3h",
             _FIELD,
+            tolerance_ms=_SLOT_MS,
         )
         for offset_ms in (-300, 300)
     ),
@@ -206,6 +231,7 @@ _SLEEP = [
         "schedule and timeslot are kept",
         f"3s {_SLOT_7} {_sound(SleepSchedule(1, 600_000, 20_000))} 30min brown_out 2h",
         _FIELD,
+        tolerance_ms=_SLOT_MS,
     ),
     *(
         _case(
@@ -214,6 +240,7 @@ _SLEEP = [
             "timeslots follow the board's own clock",
             f"3s {_SLOT_7} 12h",
             Whole("field", drift_ppm=ppm),
+            tolerance_ms=_SLOT_MS,
         )
         for ppm in (-100, 100)
     ),
@@ -223,6 +250,7 @@ _SLEEP = [
         "a beacon sets the drifting clock",
         f"3s {_SLOT_7} 359min beacon:21543000 6h",
         Whole("field", drift_ppm=100),
+        tolerance_ms=_SLOT_MS,
     ),
     _case(
         "a-beacon-for-all",
@@ -485,6 +513,7 @@ _LOG = [
         "each wake in a dock reports by Wi-Fi",
         f"{_DOCKED} 3h",
         primary=0.3,
+        shows=_sends(WifiStatus),
     ),
     _case(
         "uploads", RequirementSource.PACKETS, "a report brings the waiting records", f"{_HUNDRED_SAMPLES} 50s"
@@ -638,8 +667,8 @@ _EMERGENCY = [
     _case("empties", RequirementSource.STATES, "an empty one measures nothing", "8h", primary=0.005),
     _case(
         "empty-and-fetched",
-        RequirementSource.PAPER,
-        "III-C: an empty one takes a permission",
+        RequirementSource.STATES,
+        "an empty one takes a permission",
         "2h permission 70s rises 3h",
         primary=0.005,
     ),
@@ -761,6 +790,8 @@ _EMERGENCY = [
     ),
 ]
 _UNEVEN = Whole(uneven=True)
+_LATE_UP = "6s permission 70s"
+"""It floats, after a boot of 5 s."""
 _TIMES = [
     _case(
         f"other-times-{name}",
@@ -770,37 +801,84 @@ _TIMES = [
         whole,
         primary,
         tolerance_ms=_LEVEL_MS if whole.last_resort is LastResort.CALL else 20,
+        is_near_tie=name == "of-an-edge",
+        shows=shows,
     )
-    for name, requirement, script, whole, primary in (
-        ("of-a-wake", "listening, sensors, the Pi, the slot and its guard", "4h", _UNEVEN, 1.0),
-        ("of-a-report", "a report's length", f"{_DOCKED} 3h", _UNEVEN, 0.3),
+    for name, requirement, script, whole, primary, shows in (
+        (
+            "of-a-wake",
+            "listening, sensors, the Pi, the slot and its guard",
+            "4h",
+            _UNEVEN,
+            1.0,
+            _sends(AcousticStatus),
+        ),
+        ("of-a-report", "a report's length", f"{_LATE_UP} rises 3h", _UNEVEN, 0.3, _sends(WifiStatus)),
         (
             "of-an-upload",
             "its length after an acknowledgement",
-            f"{_REPORTING} {_wifi(LogAck(1, 72))} 2min",
+            f"6s {_EACH_MINUTE} 100min permission 70s rises 45s {_wifi(LogAck(1, 18))} 2min",
             _UNEVEN,
             1.0,
+            _sends(LogRecords, first=18),
         ),
-        ("of-a-boot", "a boot", "4s permission 2s permission 3min", _UNEVEN, 1.0),
-        ("of-a-release", "the wait for a release", f"{_RELEASED} 10min", _UNEVEN, 1.0),
-        ("of-an-edge", "the debounce", f"{_UP} rises 79ms falls 1min rises 81ms falls 10min", _UNEVEN, 0.4),
-        ("of-a-chatter", "a chatter", f"{_UP} chatter:60:10:46 {_SINK} rises 1h", _UNEVEN, 0.4),
+        ("of-a-boot", "a boot", "4s permission 2s permission 3min", _UNEVEN, 1.0, "motors float"),
+        (
+            "of-a-release",
+            "the wait for a release",
+            f"{_LATE_UP} rises 10min falls 10min",
+            _UNEVEN,
+            1.0,
+            "motors sink",
+        ),
+        (
+            "of-an-edge",
+            "the debounce",
+            f"{_LATE_UP} rises 79ms falls 1min rises 81ms falls 10min",
+            _UNEVEN,
+            0.4,
+            "state CHARGING",
+        ),
+        (
+            "of-a-chatter",
+            "a chatter",
+            f"{_LATE_UP} chatter:60:10:46 {_SINK} rises 1h",
+            _UNEVEN,
+            0.4,
+            "state CHARGING",
+        ),
         (
             "of-a-check",
             "the look for a lost edge",
-            f"{_UP} rises_unseen 10min falls_unseen 10min",
+            f"{_LATE_UP} rises_unseen 10min falls_unseen 10min",
             _UNEVEN,
             0.4,
+            "state RELEASED",
         ),
-        ("of-a-hover", "the time between two runs", "10s hover 1h", _UNEVEN, 1.0),
-        ("of-an-answer", "turnaround and answer", "10min ping 5min ping 650ms ping 5min", _UNEVEN, 1.0),
-        ("of-a-call", "the time between two calls", "10h", replace(_CALLS, uneven=True), 0.005),
+        ("of-a-hover", "the time between two runs", "10s hover 1h", _UNEVEN, 1.0, "motors hover"),
+        (
+            "of-an-answer",
+            "turnaround and answer",
+            "10min ping 5min ping 650ms ping 5min",
+            _UNEVEN,
+            1.0,
+            _sends(ShortStatus),
+        ),
+        (
+            "of-a-call",
+            "the time between two calls",
+            "10h",
+            replace(_CALLS, uneven=True),
+            0.005,
+            "state CALLING",
+        ),
         (
             "of-an-order-to-stay",
             "no last resort after an order to sink",
             "2h permission 20s sink 1s 20h",
             replace(_SURFACES, uneven=True),
             0.005,
+            "state FLOATING",
         ),
     )
 ]
@@ -812,21 +890,16 @@ _TOLD = [
         f"10s ping 2h ping {_UPLOADED}",
         Whole("field", 0.7),
         0.4,
+        shows=_sends(ShortStatus),
     ),
     _case(
         "reports-through-a-service",
         RequirementSource.PACKETS,
         "a report has the state, the feed, the rails and the reset's cause",
-        f"{_RELEASED} 30s release 3min brown_out 10min",
+        f"{_UP} watchdog 60s rises 10min falls 50s release 3min",
         Whole("field", 0.8, report_min=1),
         0.6,
-    ),
-    _case(
-        "reports-hovering",
-        RequirementSource.PACKETS,
-        "a report has the state, the feed and the rails",
-        "10s hover 15min sink 5min",
-        Whole("hourly", report_min=1),
+        shows=_sends(WifiStatus, reset_cause=ResetCause.WATCHDOG),
     ),
     _case(
         "reports-on-its-backup",
@@ -835,28 +908,32 @@ _TOLD = [
         "3h permission 70s rises 3h",
         Whole("hourly", report_min=7),
         0.005,
+        shows=_sends(WifiStatus, feed=ActiveBattery.SECONDARY),
     ),
     *(
         _case(
             f"reports-a-clock-{told}",
             RequirementSource.PACKETS,
-            "a report has the clock's offset to the last beacon",
-            f"10min {_sound(Beacon(1, 600_000 + late_ms))} {_UPLOADED} brown_out 1h",
+            "a report has the clock minus the last beacon, and 0 after a reset",
+            f"10min {_sound(Beacon(1, 600_000 - offset_ms))} {_UPLOADED} 1h brown_out 1h",
+            shows=_sends(WifiStatus, clock_offset_ms=offset_ms),
         )
-        for told, late_ms in (("ahead", -70_000), ("behind", 300))
+        for told, offset_ms in (("ahead", 70_000), ("behind", -300))
     ),
     _case(
         "a-year-behind",
         RequirementSource.CHOICE,
         "an offset that does not fit is told as the largest",
-        f"10min {_sound(Beacon(1, 40_000_000_000))} {_UPLOADED}",
+        f"10min {_sound(Beacon(1, 40_000_000_000))} {_UPLOADED} 1h",
+        shows=_sends(WifiStatus, clock_offset_ms=-(1 << 31)),
     ),
     _case(
         "beyond-a-sensor-s-range",
         RequirementSource.PACKETS,
         "a sample beyond a sensor's range is marked",
-        _UPLOADED,
+        f"90min {_UPLOADED} 1h",
         Whole("field", turbid=True),
+        shows=lambda it: isinstance(it, LogRecords) and any(record.saturated for record in it.records),
     ),
     _case(
         "a-short-modem",
@@ -911,6 +988,7 @@ _PACKETS = [
         "frame, slot and offset have four bytes, guard and index two",
         f"3s {_sound(SlotAssignment(1, 30_000_000, 90_000, 700, 300, -70_000))} 20h",
         _FIELD,
+        tolerance_ms=_SLOT_MS,
     ),
     _case(
         "a-wake-of-two-minutes",
@@ -925,6 +1003,7 @@ _PACKETS = [
         "a timeslot may end with its frame",
         f"3s {_sound(SlotAssignment(1, 60_000, 4000, 1500, 14, 0))} 3h",
         _FIELD,
+        tolerance_ms=_SLOT_MS,
     ),
     *(
         _case(f"a-slot-{name}", source, requirement, f"3s {_sound(slot)} 3h", _FIELD)
@@ -1268,6 +1347,13 @@ def _ordered(word: str) -> str:
     return f"{_sound(packet)} {_wifi(packet)}"
 
 
+def _taken(word: str, new: State) -> str | Callable[[Any], bool]:
+    """The sign that a state took an order. A board that hovers at the bottom sinks for no time."""
+    if word == "ping":
+        return _sends(ShortStatus)
+    return "motors sink" if new is State.SINKING else f"state {new.name}"
+
+
 def _named(state: State) -> str:
     return state.name.lower().replace("_", "-")
 
@@ -1282,6 +1368,7 @@ _TABLE = [
             whole,
             primary,
             is_near_tie=state is State.CALLING,
+            shows=_taken(word, TABLE[state, trigger]),
         )
         for state, (whole, primary, script) in WAYS_INTO.items()
         for word, trigger in _TRIGGERS.items()
@@ -1327,13 +1414,12 @@ WHOLE_CASES = (
     *_SLEEP,
     *_PINGS,
     *_TRAVEL,
-    *_LOG,
+    *(replace(it, shows=it.shows or _sends(LogRecords)) for it in (*_LOG, *_UPLOADS)),
     *_FAULTS,
     *_EMERGENCY,
     *_TIMES,
     *_TOLD,
     *_PACKETS,
     *_ROUND,
-    *_UPLOADS,
     *_TABLE,
 )

@@ -16,7 +16,15 @@ from rich.progress import track
 from rich.table import Table
 
 from agents.mussel.firmware_failure import FirmwareFailed
-from apad_bridge.commands.firmware.mu_program import BOARDS, WHOLE, WORST_CASE, command_of, our_rig, rig_of
+from apad_bridge.commands.firmware.mu_program import (
+    AT_THE_EDGE,
+    BOARDS,
+    WHOLE,
+    WORST_CASE,
+    command_of,
+    our_rig,
+    rig_of,
+)
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.text_file import read_text, write_atomically
@@ -164,6 +172,7 @@ def _judged(program: Path, case: Case, waivers: dict[str, str], cost_ms: int, se
         FirmwareFailed,
         waivers,
         2 * cost_ms,
+        (AT_THE_EDGE,),
     )
 
 

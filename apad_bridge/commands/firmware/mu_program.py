@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from agents.mussel.agent_rig import AgentRig
@@ -12,7 +13,7 @@ from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench import Bench
-from firmware_model.bench.conformance import Case
+from firmware_model.bench.conformance import Case, Reading
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import BenchRig, Rig
 from firmware_model.bench.trace import clock, line
@@ -90,11 +91,20 @@ def rig_of(path: Path, case: Case, cost_ms: int = 0, seed: int = 1) -> Rig:
     return AgentRig(case, command_of(path), cost_ms, seed)
 
 
-def our_rig(case: Case) -> Rig:
-    """The rig of a conformance case with our firmware."""
+def our_rig(case: Case, release_wait_ms: int | None = None) -> Rig:
+    """The rig of a conformance case with our firmware, which may wait for a release packet for another time."""
     if case.whole is not None:
-        return AgentRig(case)
-    return BenchRig(Bench(worst_case_board(case.agent_id), primary=case.primary))
+        return AgentRig(case, release_wait_ms=release_wait_ms)
+    config = worst_case_board(case.agent_id)
+    if release_wait_ms is not None:
+        config = replace(config, release_wait_ms=release_wait_ms)
+    return BenchRig(Bench(config, primary=case.primary))
+
+
+AT_THE_EDGE = Reading(
+    "V-A can be read so: it sinks at the falling edge, and waits for no packet",
+    lambda case: our_rig(case, release_wait_ms=0),
+)
 
 
 def command_of(path: Path) -> tuple[str, ...]:

@@ -101,6 +101,29 @@ def test_a_report_of_the_experiment_is_a_status_of_the_board() -> None:
     assert status.basic.state is State.FLOATING
 
 
+@pytest.mark.parametrize(("name", "offset_ms"), [("ahead", 70_000), ("behind", -300)])
+def test_a_report_tells_the_clock_minus_the_beacon(name: str, offset_ms: int) -> None:
+    """By hand: at 600 s the clock is 70 s ahead of a beacon that tells 530 s, and 0.3 s behind one of 600.3 s."""
+    sent = (
+        decode(bytes.fromhex(it.what.split()[-1]))
+        for it in shown(CASES[f"reports-a-clock-{name}"]).events
+        if " by " in it.what
+    )
+    offsets = [it.clock_offset_ms for it in sent if isinstance(it, WifiStatus)]
+    assert offsets == [offset_ms, 0]
+
+
+def test_a_dock_below_is_a_pin_that_rises_without_a_charger() -> None:
+    found = shown(replace(CASES["surfaces"], script="10min rises 5min falls 5min"))
+    assert found.states is not None
+    assert [str(it) for it in found.states][3:6] == [
+        "600.050 s state CHARGING",
+        "900.050 s state RELEASED",
+        "1020.050 s state ACTIVE",
+    ]
+    assert [str(it) for it in found.events] == ["1020.050 s motors sink"]
+
+
 STATUS = StatusPacket(1, 4, State.ACTIVE, 0.5, 0.9, 1.0, 2.0, 3.0, 70_000)
 CASE = Case("status", RequirementSource.PACKETS, "", "1s", whole=Whole())
 

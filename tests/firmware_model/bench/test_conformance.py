@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from firmware_model.bench import Bench
 from firmware_model.bench.conformance import (
     Case,
+    Reading,
     RequirementSource,
     Verdict,
     captured,
@@ -116,6 +119,34 @@ def test_our_own_choice_differs_and_a_waived_case_names_its_reason() -> None:
     waived = judged(DIVE, OURS, slower, Died, {"dive": "our contact is slow"})
     assert waived.verdict is Verdict.WAIVED
     assert waived.reason.startswith("our contact is slow (expected 73.050 s")
+
+
+def test_another_reading_of_the_paper_differs() -> None:
+    """V-A: "detects a falling edge [...] and reacts to this by using its buoyancy motors": before any packet."""
+    at_once = Reading("at the edge", board(replace(worst_case_board(), release_wait_ms=0)))
+    sinks = board(replace(worst_case_board(), release_wait_ms=0))
+    result = judged(DIVE, OURS, sinks, Died, {}, readings=[at_once])
+    assert result.verdict is Verdict.DIFFERS
+    assert result.reason.startswith("at the edge (expected 3674.000 s motors sink")
+    waits = board(replace(worst_case_board(), release_wait_ms=500))
+    assert judged(DIVE, OURS, waits, Died, {}, readings=[at_once]).verdict is Verdict.FAILED
+
+
+@pytest.mark.parametrize(
+    "shows", ["sends", "state HOVERING", lambda packet: True], ids=["event", "state", "packet"]
+)
+def test_a_case_that_expects_nothing_of_what_it_cites_is_refused(
+    shows: str | Callable[[Any], bool],
+) -> None:
+    with pytest.raises(AssertionError, match="the case dive expects nothing"):
+        judged(replace(DIVE, shows=shows), OURS, OURS, Died, {})
+    assert judged(replace(DIVE, shows="state SINKING"), OURS, OURS, Died, {}).verdict is Verdict.PASSED
+
+
+def test_no_case_cites_a_section_that_the_paper_does_not_have() -> None:
+    sections = re.compile(r"(I|II|III|IV-A|IV-B|V-A|V-B|V-C|VI|Table I|equation \(2\)[^:]*)(: |$| from)")
+    cited = [case for case in CASES if case.source is RequirementSource.PAPER]
+    assert [case.requirement for case in cited if not sections.match(case.requirement)] == []
 
 
 def test_dead_firmware_fails_whatever_the_source() -> None:
