@@ -73,6 +73,9 @@ class Power:
     """None: the board knows the charges exactly, and every level counts at once."""
     low_level: int = 0
     """The primary battery's level at which a sleeping board wakes; 0 for no such level."""
+    secondary_in_use: bool = False
+    """The board works on its secondary battery, too (the paper's section IV-A), down to the safe level if it has a last
+    resort. Otherwise the secondary is a backup, on which the board only listens."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.path <= PATH_UNIT:

@@ -176,6 +176,7 @@ def power(
     kept_on: int = 0,
     metering: Metering | None = None,
     low_level: int = 0,
+    secondary_in_use: bool = False,
 ) -> Power:
     return Power(
         loads=LOADS,
@@ -188,6 +189,7 @@ def power(
         kept_on=kept_on,
         metering=metering,
         low_level=low_level,
+        secondary_in_use=secondary_in_use,
     )
 
 

@@ -14,7 +14,7 @@ from firmware_model.actions import (
     SendAnswer,
     SendLog,
 )
-from firmware_model.config import BoardConfig, FullFirmware
+from firmware_model.config import BoardConfig, FullFirmware, LastResort
 from firmware_model.firmware import Firmware
 from firmware_model.packets import (
     Beacon,
@@ -183,14 +183,26 @@ class WholeFirmware(Firmware):
         feed = self._hardware.feed
         match level:
             case Level.EMPTIED:
-                return [FeedFrom(now_ms, feed), *self._apply_if_allowed(_EMPTIED[feed])]
+                emptied = [] if self._can_work else self._apply_if_allowed(_EMPTIED[feed])
+                return [FeedFrom(now_ms, feed), *emptied]
             case Level.SWITCH_BACK:
                 return [FeedFrom(now_ms, feed)]
             case Level.SAFE_LEVEL if self.state is State.EMPTY:
                 self._deadline = self._deadline_of(self.state, now_ms)
+            case Level.SAFE_LEVEL if not self._can_work:
+                return self._apply_if_allowed(Trigger.BATTERY_EMPTIED)
             case Level.LOW_LEVEL:
                 return self._apply_if_allowed(Trigger.LOW_LEVEL_REACHED)
         return []
+
+    @property
+    def _can_work(self) -> bool:
+        """True while the feeding battery is one to work on: the primary, or a secondary in use above its reserve."""
+        feed, power = self._hardware.feed, self._whole.power
+        if feed is not ActiveBattery.SECONDARY:
+            return feed is ActiveBattery.PRIMARY
+        keeps_reserve = power.last_resort is not LastResort.WAIT
+        return power.secondary_in_use and not (keeps_reserve and self._hardware.is_at_safe_level)
 
     def _hover_mm(self) -> int | None:
         return self._commanded_mm if self.state is State.HOVERING else None
@@ -213,7 +225,7 @@ class WholeFirmware(Firmware):
                 return None  # after a last resort to the surface it does not sink again by itself
             case State.BOOTING | State.SURFACING | State.FLOATING | State.RELEASED:
                 return super()._deadline_of(state, now_ms)
-            case State.ACTIVE if feed is not ActiveBattery.PRIMARY:
+            case State.ACTIVE if not self._can_work:
                 return now_ms, Trigger.BATTERY_EMPTIED
             case State.EMPTY:
                 last_ms, until_ms = self._last_resort_ms, self._stays_down_until_ms

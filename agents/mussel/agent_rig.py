@@ -88,7 +88,11 @@ def whole_board(whole: Whole, agent_id: int = 1) -> BoardConfig:
     """The board of a case, with Table I's loads."""
     metering = METERING if whole.metered else None
     cycle = _UNEVEN if whole.uneven else CYCLES[whole.sleep]
-    config = board(cycle, power(whole.last_resort, 0, metering, grains(whole.low_level)), agent_id)
+    config = board(
+        cycle,
+        power(whole.last_resort, 0, metering, grains(whole.low_level), whole.secondary_in_use),
+        agent_id,
+    )
     full = config.whole
     assert full is not None
     if whole.uneven:

@@ -143,7 +143,7 @@ class WholePortFirmware(PortFirmware):
             0 if timekeeping is None else timekeeping.bound_ppb,
             0 if timekeeping is None else timekeeping.beacon_wait_ms,
             whole.power.kept_on,
-            (cycle is not None) | (timekeeping is not None) << 1,
+            (cycle is not None) | (timekeeping is not None) << 1 | whole.power.secondary_in_use << 2,
             _LAST_RESORTS[whole.power.last_resort],
             self._modem,
         )

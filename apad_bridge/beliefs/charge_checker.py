@@ -64,6 +64,8 @@ class ChargeChecker:
         self._motors = 2 * drain.motor_run * most * self._aged
         self._in_dock = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
         self._load = most
+        whole = parameters.board.whole
+        self._may_work_on_secondary = whole is not None and whole.power.secondary_in_use
 
     def judge(self, track: ReadingTrack | None, stated: Stated, state: State) -> str | None:
         """The reason why no board of the kind states this charge after those of `track`; None without one."""
@@ -103,6 +105,10 @@ class ChargeChecker:
         """The least and the greatest reading after so many minutes."""
         low, high = self._beyond_the_ends(charge)
         falls = 0.0 if state in _NOT_ON_THE_PRIMARY else self._falls_least * minutes
+        if self._may_work_on_secondary:
+            falls = min(
+                falls, max(0.0, charge)
+            )  # an empty primary falls no further, while the other feeds the board
         return low - self._falls_most * minutes - self._motors, high - falls
 
     def _in_a_dock(self, charge: float, minutes: float, state: State) -> tuple[float, float]:

@@ -6,6 +6,8 @@ time (inclusive) gives an aMussel's state at the tick. Two meanings of "active" 
 - paper: not docked and the primary battery above 0. An aMussel counts as active until it is docked (section V);
 - submerged: under water with the primary battery in use, asleep between two samples or not.
 
+A board that works on its secondary battery when its primary is empty counts in both meanings while it does.
+
 A LOST aMussel can no longer surface: both batteries are at 0, or a board that reads its batteries has read both as empty
 for long enough.
 
@@ -141,8 +143,9 @@ class UptimeMeter:
         for agent_id, ledger in self._ledgers.items():
             physical, is_simulated = ledger.truth.physical, self._presence(agent_id) is Presence.SIMULATED
             if is_simulated and not physical.docked and not _has_ended(ledger.ended_ms, agent_ms):
-                charge = self.charge_of(ledger.truth.agent_id)
-                active += charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
+                charge, at_ms = self.charge_of(ledger.truth.agent_id), max(agent_ms, ledger.truth.at_ms)
+                used = physical.secondary if _works_on_secondary(ledger.truth) else physical.primary
+                active += charge.charge_at(used, at_ms) > 0
         return active
 
     def _presence(self, agent_id: int) -> Presence:
@@ -164,6 +167,8 @@ class UptimeMeter:
         dead = self._ticks_between(*empty_ms)
         charged = self._ticks_between(start_ms, end_ms) - dead
         both_ms = (max(empty_ms[0], backup_empty_ms[0]), min(empty_ms[1], backup_empty_ms[1]))
+        if _works_on_secondary(truth):
+            charged += dead - self._ticks_between(*both_ms)
         return replace(
             counted,
             paper=counted.paper + (0 if truth.physical.docked else charged),
@@ -181,6 +186,11 @@ class UptimeMeter:
     def _ticks_between(self, start_ms: int, end_ms: int) -> int:
         """Ticks in [start, end) of agent time."""
         return max(0, max(0, (end_ms - 1) // self._step_ms) - max(0, (start_ms - 1) // self._step_ms))
+
+
+def _works_on_secondary(truth: Truth) -> bool:
+    """True for a board at work that its secondary feeds: a backup feeds a board that only listens, or moves."""
+    return truth.state in AT_WORK and truth.physical.secondary.load > 0
 
 
 def _span_at_zero(model: ChargeModel, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:

@@ -108,6 +108,11 @@ def takes_samples(board: Board) -> bool:
     return board.whole is not None and board.whole.cycle is not None
 
 
+def works_on_secondary(board: Board) -> bool:
+    """Returns True if such boards work on their secondary battery, too."""
+    return board.whole is not None and board.whole.power.secondary == "in_use"
+
+
 def clock_drift_ppb(board: Board) -> int:
     """Returns the largest drift of the boards' clocks in parts of 10^9."""
     return 0 if board.whole is None else round(board.whole.clock_drift_ppm * _PPB_OF_PPM)
@@ -141,6 +146,7 @@ def _power(power: BoardPower, last_resort: LastResortOptions, seed: int) -> conf
         kept_on=bits(*{Rail[name.upper()] for name in power.kept_on}),
         metering=None if power.metering is None else _metering(power.metering, power.capacity_wh, seed),
         low_level=grains(power.low_level),
+        secondary_in_use=power.secondary == "in_use",
     )
 
 

@@ -105,6 +105,8 @@ class BoardPower:
     """None: the board knows the charges exactly."""
     ageing: Ageing | None = None
     """None: the batteries are new."""
+    secondary: Literal["backup", "in_use"] = "backup"
+    """`in_use`: the board works on its secondary, too; with a last resort, down to its safe level."""
 
     def charge_as_new(self) -> ChargeModel:
         """The model of its batteries' charge, when they are new."""

@@ -91,6 +91,8 @@ class Whole:
     """Each of its times differs from every other one and from the usual one; `sleep` has no effect."""
     turbid: bool = False
     """The water is beyond the range of a sensor."""
+    secondary_in_use: bool = False
+    """It works on its backup battery, too."""
     short_modem: bool = False
     """A v2 nanomodem, whose packets have 7 bytes."""
 

@@ -161,6 +161,7 @@ static void greeted_whole(const uint8_t *numbers) {
     config.kept_on = get16(numbers);
     config.sleeps = numbers[2] & 1;
     config.doubts_clock = numbers[2] & 2;
+    config.uses_secondary = numbers[2] & 4;
     config.last_resort = numbers[3];
     config.modem = numbers[4];
 }

@@ -36,7 +36,7 @@ struct mu_config {
     uint32_t chatter_ms, check_ms, processing_ms, listen_ms, report_ms, transmit_ms, call_ms, hover_ms, stay_down_ms;
     uint32_t turnaround_ms, answer_ms, drift_bound_ppb, beacon_wait_ms;
     uint16_t kept_on;
-    bool sleeps, doubts_clock;
+    bool sleeps, doubts_clock, uses_secondary;
     uint8_t last_resort, modem; /* 0 to wait, 1 to call, 2 to surface; 2 or 3, the nanomodem's generation */
 };
 

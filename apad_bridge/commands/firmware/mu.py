@@ -263,8 +263,14 @@ def _life(budget: Budget) -> str:
         return "predicted life: not limited by this, for nothing was drawn"
     return (
         f"predicted life of a full primary at this rate: {budget.life_hours:.1f} h ({budget.life_hours / 24:.1f} days), "
-        f"{budget.life_samples} samples; with the secondary twice that"
+        f"{budget.life_samples} samples; {_with_secondary(budget.lives)}"
     )
+
+
+def _with_secondary(lives: float) -> str:
+    if lives == 1:
+        return "the secondary is a backup, on which it listens"
+    return f"with the secondary {'twice' if lives == 2 else f'{lives:g} times'} that"
 
 
 def _table(title: str, first: str, *others: str) -> Table:

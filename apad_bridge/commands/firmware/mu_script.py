@@ -68,6 +68,8 @@ class MuScript:
     """The number of full charge cycles of the batteries so far."""
     years: NotNegative = 0.0
     """The age of the batteries."""
+    secondary_use: Literal["backup", "in_use"] = "backup"
+    """`in_use`: the board works on its secondary, too, when its primary is empty."""
     clock_drift_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
     """The gain of the board's clock; a beacon sets the clock."""
     tell: tuple[tuple[NotNegative, Fact], ...] = field(default=())
@@ -100,6 +102,8 @@ class Budget:
     """The life of a full primary at the mean rate of this run; None when nothing was drawn."""
     life_samples: int | None
     """The number of samples in that life; None likewise."""
+    lives: float
+    """The lives of the board with both batteries full: 1 where the secondary is a backup, else up to 2."""
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -126,7 +130,13 @@ def read_script(path: Path) -> MuScript:
 def config_of(script: MuScript) -> BoardConfig:
     kept_on = bits(*(Rail[name.upper()] for name in set(script.kept_on)))
     metering = METERING if script.metered else None
-    power_config = power(LastResort[script.last_resort.upper()], kept_on, metering, grains(script.low_level))
+    power_config = power(
+        LastResort[script.last_resort.upper()],
+        kept_on,
+        metering,
+        grains(script.low_level),
+        script.secondary_use == "in_use",
+    )
     config = replace(
         board(CYCLES[script.sleep], power_config), drift_ppb=round(script.clock_drift_ppm * 1000)
     )
@@ -166,7 +176,18 @@ def budget_of(script: MuScript, bench: Bench) -> Budget:
         dropped=len(bench.did(Dropped)),
         life_hours=script.hours / drawn if drawn else None,
         life_samples=int(samples / drawn) if drawn else None,
+        lives=_lives(script, bench.config),
     )
+
+
+def _lives(script: MuScript, config: BoardConfig) -> float:
+    """A secondary in use is drawn down to the safe level of a last resort, or to its end without one."""
+    if script.secondary_use == "backup":
+        return 1.0
+    assert config.whole is not None
+    power_config = config.whole.power
+    reserve = 0 if power_config.last_resort is LastResort.WAIT else power_config.safe_level
+    return 2 - fraction(reserve)
 
 
 def _stimulate(bench: Bench, fact: Fact) -> None:

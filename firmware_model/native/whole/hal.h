@@ -53,7 +53,7 @@ struct hal_config {
     uint64_t debounce_ms, chatter_ms, check_ms, boot_ms, surfacing_timeout_ms, float_timeout_ms, release_wait_ms;
     uint64_t processing_ms, listen_ms, report_ms, transmit_ms, call_ms, hover_ms, stay_down_ms, turnaround_ms, answer_ms;
     uint64_t drift_bound_ppb, beacon_wait_ms;
-    bool sleeps, doubts_clock, calls, surfaces, has_short_modem;
+    bool sleeps, doubts_clock, uses_secondary, calls, surfaces, has_short_modem;
 };
 const struct hal_config *hal_config(void);
 

@@ -81,6 +81,7 @@ static void configure(void) {
         .beacon_wait_ms = from->beacon_wait_ms,
         .sleeps = from->sleeps,
         .doubts_clock = from->doubts_clock,
+        .uses_secondary = from->uses_secondary,
         .calls = from->last_resort == 1,
         .surfaces = from->last_resort == 2,
         .has_short_modem = from->modem == 2,

@@ -81,6 +81,13 @@ static void sleep_cycle_deadline(void) {
     }
 }
 
+/* On its primary, or on a secondary that is in use and above the reserve for a last resort. */
+static bool can_work(void) {
+    const struct hal_config *config = hal_config();
+    bool has_reserve = (config->calls || config->surfaces) && hal_at_safe_level();
+    return hal_feed() == HAL_PRIMARY || (config->uses_secondary && !has_reserve);
+}
+
 void renew_deadline(void) {
     const struct hal_config *config = hal_config();
     if (by_clock)
@@ -100,7 +107,7 @@ void renew_deadline(void) {
     case CALLING: ends_after(config->transmit_ms, WAKE_OVER); break;
     case EMPTY: last_resort_deadline(); break;
     default:
-        if (board.state == ACTIVE && hal_feed() != HAL_PRIMARY)
+        if (board.state == ACTIVE && !can_work())
             ends_after(0, BATTERY_EMPTIED);
         else if (config->sleeps)
             sleep_cycle_deadline();
@@ -191,10 +198,15 @@ void state_event(const struct hal_event *event) {
         if (by_clock)
             state_ends();
         break;
-    case HAL_EMPTIED: apply_if_allowed(BATTERY_EMPTIED); break;
+    case HAL_EMPTIED:
+        if (!can_work())
+            apply_if_allowed(BATTERY_EMPTIED);
+        break;
     case HAL_SAFE_LEVEL:
         if (board.state == EMPTY)
             renew_deadline();
+        else if (!can_work())
+            apply_if_allowed(BATTERY_EMPTIED);
         break;
     case HAL_LOW_LEVEL: apply_if_allowed(LOW_LEVEL_REACHED); break;
     default: break;

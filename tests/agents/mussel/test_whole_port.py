@@ -73,7 +73,14 @@ METERED = replace(
 )
 AWAKE = replace(OURS, board=board(None, power(LastResort.CALL), agent_id=7))
 PAPER = replace(OURS, reports=replace(STILL.reports, heard_always=True))
-CONFIGS = {"calls": OURS, "metered, surfaces": METERED, "never sleeps": AWAKE, "heard always": PAPER}
+BOTH = replace(OURS, board=board(CYCLE, power(LastResort.CALL, secondary_in_use=True), agent_id=7))
+CONFIGS = {
+    "calls": OURS,
+    "works on both": BOTH,
+    "metered, surfaces": METERED,
+    "never sleeps": AWAKE,
+    "heard always": PAPER,
+}
 COMMANDS: tuple[Command, ...] = (
     *(CommandPacket(kind, 7) for kind in sorted(PLAIN_KINDS)),
     CommandPacket(Kind.PING, 0),
@@ -206,7 +213,7 @@ def test_it_lives_the_life_of_our_board(
     assert lasting(theirs[1]) == lasting(truths)
 
 
-TRUSTING = ("case HAL_EMPTIED: apply_if_allowed(BATTERY_EMPTIED); break;", "case HAL_EMPTIED: break;")
+TRUSTING = ("return hal_feed() == HAL_PRIMARY ||", "return true || hal_feed() == HAL_PRIMARY ||")
 """A mistake of firmware: it goes on as if its battery never emptied."""
 
 

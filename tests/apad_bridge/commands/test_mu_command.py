@@ -139,6 +139,25 @@ def test_the_predicted_life_counts_its_samples(tmp_path: Path) -> None:
     assert budget.life_samples == int(10 / drawn)
 
 
+@pytest.mark.parametrize(
+    ("use", "last_resort", "samples", "told"),
+    [
+        ("backup", "wait", 234, "the secondary is a backup, on which it listens"),
+        ("in_use", "wait", 468, "with the secondary twice that"),
+        ("in_use", "call", 421, "with the secondary 1.8 times that"),
+    ],
+)
+def test_a_secondary_in_use_takes_as_many_samples_as_the_sentence_says(
+    use: str, last_resort: str, samples: int, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Table I: a battery feeds 14057 minutes of hourly wakes, so 234 of them. 0.2 of the secondary is the reserve."""
+    text = f"{{hours: 475, sleep: hourly, primary: 1, secondary: 1, secondary_use: {use}, last_resort: {last_resort}}}"
+    assert main(["mu", "run", str(script(tmp_path, text))]) == Exit.DONE
+    shown = capsys.readouterr().out
+    assert f", {samples} samples," in shown
+    assert shown.rstrip().endswith(told)
+
+
 def test_a_vcd_file_is_written_or_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

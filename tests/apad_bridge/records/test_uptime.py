@@ -67,8 +67,13 @@ def literal(
             emptied |= primary == 0
             lost |= (primary == 0 and secondary == 0) or standing.state is State.LOST
             if ms > 0 and is_tick:
-                paper += primary > 0 and not standing.physical.docked
-                submerged += primary > 0 and standing.state in (State.ACTIVE, State.SLEEPING)
+                is_at_work = standing.state in (State.ACTIVE, State.SLEEPING)
+                # The other battery counts where it feeds a board at work.
+                charged = primary > 0 or (
+                    is_at_work and standing.physical.secondary.load > 0 and secondary > 0
+                )
+                paper += charged and not standing.physical.docked
+                submerged += charged and is_at_work
                 dead += primary == 0
             at_last = primary
         elif is_tick:
