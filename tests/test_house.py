@@ -121,6 +121,23 @@ def test_only_what_the_gate_let_out_goes_on_the_wire() -> None:
     }
 
 
+def test_permission_to_execute_code_is_given_in_one_place() -> None:
+    """A command gives it; a process of ours takes it over from the one that started it, and a script has it already."""
+    makers = {
+        path.relative_to(ROOT / "apad_bridge").as_posix()
+        for path in (ROOT / "apad_bridge").rglob("*.py")
+        for node in nodes_of(path)
+        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "Trust"
+    }
+    assert makers == {
+        "commands/trust.py",
+        "runs/supervisor_process.py",
+        "runs/studies/specification.py",
+        "runs/script_in_memory.py",
+        "scripting/planned.py",
+    }
+
+
 def test_the_search_finds_an_import_that_hides_in_a_function(tmp_path: Path) -> None:
     (tmp_path / "agents" / "deep").mkdir(parents=True)
     (tmp_path / "agents" / "deep" / "sly.py").write_text(

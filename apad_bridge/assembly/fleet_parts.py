@@ -18,6 +18,7 @@ from agents.water.sea import Sea
 from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config, gps_deviation_um
 from apad_bridge.assembly.water import waters_config
+from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.firmware_config import clock_drift_ppb, spread_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -29,6 +30,8 @@ _START_MS = MissionMs(0)
 
 def fleet_config(config: FlightConfig) -> FleetConfig:
     """Builds the configuration of the flight's agents, and reads the current's file.
+
+    It names the scenario's firmware, which a nursery would execute, with the flight's trust alone.
 
     OSError, or ValueError for a file that is no current.
     """
@@ -46,10 +49,12 @@ def fleet_config(config: FlightConfig) -> FleetConfig:
         agent_ids=scenario.fleet.agent_ids,
         clock_drift_ppb=clock_drift_ppb(scenario.board),
         spread=spread_of(scenario),
-        firmware=tuple(
-            FirmwareConfig((it.executable, *it.arguments), it.agents) for it in scenario.fleet.firmware
-        ),
+        firmware=() if config.trust is None else _firmware(scenario, config.trust),
     )
+
+
+def _firmware(scenario: Scenario, _: Trust) -> tuple[FirmwareConfig, ...]:
+    return tuple(FirmwareConfig((it.executable, *it.arguments), it.agents) for it in scenario.fleet.firmware)
 
 
 def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:

@@ -12,6 +12,7 @@ from agents.water.sea import SeaConfig
 from apad_bridge.assembly.acoustics import AcousticsConfig, acoustics_config
 from apad_bridge.assembly.estimator import TwinConfig, twin_config
 from apad_bridge.assembly.water import leeway_um_s
+from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.firmware_config import board_config, sinking_of
 from apad_bridge.scenario.schema import DriftMode, Hearing, HearingMode, Positioning, Scenario
 from firmware_model.config import BoardConfig, Timeslots
@@ -32,6 +33,8 @@ class FlightConfig:
     """None without water."""
     twin: TwinConfig | None
     """None for the estimator that holds the last packet."""
+    trust: Trust | None
+    """None: no code of a file that the scenario names is executed."""
 
     @property
     def ids(self) -> Sequence[int]:
@@ -45,8 +48,11 @@ class FlightConfig:
         return None if whole is None or whole.cycle is None else whole.cycle.slots
 
 
-def flight_config(scenario: Scenario) -> FlightConfig:
-    """Resolves the scenario. Reads no file: the current's file is read when a fleet starts."""
+def flight_config(scenario: Scenario, trust: Trust | None = None) -> FlightConfig:
+    """Resolves the scenario. Reads no file: the current's file is read when a fleet starts.
+
+    The flight's strategies in files, and its firmware, are executed with `trust` alone.
+    """
     water, drift = scenario.water, scenario.fleet.drift
     modems = ModemGeneration.V3 if water is None else water.modems
     board = board_config(scenario.board, scenario.seed, modems)
@@ -72,6 +78,7 @@ def flight_config(scenario: Scenario) -> FlightConfig:
         None if water is None else SeaConfig(scenario.seed, water.sound, water.wifi, body.sinking, modems),
         None if water is None else acoustics_config(scenario, water, board.whole),
         twin_config(scenario, board, body, reports),
+        trust,
     )
 
 

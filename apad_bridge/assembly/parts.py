@@ -27,6 +27,7 @@ from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.schema import Horizon, Scenario
 from apad_bridge.scenario.surface import LegForecast, holding_effort, surface_of
 from apad_bridge.scenario.timed_faults import planned
@@ -43,7 +44,6 @@ from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
-from firmware_model.packets.codec import load_codec
 
 
 def fault_injection(
@@ -121,7 +121,7 @@ def ranging_service(config: FlightConfig) -> RangingService | NoRanging:
     acoustics, water, depth_m = config.acoustics, config.scenario.water, config.scenario.area.depth_m
     if acoustics is None or water is None:
         return NoRanging()
-    codec, localisation = load_codec(config.scenario.hearing.codec), water.localisation
+    codec, localisation = codec_of(config.scenario), water.localisation
     return RangingService(
         AcousticScheduler(
             acoustics.schedule, codec, config.timeslots, config.scenario.fleet.all_ids, served=config.ids
@@ -191,7 +191,7 @@ def supervisor(
     beliefs, allocation = learned.beliefs, learned.allocation
 
     def planned(mission_state: MissionState | None) -> EnergyExchange:
-        return _energy_exchange(scenario, allocation, mission_state)
+        return _energy_exchange(config, allocation, mission_state)
 
     def by_hand(mission_state: MissionState) -> ManualMission:
         return ManualMission(
@@ -217,7 +217,7 @@ def supervisor(
         learned,
         mission,
         port,
-        load_codec(scenario.hearing.codec),
+        codec_of(scenario),
         samples or NoSampleCollection(),
         scenario.duration_ms,
         scenario.mission.end_at_apad_fraction,
@@ -231,12 +231,15 @@ def _knows_no_distance(agent_id: int, north_m: float, east_m: float) -> None:
     """Returns None: a supervisor that nobody flies knows no aMussel's true place."""
 
 
-def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionState | None) -> EnergyExchange:
+def _energy_exchange(
+    config: FlightConfig, beliefs: BeliefSource, state: MissionState | None
+) -> EnergyExchange:
+    scenario = config.scenario
     return EnergyExchange(
         scenario.mission,
         beliefs,
-        registry.collection(scenario.mission.collection, scenario.mission.costs),
-        registry.redeployment(scenario.mission.redeployment),
+        registry.collection(scenario.mission.collection, scenario.mission.costs, config.trust),
+        registry.redeployment(scenario.mission.redeployment, config.trust),
         state,
         energy_model(scenario),
         home_stays(scenario),
@@ -247,13 +250,13 @@ def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionSt
     )
 
 
-def change_planning(mission: EnergyExchange, scenario: Scenario) -> None:
+def change_planning(mission: EnergyExchange, scenario: Scenario, trust: registry.Trust | None) -> None:
     """Lets the mission go on by the scenario's strategies, thresholds and rules of dispatch."""
     rules = scenario.mission
     mission.change_planning(
         rules,
-        registry.collection(rules.collection, rules.costs),
-        registry.redeployment(rules.redeployment),
+        registry.collection(rules.collection, rules.costs, trust),
+        registry.redeployment(rules.redeployment, trust),
         energy_model(scenario),
         _known_end(scenario),
     )

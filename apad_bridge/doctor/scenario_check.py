@@ -10,13 +10,18 @@ from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.scenario.errors import ScenarioError, in_ranges
 
 if TYPE_CHECKING:
+    from apad_bridge.planning.registry import Trust
     from apad_bridge.scenario.schema import Scenario
 
 
-def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
-    """Returns the scenario, if it can be read, and the findings; loading it also checks its strategies and files."""
+def read(path: Path, trust: Trust | None = None) -> tuple[Scenario | None, list[Finding]]:
+    """Returns the scenario, if it can be read and its strategies can be loaded, and the findings.
+
+    Strategies in files are executed with `trust` alone, and otherwise named as left out.
+    """
     try:
         # Here and not above: a package that shadows one of ours must not keep the doctor from loading.
+        from apad_bridge.scenario.cross_checks import warnings
         from apad_bridge.scenario.loader import load
     except ImportError as error:
         return None, [fail("scenario", f"cannot be read here: {error}", "see the checks of packages")]
@@ -29,10 +34,24 @@ def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
         ]
     mission = scenario.mission
     found = f"{path} can be read; strategies {mission.collection} and {mission.redeployment}"
-    from apad_bridge.scenario.cross_checks import warnings
-
     doubts = [warn("scenario", happens, mend) for happens, mend in warnings(scenario)]
-    return scenario, [ok("scenario", found), *doubts, *_check_starts_and_codec(scenario)]
+    return scenario, [
+        ok("scenario", found),
+        *doubts,
+        *_check_strategies(scenario, trust),
+        *_check_starts_and_codec(scenario),
+    ]
+
+
+def _check_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[Finding]:
+    from apad_bridge.planning.registry import NotTrusted
+    from apad_bridge.scenario.cross_checks import problems_with_strategies
+
+    for key, problem in problems_with_strategies(scenario, trust):
+        if isinstance(problem, NotTrusted):
+            yield warn("scenario", f"{key} was left out: {problem}", "it is then loaded and checked")
+        else:
+            yield fail("scenario", f"{key}: {problem}", "mend the file: docs/scenarios.md explains every key")
 
 
 def _check_starts_and_codec(scenario: Scenario) -> Iterator[Finding]:

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import os
 import sys
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
@@ -52,6 +54,24 @@ _SCALED: dict[str, Callable[[Scales], Any]] = {
     "rollout-fair": FairRollout,
 }
 """Built-in strategies that weigh distance and energy by the scenario's scale factors."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """The permission to execute code of files that a scenario or a run names. Installed packages need none.
+
+    A command gives it (`apad_bridge/commands/trust.py`) to whoever loads such code; nobody else makes one.
+    """
+
+    files: frozenset[str] | None = None
+    """Absolute names of the files that may be executed; None for all."""
+
+    def covers(self, file: str) -> bool:
+        return self.files is None or os.path.abspath(file) in self.files
+
+
+class NotTrusted(ValueError):
+    """Code of a file was named, and not executed; the message is one line with the mend."""
 
 
 class InFile(NamedTuple):
@@ -104,23 +124,29 @@ def _known_of(kind: StepKind) -> list[str]:
     return [name for name in known_names() if name not in other | scaled]
 
 
-def collection(name: str, scales: Scales | None = None) -> CollectionStrategy:
+def collection(name: str, scales: Scales | None = None, trust: Trust | None = None) -> CollectionStrategy:
     """Creates a collection strategy by name. Raises ValueError if there is none, or it cannot be used.
 
-    `scales` are the factors of distance and energy, 1 by default, for the strategies that weigh the two.
+    `scales` are the factors of distance and energy, 1 by default, for the strategies that weigh the two. A strategy in a
+    file is executed with `trust` alone.
     """
-    return cast(CollectionStrategy, _create(name, StepKind.COLLECT, scales or CostScales()))
+    return cast(CollectionStrategy, _create(name, StepKind.COLLECT, scales or CostScales(), trust))
 
 
-def redeployment(name: str) -> RedeploymentStrategy:
-    """Creates a redeployment strategy by name. Raises ValueError if there is none, or it cannot be used."""
-    return cast(RedeploymentStrategy, _create(name, StepKind.DEPLOY, CostScales()))
+def redeployment(name: str, trust: Trust | None = None) -> RedeploymentStrategy:
+    """Creates a redeployment strategy by name. Raises ValueError if there is none, or it cannot be used.
+
+    A strategy in a file is executed with `trust` alone.
+    """
+    return cast(RedeploymentStrategy, _create(name, StepKind.DEPLOY, CostScales(), trust))
 
 
-def _create(name: str, kind: StepKind, scales: Scales) -> object:
+def _create(name: str, kind: StepKind, scales: Scales, trust: Trust | None) -> object:
     in_file = InFile.of(name)
     if in_file is not None:
-        source, strategy = f"strategy {label(name)}", _load_file(in_file)
+        if trust is None or not trust.covers(in_file.path):
+            raise NotTrusted(f"strategy {label(name)} is code in a file: add --trust if you trust it")
+        source, strategy = f"strategy {label(name)}", _load_file(in_file, trust)
     else:
         source, strategy = _create_by_name(name, kind, scales)
     if lacking := _lacking(strategy, kind):
@@ -154,7 +180,7 @@ def _lacking(strategy: object, kind: StepKind) -> list[str]:
     return lacking
 
 
-def _load_file(in_file: InFile) -> object:
+def _load_file(in_file: InFile, _: Trust) -> object:
     path, name = Path(in_file.path), label(str(in_file))
     try:
         module = _module(path, path.read_bytes())

@@ -45,7 +45,7 @@ from apad_bridge.ros.system.route import why_gone
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.firmware_config import charge_model
+from apad_bridge.scenario.firmware_config import charge_model, codec_of
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -71,7 +71,6 @@ from apad_bridge.vehicle.guards.gate import Gate, Safety, plain_safety
 from apad_bridge.vehicle.guards.orders import BodyInWater
 from apad_bridge.vehicle.link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
-from firmware_model.packets.codec import load_codec
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
 APadLink = LegacyLink[Any]
@@ -226,7 +225,7 @@ def _beside_the_gateway(
 
 def _laboratory(scenario: Scenario) -> Laboratory:
     names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
-    ids, codec = scenario.fleet.ids, load_codec(scenario.hearing.codec)
+    ids, codec = scenario.fleet.ids, codec_of(scenario)
     return Laboratory(names, scenario.apad.name, ids, codec)
 
 
@@ -298,7 +297,7 @@ def _open_relay(
     allocation: Allocation,
     laboratory: Laboratory,
 ) -> _RelayParts:
-    ids, codec = scenario.fleet.ids, load_codec(scenario.hearing.codec)
+    ids, codec = scenario.fleet.ids, codec_of(scenario)
     division = _division(options, vehicle, presences, allocation)
     topics = PacketTopics(scenario.fleet.all_ids if options.is_one_of_several else ids, division.peers)
     channels: tuple[_Channel, ...] = (topics,)

@@ -41,6 +41,7 @@ from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures
 from apad_bridge.runs.resuming import find_resume_point
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.runs.studies.several_in_memory import open_lockstep
+from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.firmware_config import charge_models, takes_samples
 from apad_bridge.scenario.loader import from_data, resolve
@@ -153,8 +154,11 @@ class _Recorder(MemoryRecorder):
         self.meter = meter
 
 
-def branch(path: Path, turn: Turn) -> Branches:
-    """Flies both branches of the run in this directory. NoBranch for a run or a moment that has none."""
+def branch(path: Path, turn: Turn, trust: registry.Trust | None = None) -> Branches:
+    """Flies both branches of the run in this directory. NoBranch for a run or a moment that has none.
+
+    Strategies in files are executed with `trust` alone.
+    """
     try:
         directory = RunDirectory(path)
         scenario, options = directory.scenario_as_flown(), RunOptions.load(path)
@@ -163,27 +167,27 @@ def branch(path: Path, turn: Turn) -> Branches:
         journals = {name: read_journal(directory.of_apad(name, len(names)).journal) for name in names}
     except (ScenarioError, RunDirectoryError, OSError, ValueError) as error:
         raise NoBranch(f"{path}: no run that has ended: {str(error).splitlines()[0]}") from error
-    changed = _checked(scenario, turn, names)
+    changed = _checked(scenario, turn, names, trust)
     if options.without_mission:
         raise NoBranch(f"{path}: a script or a person flew it, and no strategy planned")
     if not 0 < turn.at_ms < summary["mission_s"] * 1000:
         raise NoBranch(f"--at {turn.at_ms / 1000:g} s: the run lasted {summary['mission_s']:g} s")
-    opened = _again(scenario, turn.at_ms, journals) if options.time is TimeSource.ASAP else None
+    opened = _again(scenario, turn.at_ms, journals, trust) if options.time is TimeSource.ASAP else None
     is_exact = opened is not None
     if opened is None:
-        opened = _from_records(scenario, turn.at_ms, journals)
+        opened = _from_records(scenario, turn.at_ms, journals, trust)
     opened.runner.run()
     unchanged = opened.figures()
-    again = _again(scenario, turn.at_ms, journals) if is_exact else None
-    opened = again or _from_records(scenario, turn.at_ms, journals)
-    _turn(opened, changed, turn)
+    again = _again(scenario, turn.at_ms, journals, trust) if is_exact else None
+    opened = again or _from_records(scenario, turn.at_ms, journals, trust)
+    _turn(opened, changed, turn, trust)
     opened.runner.run()
     others = bool(scenario.fleet.firmware)
     return Branches(_compared(summary), unchanged, opened.figures(), is_exact, has_our_firmware=others)
 
 
-def _checked(scenario: Scenario, turn: Turn, names: Sequence[str]) -> Scenario:
-    """The scenario with the other rules."""
+def _checked(scenario: Scenario, turn: Turn, names: Sequence[str], trust: registry.Trust | None) -> Scenario:
+    """The scenario with the other rules, whose strategies can be loaded, as its own can."""
     if unknown := sorted(set(turn.rules) - set(CHANGEABLE)):
         raise NoBranch(f"--set {unknown[0]}: what can change in flight is {', '.join(CHANGEABLE)}")
     if turn.lost_apad is not None and turn.lost_apad not in names:
@@ -192,29 +196,32 @@ def _checked(scenario: Scenario, turn: Turn, names: Sequence[str]) -> Scenario:
     data["mission"].update(turn.rules)
     try:
         changed = from_data(data, scenario.name)
-        registry.collection(changed.mission.collection, changed.mission.costs)
-        registry.redeployment(changed.mission.redeployment)
+        check_code(changed, scenario.name, trust)
+        check_code(scenario, scenario.name, trust)
     except ScenarioError as error:
         raise NoBranch(error.lines[0]) from error
-    except ValueError as error:
-        raise NoBranch(str(error)) from error
     return changed
 
 
-def _turn(opened: _Opened, changed: Scenario, turn: Turn) -> None:
+def _turn(opened: _Opened, changed: Scenario, turn: Turn, trust: registry.Trust | None) -> None:
     for name, it in opened.flights.items():
         supervisor = it.flight.supervisor
         assert isinstance(supervisor.mission, EnergyExchange)
-        parts.change_planning(supervisor.mission, changed)
+        parts.change_planning(supervisor.mission, changed, trust)
         if name == turn.lost_apad:
             supervisor.receive(StandDownRequested(it.flight.now_ms, LOST_APAD))
 
 
-def _again(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, JournalContents]) -> _Opened | None:
+def _again(
+    scenario: Scenario,
+    at_ms: MissionMs,
+    journals: Mapping[str, JournalContents],
+    trust: registry.Trust | None,
+) -> _Opened | None:
     """The flights of a run in virtual time, flown again up to the moment; None if their stimuli are not those recorded."""
     meter = UptimeMeter(scenario.time_scale, charge_models(scenario))
     opened = open_lockstep(
-        members(scenario, starts_of(scenario)), scenario.sharing, lambda it: _Recorder(it, meter)
+        members(scenario, starts_of(scenario)), scenario.sharing, lambda it: _Recorder(it, meter), trust
     )
     opened.runner.run(at_ms)
     for name, recorder in opened.recorders.items():
@@ -239,7 +246,12 @@ def _stimuli(journal: JournalContents, at_ms: MissionMs) -> list[tuple[int, int,
     )
 
 
-def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, JournalContents]) -> _Opened:
+def _from_records(
+    scenario: Scenario,
+    at_ms: MissionMs,
+    journals: Mapping[str, JournalContents],
+    trust: registry.Trust | None,
+) -> _Opened:
     """The flight of a single aPad, continued from its records at the tick of the moment."""
     if len(journals) > 1:
         raise NoBranch("a run of several aPads branches if it was flown in virtual time and repeats")
@@ -256,7 +268,7 @@ def _from_records(scenario: Scenario, at_ms: MissionMs, journals: Mapping[str, J
             f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
         )
     meter = UptimeMeter(scenario.time_scale, charge_models(scenario))
-    recorder, config = _Recorder(scenario, meter), flight_config(scenario)
+    recorder, config = _Recorder(scenario, meter), flight_config(scenario, trust)
     relived = _relive(scenario, config, journal, at_ms, recorder)
     vehicle = InProcessVehicle(_apad_at(scenario, journal, point.state, at_ms))
     context = FlightContext(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from apad_bridge.events.mission import PlanMade
+from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
@@ -30,9 +31,12 @@ def without_commands(context: FlightContext) -> FlightContext:
     return replace(context, vehicle=_UncommandedVehicle(context.vehicle), relay=relay)
 
 
-def first_plan(scenario: Scenario) -> dict[str, Any] | None:
-    """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if there is no plan."""
-    flight, recorder = open_flight(scenario, join=without_commands)
+def first_plan(scenario: Scenario, trust: Trust | None = None) -> dict[str, Any] | None:
+    """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if there is no plan.
+
+    Strategies in files are executed with `trust` alone.
+    """
+    flight, recorder = open_flight(scenario, join=without_commands, trust=trust)
     plan: dict[str, Any] | None = None
     while plan is None and not flight.supervisor.has_ended:
         flight.step()

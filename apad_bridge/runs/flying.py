@@ -29,6 +29,7 @@ from apad_bridge.events.run import EndReason, RunBegan, RunEnded
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionEnd, MissionState
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
@@ -110,6 +111,7 @@ def open_in_process(
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
     sea: Sea | None = None,
     nursery: StartedNursery | None = None,
+    trust: Trust | None = None,
 ) -> PreparedFlight:
     """Opens a flight in virtual time with its fleet and records, which `stack` closes.
 
@@ -118,7 +120,7 @@ def open_in_process(
     when the fleet does not start, or another process flies this run.
     """
     stack.enter_context(supervising(directory.path))
-    config = flight_config(scenario)
+    config = flight_config(scenario, trust)
     recorder = Recorder(directory, scenario, config.ids, battery_min=battery_worth_min(scenario))
     stack.callback(recorder.close)
     journal_start(recorder, scenario, starts)
@@ -170,7 +172,7 @@ def open_fleet(
         host: InProcessHost | ProcessHost = InProcessHost(fleet_parts.fleet_config(config), initial_states)
     else:
         looks_ahead = config.sea is None and config.board.whole is None and not scenario.fleet.firmware
-        nursery = nursery or begin_nursery(scenario, starts, run_dir)
+        nursery = nursery or begin_nursery(config, starts, run_dir)
         folder = run_dir / FOLDER
         try:
             host = ProcessHost.adopt(str(folder), _EPOCH, looks_ahead=looks_ahead, nursery=nursery)

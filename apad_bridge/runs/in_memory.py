@@ -21,6 +21,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.flying import in_process_context
@@ -81,14 +82,16 @@ def open_flight(
     join: Callable[[FlightContext], FlightContext] = lambda context: context,
     recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
     sea: Sea | RemoteSea | None = None,
+    trust: Trust | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
 
     With `command_sources` these command the aPad, else a mission plans; `calls` can take it over. `join` changes the
-    flight's context before the flight is built. `sea` is the one that several flights share.
+    flight's context before the flight is built. `sea` is the one that several flights share. Strategies in files are
+    executed with `trust` alone.
     """
     config, initial_states = (
-        flight_config(scenario),
+        flight_config(scenario, trust),
         fleet_parts.initial_states(scenario, starts_of(scenario)),
     )
     host = InProcessHost(fleet_parts.fleet_config(config), initial_states)

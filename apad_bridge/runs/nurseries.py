@@ -17,6 +17,7 @@ from agents.water.sea_client import RemoteSea
 from apad_bridge.assembly import fleet_parts
 from apad_bridge.assembly.division import Member
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.scenario.choices import Hosting
 from apad_bridge.scenario.schema import Scenario
@@ -32,23 +33,27 @@ _REAP_S = 10.0
 """Time for the machine to end a process that was killed."""
 
 
-def begin_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> StartedNursery:
+def begin_nursery(config: FlightConfig, starts: Sequence[Start], run_dir: Path) -> StartedNursery:
     """Begins a nursery with its fleet prepared in the run's directory; a supervisor that adopts them starts its agents.
+
+    ValueError for firmware that nobody trusts: ours must not fly in its place unseen.
 
     Signals that ask to end are to be held back, as StartedNursery says.
     """
+    if config.scenario.fleet.firmware and config.trust is None:
+        raise ValueError("fleet.firmware is code in a file: add --trust if you trust it")
     folder = run_dir / FOLDER
     folder.mkdir(mode=PRIVATE)
     prepare(
         str(folder),
-        fleet_parts.fleet_config(flight_config(scenario)),
-        fleet_parts.initial_states(scenario, starts),
+        fleet_parts.fleet_config(config),
+        fleet_parts.initial_states(config.scenario, starts),
     )
     return StartedNursery(str(folder))
 
 
 def begin_nurseries(
-    stack: ExitStack, members: Sequence[Member], whole: RunDirectory
+    stack: ExitStack, members: Sequence[Member], whole: RunDirectory, trust: Trust
 ) -> dict[str, StartedNursery]:
     """Begins the nursery of each aPad's fleet, by the aPad's name; `stack` ends those that nobody has adopted by then.
 
@@ -58,16 +63,19 @@ def begin_nurseries(
     for member in members:
         if member.scenario.fleet.hosting is Hosting.PROCESSES:
             path = whole.of_apad(member.name, len(members)).path
-            begun[member.name] = begin_nursery(member.scenario, member.starts, path)
+            config = flight_config(member.scenario, trust)
+            begun[member.name] = begin_nursery(config, member.starts, path)
             stack.callback(begun[member.name].end)
     return begun
 
 
-def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> subprocess.Popen[bytes]:
+def start_nursery(
+    scenario: Scenario, starts: Sequence[Start], run_dir: Path, trust: Trust
+) -> subprocess.Popen[bytes]:
     """Begins a nursery and waits until it listens."""
     try:
         with held_back():
-            return begin_nursery(scenario, starts, run_dir).ready()
+            return begin_nursery(flight_config(scenario, trust), starts, run_dir).ready()
     except NurseryFailed as error:
         raise PeerFailed(f"the fleet cannot start: {error}; see {run_dir / FOLDER}/nursery.log") from error
 

@@ -24,6 +24,7 @@ from agents.hosting.interrupts import held_back
 from agents.hosting.link_protocol import readable
 from agents.water.sea_link import SOCKET_NAME
 from apad_bridge.assembly.division import Member
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
@@ -67,6 +68,8 @@ class Run:
     name: str
     path: Path
     options: RunOptions
+    trust: Trust | None = None
+    """None: its supervisor executes no code of a file that the run names."""
 
 
 def fly(
@@ -75,6 +78,7 @@ def fly(
     options: RunOptions,
     whole: RunDirectory,
     progress: ProgressDisplay,
+    trust: Trust,
 ) -> Flown:
     """Flies one aPad, or several side by side, with processes of their own.
 
@@ -94,8 +98,8 @@ def fly(
             own = own.at_port(free_port())
             own.save(path)
             if options.part is not BenchPart.MISSION:
-                stack.callback(end_fleet, path, start_nursery(member.scenario, member.starts, path))
-            runs.append(Run(member.name, path, own))
+                stack.callback(end_fleet, path, start_nursery(member.scenario, member.starts, path, trust))
+            runs.append(Run(member.name, path, own, trust))
         reassigner = None
         if takes_over:
             # Imported here, because it computes with numpy, and most runs have one aPad.
@@ -107,12 +111,15 @@ def fly(
         return SupervisorWatch(runs, progress, nodes, reassigner).read_until_all_ended()
 
 
-def resume(name: str, run_dir: Path, options: RunOptions, progress: ProgressDisplay) -> Flown:
+def resume(
+    name: str, run_dir: Path, options: RunOptions, progress: ProgressDisplay, trust: Trust | None
+) -> Flown:
     """Starts another supervisor for a run whose supervisor died, and shows it until it ends. All else runs already."""
     with held_back(), not_suspended(), ExitStack() as stack:
         if options.owns_master:
             stack.enter_context(watched_master(options.master_uri, run_dir, progress.print_message))
-        return SupervisorWatch([Run(name, run_dir, options)], progress, resumes=True).read_until_all_ended()
+        run = Run(name, run_dir, options, trust)
+        return SupervisorWatch([run], progress, resumes=True).read_until_all_ended()
 
 
 def start_supervisor(run: Run, *, resume: bool) -> Child:
@@ -122,6 +129,7 @@ def start_supervisor(run: Run, *, resume: bool) -> Child:
         "apad_bridge.runs.supervisor_process",
         [
             str(run.path),
+            *(["--trust"] if run.trust is not None else []),
             *(["--resume"] if resume else []),
             *(["--keeps"] if resume and run.options.keeps else []),
         ],

@@ -9,6 +9,7 @@ from typing import Any
 
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.state import MissionState
+from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
@@ -34,7 +35,7 @@ def fly_script(
     scenario: Scenario, script: Path | Callable[[Api], object], turns: TurnTimeouts = AS_FAST_AS_POSSIBLE
 ) -> ScriptFlight:
     """Flies a script's file, or a function that takes the API, to its end. ScriptError when the file is not a script."""
-    program: Program = as_program(script) if isinstance(script, Path) else script
+    program: Program = as_program(script, Trust()) if isinstance(script, Path) else script
     name = script.name if isinstance(script, Path) else Path(script.__code__.co_filename).name
     messages: list[str] = []
     command_source = ScriptSource(scenario, program, name, messages.append, turns)

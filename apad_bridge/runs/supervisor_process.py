@@ -1,6 +1,6 @@
 """The supervisor of a run over ROS, a process of its own.
 
-    python -m apad_bridge.runs.supervisor_process RUN [--resume [--keeps]]
+    python -m apad_bridge.runs.supervisor_process RUN [--trust] [--resume [--keeps]]
 
 Its standard output is for the parent: the messages of `parent_protocol`.
 """
@@ -24,6 +24,7 @@ from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.events.mission import StandsDown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
@@ -51,7 +52,9 @@ from apad_bridge.supervisor.fleet import FlightFleet, NoFleet
 from apad_bridge.vehicle.errors import PeerFailed
 
 
-def command_sources_of(scenario: Scenario, options: RunOptions) -> tuple[CommandSource, ...] | None:
+def command_sources_of(
+    scenario: Scenario, options: RunOptions, trust: Trust | None
+) -> tuple[CommandSource, ...] | None:
     """The sources of commands beside a person's calls, where no mission plans: a script if there is one."""
     if not options.without_mission:
         return None
@@ -61,8 +64,10 @@ def command_sources_of(scenario: Scenario, options: RunOptions) -> tuple[Command
     from apad_bridge.scripting.program import ScriptSource, as_program
     from apad_bridge.scripting.rendezvous import REAL_TIME
 
+    if trust is None:
+        raise PeerFailed(f"{options.script} is code in a file, and nobody trusts it")
     path = Path(options.script)
-    return (ScriptSource(scenario, as_program(path), path.name, say, REAL_TIME),)
+    return (ScriptSource(scenario, as_program(path, trust), path.name, say, REAL_TIME),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +82,9 @@ class _Run:
     """The sea that several aPads share, in a process of its own."""
 
 
-def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
+def fly(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) -> int:
     """Flies, and writes the summary or the failure for the parent; returns the exit code."""
-    run = _open_run(run_dir, resume=resume, keeps=keeps)
+    run = _open_run(run_dir, trust, resume=resume, keeps=keeps)
     try:
         with ExitStack() as stack:
             with let_in():  # it waits for others: for agents, the master, the aPad
@@ -103,10 +108,10 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
     return Exit.DONE
 
 
-def _open_run(run_dir: Path, *, resume: bool, keeps: bool) -> _Run:
+def _open_run(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) -> _Run:
     """Opens the records of a new run, or of one whose supervisor died."""
     directory = RunDirectory(run_dir)
-    config, options = flight_config(load(directory.scenario)), RunOptions.load(run_dir)
+    config, options = flight_config(load(directory.scenario), trust), RunOptions.load(run_dir)
     if not options.owns_master:
         await_master()
     if not resume:
@@ -216,7 +221,10 @@ def _under_control(stack: ExitStack, context: FlightContext, run: _Run, calls: C
 def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None) -> dict[str, Any]:
     """Flies, and returns the summary. A script has ended by then, and its error is printed."""
     options, start_state = run.options, run.start_state
-    command_sources = None if call_queue is None else command_sources_of(run.config.scenario, options)
+    config = run.config
+    command_sources = (
+        None if call_queue is None else command_sources_of(config.scenario, options, config.trust)
+    )
     if not options.script:  # a script cannot be resumed in the middle
         start_state.recorder.begin_checkpoint(start_state.learned, start_state.start_ms)
     summary = flying.fly(
@@ -247,6 +255,9 @@ def main() -> int:
         description="The supervisor of one run; started by musselbed, not by hand."
     )
     parser.add_argument("run", type=Path)
+    parser.add_argument(
+        "--trust", action="store_true", help="the command that started it trusts the run's code"
+    )
     parser.add_argument("--resume", action="store_true")
     parser.add_argument(
         "--keeps",
@@ -256,7 +267,8 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         with held_back(), supervising(arguments.run):
-            return fly(arguments.run, resume=arguments.resume, keeps=arguments.keeps)
+            trust = Trust() if arguments.trust else None
+            return fly(arguments.run, trust, resume=arguments.resume, keeps=arguments.keeps)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
     except OSError as error:

@@ -8,15 +8,16 @@ from pathlib import Path
 
 from agents.modem.frames import PAYLOAD_BYTES, ModemGeneration, duration_ms
 from agents.mussel.board_link import serial_line
-from apad_bridge.planning.registry import collection, redeployment
+from apad_bridge.planning.registry import Trust, collection, redeployment
 from apad_bridge.scenario import schema
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import Fence, fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.estimator_options import EstimatorKind
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.scenario.firmware_config import can_fill, grains_of_milliwatts
+from apad_bridge.scenario.firmware_config import can_fill, codec_of, grains_of_milliwatts
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.lab_interface.names import load_names
@@ -37,7 +38,7 @@ _LONGEST_ALARM_S = 65_000
 def contradictions(scenario: Scenario) -> list[Contradiction]:
     """Returns (path to the key, message) of each contradiction, in the schema's order; none if the scenario can run.
 
-    Checks that the named files exist, reads the current's file, and looks up the strategies.
+    Checks that the named files exist, and reads the current's file. A scenario is data: nothing of it is executed.
     """
     return [
         *_check_area(scenario),
@@ -49,6 +50,30 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_check_further_apads(scenario),
         *_check_faults(scenario),
     ]
+
+
+def check_code(scenario: Scenario, source: str, trust: Trust | None) -> None:
+    """Loads the scenario's codec and strategies, those in files with `trust` alone.
+
+    ScenarioError with a line for each that fails.
+    """
+    codec_of(scenario)
+    if problems := [f"{source}: {key}: {why}" for key, why in problems_with_strategies(scenario, trust)]:
+        raise ScenarioError(problems)
+
+
+def problems_with_strategies(scenario: Scenario, trust: Trust | None) -> Iterator[tuple[str, ValueError]]:
+    """Yields (path to the key, error) of each strategy that cannot be loaded; NotTrusted for one left out for that."""
+    mission = scenario.mission
+    strategies: tuple[tuple[str, Callable[[], object]], ...] = (
+        ("mission.collection", lambda: collection(mission.collection, mission.costs, trust)),
+        ("mission.redeployment", lambda: redeployment(mission.redeployment, trust)),
+    )
+    for key, load in strategies:
+        try:
+            load()
+        except ValueError as error:
+            yield key, error
 
 
 def problems_with_real_vehicle(scenario: Scenario) -> list[str]:
@@ -372,15 +397,6 @@ def _check_cycle(
 def _check_mission(scenario: Scenario) -> list[Contradiction]:
     found = []
     mission = scenario.mission
-    strategies: tuple[tuple[str, Callable[[str], object], str], ...] = (
-        ("mission.collection", collection, mission.collection),
-        ("mission.redeployment", redeployment, mission.redeployment),
-    )
-    for key, look_up, name in strategies:
-        try:
-            look_up(name)
-        except ValueError as error:
-            found.append((key, str(error)))
     if mission.suspects is not Suspects.TOLD and scenario.beliefs.estimator is not EstimatorKind.TWIN:
         found.append(
             (

@@ -9,6 +9,7 @@ from functools import cache
 from agents.fleet import Spread
 from agents.modem.frames import ModemGeneration, duration_ms
 from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.full_firmware_options import (
     BoardPower,
     FullFirmwareOptions,
@@ -20,6 +21,7 @@ from apad_bridge.scenario.full_firmware_options import (
 from apad_bridge.scenario.schema import Scenario
 from firmware_model import config
 from firmware_model.packets import ShortStatus
+from firmware_model.packets.codec import Codec, load_codec
 from firmware_model.power.ageing import AS_NEW, aged, capacity_left
 from firmware_model.power.charge import (
     EMPTY_MV,
@@ -38,6 +40,14 @@ _MS_PER_HOUR = 3_600_000
 _PPB_OF_PPM = 1000
 _CELL_MV = 3700
 _RANGE_MV = FULL_MV - EMPTY_MV
+
+
+def codec_of(scenario: Scenario) -> Codec:
+    """Loads the codec of the scenario's packets, ours or an installed package's. ScenarioError if it cannot be loaded."""
+    try:
+        return load_codec(scenario.hearing.codec)
+    except Exception as error:  # a package's import or constructor may raise anything
+        raise ScenarioError([f"{scenario.name}: hearing.codec: {error}"]) from error
 
 
 def board_config(

@@ -16,6 +16,8 @@ from apad_bridge.planning.costs import CostBreakdown, cost_of
 from apad_bridge.planning.solution import Solution, StepKind
 
 T = TypeVar("T")
+_OF_A_SCRIPT = registry.Trust()
+"""A script is executed already, so the strategies that it names need no further permission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +31,7 @@ class Plan:
 
 def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, strategy: str | None) -> Plan:
     name = strategy or mission.config.collection
-    collector = _strategy(registry.collection, name)
+    collector = _strategy(lambda: registry.collection(name, trust=_OF_A_SCRIPT))
     situation = situation_of(
         mission.state,
         _pose(mission),
@@ -47,7 +49,7 @@ def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, st
 
 def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
     name = strategy or mission.config.redeployment
-    redeployer = _strategy(registry.redeployment, name)
+    redeployer = _strategy(lambda: registry.redeployment(name, _OF_A_SCRIPT))
     here = _pose(mission)
     docks = {agent: dock_index for dock_index, agent in mission.state.docked}
     beliefs = [mission.beliefs.get(agent) or placeholder_belief(agent, here) for agent in docks]
@@ -77,9 +79,9 @@ def _planned(
     )
 
 
-def _strategy(make: Callable[[str], T], name: str) -> T:
+def _strategy(make: Callable[[], T]) -> T:
     try:
-        return make(name)
+        return make()
     except ValueError as error:
         raise Refused(str(error)) from None
 

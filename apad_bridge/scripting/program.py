@@ -21,6 +21,7 @@ from typing import Any
 from apad_bridge.events.run import EndReason
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.state import MissionEnd
+from apad_bridge.planning.registry import Trust
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.text_file import read_text
@@ -74,7 +75,7 @@ class MissionTime(types.ModuleType):
         return getattr(time, name)
 
 
-def as_program(path: Path) -> Program:
+def as_program(path: Path, _: Trust) -> Program:
     """The file as a program: gets `api`, `id_self` and `time`, and prints through the API."""
     code = read_script(path)
 

@@ -20,9 +20,9 @@ from apad_bridge.analysis.calibration.stopping import LEAST_STOPS, stopping_dist
 from apad_bridge.analysis.field_log.facts import Fact, Work
 from apad_bridge.analysis.field_log.reader import facts_of
 from apad_bridge.analysis.field_log.vehicle_log import VehicleLog, vehicle_log
+from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.schema import Scenario
-from firmware_model.packets.codec import load_codec
 
 _DIGITS = 4
 _MISFIT = 0.035
@@ -266,7 +266,7 @@ def _energy(found: Calibration, flown: list[tuple[VehicleLog, list[Reflown]]], s
 
 def _losses(found: Calibration, recordings: Sequence[ReadBag], scenario: Scenario) -> None:
     found.sound = by_range(it for recording in recordings for it in of_sound(recording.log.sounds))
-    codec, period_s = load_codec(scenario.hearing.codec), scenario.hearing.report_period_s
+    codec, period_s = codec_of(scenario), scenario.hearing.report_period_s
     found.wifi = by_range(
         it
         for recording in recordings

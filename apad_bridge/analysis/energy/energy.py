@@ -24,11 +24,12 @@ from apad_bridge.records.journal import JournalContents, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from firmware_model.actions import Action, RunBuoyancy, SetRail
-from firmware_model.packets.codec import Codec, load_codec
+from firmware_model.packets.codec import Codec
 from firmware_model.power.charge import Battery, ChargeModel, Flow, fraction
 from firmware_model.power.energy_ledger import EnergyLedger
 from firmware_model.power.rails import Rail, bits
@@ -59,11 +60,12 @@ class AgentEnergy:
 def energy_of(directory: RunDirectory, agent_ids: Sequence[int] = ()) -> list[AgentEnergy]:
     """The energy of these aMussels of a run so far, or of all.
 
-    RunDirectoryError, one line, for a directory without a scenario that can be read, and for an id that its fleet has not.
+    RunDirectoryError, one line, for a directory without a scenario that can be read, for a codec that is not installed, and
+    for an id that its fleet has not.
     """
     try:
         scenario = load(directory.scenario)
-        fleet = fleet_config(flight_config(scenario))
+        fleet, codec = fleet_config(flight_config(scenario)), codec_of(scenario)
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     except ValueError as error:
@@ -75,19 +77,20 @@ def energy_of(directory: RunDirectory, agent_ids: Sequence[int] = ()) -> list[Ag
         )
     journal = read_journal(directory.journal)
     chosen = {agent_id: starts[agent_id] for agent_id in agent_ids or starts}
-    return [it.agent.energy(it) for it in _run_again(fleet, chosen, journal, scenario.time_scale)]
+    return [it.agent.energy(it) for it in _run_again(fleet, codec, chosen, journal, scenario.time_scale)]
 
 
 def rails_of(scenario: Scenario, journal: JournalContents) -> dict[int, list[tuple[int, int]]]:
     """The rails that each aMussel's board had on, as (agent ms, set of rails) from each switch to the next.
 
-    Without those whose second run is not the recorded one, and empty for boards that switch no modules.
+    Without those whose second run is not the recorded one, and empty for boards that switch no modules. ScenarioError for a
+    codec that is not installed.
     """
     config = flight_config(scenario)
     if config.board.whole is None:
         return {}
     starts = initial_states(scenario, starts_of(scenario))
-    again = _run_again(fleet_config(config), starts, journal, scenario.time_scale)
+    again = _run_again(fleet_config(config), codec_of(scenario), starts, journal, scenario.time_scale)
     return {it.agent.config.board.agent_id: it.agent.switched for it in again if it.is_exact}
 
 
@@ -112,14 +115,18 @@ class _SecondRun(NamedTuple):
 
 
 def _run_again(
-    fleet: FleetConfig, starts: Mapping[int, Physical], journal: JournalContents, scale: TimeScale
+    fleet: FleetConfig,
+    codec: Codec,
+    starts: Mapping[int, Physical],
+    journal: JournalContents,
+    scale: TimeScale,
 ) -> Iterator[_SecondRun]:
     """Runs each aMussel with one of these starts."""
     lines: dict[int, list[Line]] = {agent_id: [] for agent_id in starts}
     for line in journal.lines:
         if line["kind"] in (Stimulated.kind, ProcessDied.kind, TruthChanged.kind) and line["id"] in lines:
             lines[line["id"]].append(line)
-    maker, codec = fleet.maker(), load_codec(fleet.codec)
+    maker = fleet.maker()
     for agent_id, own in lines.items():
         agent = _Metered(maker.config(agent_id), codec, starts[agent_id], MemoryFlash(fleet.flash_pages))
         recorded = [truth_of(line) for line in own if line["kind"] == TruthChanged.kind]

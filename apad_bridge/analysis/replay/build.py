@@ -72,7 +72,8 @@ def _whole(directory: RunDirectory) -> dict[str, Any]:
         try:
             add_rails(data, rails_of(scenario, journal))
         except (KeyError, TypeError, ValueError):
-            data["rails"] = []  # a journal of another version, which this firmware cannot follow
+            # A journal of another version, which this firmware cannot follow, or a codec that is not installed here.
+            data["rails"] = []
     return data
 
 

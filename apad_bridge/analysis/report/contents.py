@@ -16,7 +16,7 @@ from apad_bridge.events.event import Category
 from apad_bridge.events.mission import PRE_EMPTED
 from apad_bridge.events.union import told_event
 from apad_bridge.records.journal import Line
-from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.summary import Interruptions
 from apad_bridge.scenario.firmware_config import charge_models
 from firmware_model.power.charge import ChargeModel
@@ -59,6 +59,8 @@ class RunReport:
     charge_model: ChargeModel
     """The charge model of a nominal board."""
     energy: list[AgentEnergy]
+    why_no_energy: str | None
+    """Why the energy is left out; None if it is not."""
     scores: Scores | None
     """None where no aMussel has both a belief and a truth."""
     why_scored_by_journal: str | None
@@ -77,6 +79,7 @@ def contents_of(directory: RunDirectory) -> RunReport:
     record, why_journal = best_record(directory.path)
     for line in journal.lines:
         interruptions.take(line["t"], line["kind"], line)
+    energy, why_no_energy = _energy(directory) if data["has_truth"] else ([], None)
     return RunReport(
         directory.path.resolve().name,
         datetime.fromtimestamp(directory.scenario.stat().st_mtime, UTC).date().isoformat(),
@@ -84,13 +87,21 @@ def contents_of(directory: RunDirectory) -> RunReport:
         data,
         summary,
         charge_models(scenario)(0),
-        energy_of(directory) if data["has_truth"] else [],
+        energy,
+        why_no_energy,
         scores_of(comparisons_in(directory.path, _PERIOD_MS, record)),
         why_journal,
         troubles[:_MOST_FAULTS],
         max(0, len(troubles) - _MOST_FAULTS),
         interruptions.spans_ms(journal.last_ms),
     )
+
+
+def _energy(directory: RunDirectory) -> tuple[list[AgentEnergy], str | None]:
+    try:
+        return energy_of(directory), None
+    except RunDirectoryError as error:
+        return [], str(error)
 
 
 def _versions(directory: RunDirectory) -> dict[str, Any]:

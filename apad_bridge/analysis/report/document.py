@@ -116,6 +116,8 @@ def _parts(report: RunReport) -> Iterator[Part]:
         yield Picture(figures.energy(report), "Energy that each aMussel drew, in percent of a battery.")
         yield _energy_table(report, "module", lambda it: it.by_module)
         yield _energy_table(report, "state", lambda it: it.by_state)
+    if report.why_no_energy is not None:
+        yield Table("Energy by module", ("module",), [], f"It is left out: {report.why_no_energy}")
     if report.scores is not None:
         yield _belief_table(report)
         if report.scores.overall.rmse > _DRAWN:  # perfect knowledge has nothing to draw

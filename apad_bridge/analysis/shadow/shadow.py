@@ -42,10 +42,10 @@ from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.exchange import tour
 from apad_bridge.planning.solution import Solution, Step, StepKind
+from apad_bridge.scenario.firmware_config import codec_of
 from apad_bridge.scenario.schema import Dispatch, Places, Scenario
 from apad_bridge.scenario.surface import LegForecast, surface_of
 from firmware_model.packets import ShortStatus, Status, StatusPacket, basic_of
-from firmware_model.packets.codec import load_codec
 from firmware_model.states import State
 
 _TOPIC_PERIOD_MS = 1000
@@ -130,18 +130,21 @@ class _Pending:
 class Shadow:
     """`take` returns the decisions that a fact completes, and `end` the last ones. Facts come in the order heard."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        """ScenarioError, or ValueError, for a scenario whose board or strategy cannot be loaded."""
+    def __init__(self, scenario: Scenario, trust: registry.Trust | None = None) -> None:
+        """ScenarioError, or ValueError, for a scenario whose board or strategy cannot be loaded.
+
+        A strategy in a file is executed with `trust` alone.
+        """
         mission = scenario.mission
         config = flight_config(scenario)
         self.decisions: list[ComparedDecision] = []
         self._mission = mission
         self._scale = scenario.time_scale
-        self._codec = load_codec(scenario.hearing.codec)
+        self._codec = codec_of(scenario)
         self._beliefs = fleet_beliefs(config)
         self._ids = frozenset(config.ids)
-        self._collection = registry.collection(mission.collection, mission.costs)
-        self._redeployment = registry.redeployment(mission.redeployment)
+        self._collection = registry.collection(mission.collection, mission.costs, trust)
+        self._redeployment = registry.redeployment(mission.redeployment, trust)
         self._model = energy_model(scenario)
         self._legs = LegForecast(scenario.apad, surface_of(scenario))
         self._pool = ChargingPool(mission, self._beliefs)

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.help_text import MISSION_TIME, STRATEGY, ending, mission_seconds
+from apad_bridge.commands.trust import add_trust_argument, trust_of_run
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
 from apad_bridge.scenario.yaml_text import parse_yaml
@@ -50,12 +51,14 @@ def add_parser(commands: Any) -> None:
         help="another value of a key of `mission`, as pool_threshold=0.5; repeatable",
     )
     parser.add_argument("--lose-apad", metavar="NAME", help="this aPad does nothing from then on")
+    add_trust_argument(parser)
     parser.add_argument("--json", action="store_true", help="print the figures as JSON on stdout")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     # Imported here: a branch needs all parts of a flight.
+    from apad_bridge.records.run_directory import RunDirectory
     from apad_bridge.runs.branching import NoBranch, Turn, branch
 
     rules = dict(_rule(text) for text in arguments.set)
@@ -67,7 +70,9 @@ def run(arguments: argparse.Namespace) -> int:
         with WorkProgress(arguments.json) as progress:
             progress.step(f"flying {arguments.directory} again, unchanged and changed")
             turn = Turn(round(arguments.at * 1000), rules, arguments.lose_apad)
-            branches = branch(arguments.directory, turn)
+            typed = [str(rules[it]) for it in ("collection", "redeployment") if it in rules]
+            trust = trust_of_run(arguments, RunDirectory(arguments.directory), *typed)
+            branches = branch(arguments.directory, turn, trust)
     except NoBranch as error:
         raise UserError(str(error)) from error
     if branches.has_our_firmware:

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.runs.exits import Exit, UserError
 
 if TYPE_CHECKING:
+    from apad_bridge.planning.registry import Trust
     from apad_bridge.runs.studies.capacity_diagram import SizedFlights
     from apad_bridge.scenario.schema import Scenario
 
@@ -49,6 +51,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="fly ten days of the aMussels' time from seven mean start charges, by the scenario's own rules: a minute",
     )
+    add_trust_argument(parser)
     parser.set_defaults(run=run)
 
 
@@ -60,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         load(arguments.scenario), theta=arguments.theta, agents=arguments.agents, seed=arguments.seed
     )
     bounds = bounds_of([scenario])
-    phases = _flown(scenario) if arguments.fly else []
+    phases = _flown(scenario, trust_of_looked_at(arguments)) if arguments.fly else []
     if arguments.json:
         print(json.dumps({**asdict(bounds), "phases": [asdict(it) for it in phases]}))
         return Exit.DONE
@@ -84,17 +87,19 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _flown(scenario: Scenario) -> list[SizedFlights]:
+def _flown(scenario: Scenario, trust: Trust | None) -> list[SizedFlights]:
     from apad_bridge.runs.studies.capacity_diagram import diagram_of
     from apad_bridge.runs.studies.event_driven import model_gap
     from apad_bridge.runs.studies.models import StrategyFailed
+    from apad_bridge.scenario.cross_checks import check_code
 
     if not scenario.fleet.ids:
         raise UserError("--fly: the scenario has no aMussels")
     if (gap := model_gap(scenario)) is not None:
         raise UserError(f"--fly: the event-driven model leaves out {gap}")
+    check_code(scenario, scenario.name, trust)
     try:
-        return diagram_of(scenario, _SEEDS)
+        return diagram_of(scenario, _SEEDS, trust=trust)
     except StrategyFailed as failed:
         raise UserError(f"--fly: the strategy failed: {failed}") from failed
 

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.trust import trust_of_typed
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
 
@@ -147,7 +148,7 @@ def _study_of(arguments: argparse.Namespace) -> tuple[StudyPlan, type[Findings]]
         plan_of = rules_study if is_scenario(path) else load_study
     except ScenarioError as error:
         raise UserError(_unknown(arguments.study, built_in)) from error
-    plan = plan_of(path, **given)
+    plan = plan_of(path, **given, trust=trust_of_typed())
     return plan, RuleChoice if is_choice(plan) else Findings
 
 

@@ -17,12 +17,13 @@ from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.fly.run_checks import check_run
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.events.mission import PlanMade
-from apad_bridge.planning import registry
+from apad_bridge.planning.registry import Trust, label
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.summary import Flown, combined_summary
+from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.run_options import APadKind, BenchPart, RunOptions, TimeSource
@@ -53,17 +54,16 @@ def _refuse_several(live: Sequence[Service], scenario: Scenario) -> None:
         )
 
 
-def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Start]]:
+def read_scenario(arguments: argparse.Namespace, trust: Trust | None) -> tuple[Scenario, Sequence[Start]]:
     """The scenario with the command line's changes, and its starts; UserError with every mistake found.
 
-    A command has only the arguments that suit it.
+    A command has only the arguments that suit it. Strategies in files are executed with `trust` alone.
     """
     changeable = ("theta", "agents", "strategy", "seed", "hosting", "generation")
     try:
         changes = {it: getattr(arguments, it, None) for it in changeable}
         scenario = with_overrides(load(arguments.scenario), **changes)
-        registry.collection(scenario.mission.collection)
-        registry.redeployment(scenario.mission.redeployment)
+        check_code(scenario, str(arguments.scenario), trust)
         return scenario, starts_of(scenario)
     except ScenarioError:
         raise
@@ -77,6 +77,7 @@ def fly(
     starts: Sequence[Start],
     out: Path | None,
     as_json: bool,
+    trust: Trust,
     live: Sequence[Service] = (),
     script: Script | None = None,
     *,
@@ -94,7 +95,7 @@ def fly(
         preflight = check_run(options, scenario, starts)
     all_members = members(scenario, starts)
     if options.dry_run and options.apad is APadKind.SIM:
-        return _print_plans(all_members, as_json)
+        return _print_plans(all_members, as_json, trust)
     stem = scenario.name if script is None else f"{script.file.stem}-{scenario.name}"
     try:
         whole = RunDirectory.create(stem, datetime.now(UTC), out)
@@ -102,6 +103,7 @@ def fly(
         raise UserError(str(error)) from error
     only_bags = options.part is BenchPart.FLEET and out is None
     _write_inputs(whole, options, scenario, starts, all_members, script)
+    _mark_own(whole, all_members)
     if preflight is not None:
         preflight.save(whole.preflight)
     if scenario.apads and not as_json:
@@ -123,7 +125,7 @@ def fly(
             tell = progress.print_message
             for service in live:
                 tell(service.title + stack.enter_context(service.beside(whole.path, tell)))
-            flown = _fly(options, scenario, all_members, whole, progress, script)
+            flown = _fly(options, scenario, all_members, whole, progress, trust, script)
         if not flown.summaries:
             raise PeerFailed(*failure_lines(flown.failures, is_alone=not scenario.apads))
         if options.dry_run:
@@ -159,7 +161,7 @@ def flown_by_whom(options: RunOptions, scenario: Scenario) -> str:
     """Names the source of the orders: a script, a strategy or a person."""
     if options.script:
         return Path(options.script).name
-    return "by hand" if options.manual else registry.label(scenario.mission.collection)
+    return "by hand" if options.manual else label(scenario.mission.collection)
 
 
 def failure_lines(failures: Mapping[str, str], *, is_alone: bool = True) -> list[str]:
@@ -187,24 +189,40 @@ def _write_inputs(
         options.save(directory.path)
 
 
+def _mark_own(whole: RunDirectory, all_members: Sequence[Member]) -> None:
+    """Marks the runs that name code as begun here, so that they can be continued. A flight needs no mark."""
+    from apad_bridge.runs.own_runs import mark
+
+    try:
+        for member in all_members:
+            mark(whole.of_apad(member.name, len(all_members)))
+    except (OSError, ValueError, KeyError) as error:
+        print(
+            f"musselbed: warning: the run cannot be marked as begun here ({error}): to continue it, "
+            "`musselbed resume` needs --trust",
+            file=sys.stderr,
+        )
+
+
 def _fly(
     options: RunOptions,
     scenario: Scenario,
     all_members: Sequence[Member],
     whole: RunDirectory,
     progress: FlightProgress,
+    trust: Trust,
     script: Script | None,
 ) -> Flown:
     if options.time is not TimeSource.ASAP:
         # Imported here, as the other way below: this process needs one of the two, and the parent's parts are few.
         from apad_bridge.runs import parent
 
-        return parent.fly(all_members, scenario.sharing, options, whole, progress)
+        return parent.fly(all_members, scenario.sharing, options, whole, progress, trust)
     from apad_bridge.runs.nurseries import begin_nurseries
 
     with held_back(), ExitStack() as stack:
         # The nurseries come up on another processor while this process imports the rest.
-        nurseries = begin_nurseries(stack, all_members, whole)
+        nurseries = begin_nurseries(stack, all_members, whole, trust)
         from apad_bridge.runs.several.lockstep import fly_in_step
 
         sources: tuple[ScriptSource, ...] | None = None
@@ -214,7 +232,7 @@ def _fly(
             sources = (
                 program.ScriptSource(scenario, script.program, script.file.name, progress.print_message),
             )
-        flown = fly_in_step(all_members, scenario.sharing, whole, progress, sources, nurseries)
+        flown = fly_in_step(all_members, scenario.sharing, whole, progress, sources, nurseries, trust)
     for source in sources or ():
         source.join()
         source.print_error()
@@ -243,12 +261,12 @@ def _ends(all_members: Sequence[Member], whole: RunDirectory) -> list[Start]:
     return sorted(ends, key=lambda end: end.agent_id)
 
 
-def _print_plans(all_members: Sequence[Member], as_json: bool) -> int:
+def _print_plans(all_members: Sequence[Member], as_json: bool, trust: Trust) -> int:
     from apad_bridge.runs.dry_run import first_plan
 
     if all_members[0].scenario.fleet.firmware:
         print("a dry run flies our firmware in place of fleet.firmware", file=sys.stderr)
-    plans = {member.name: first_plan(member.scenario) for member in all_members}
+    plans = {member.name: first_plan(member.scenario, trust) for member in all_members}
     if len(all_members) == 1:
         return print_plan(plans[all_members[0].name], as_json)
     if as_json:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.trust import add_trust_argument, trust_of_run
 from apad_bridge.runs.exits import UserError, peers_may_fail
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
@@ -29,6 +30,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--confirm-motion", action="store_true", help="confirm that the real aPad may move again"
     )
+    add_trust_argument(parser)
     parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
     )
@@ -44,7 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
     from apad_bridge.runs import parent
     from apad_bridge.runs.children import supervisor_of
+    from apad_bridge.runs.own_runs import code_of
     from apad_bridge.runs.progress import FlightProgress
+    from apad_bridge.scenario.cross_checks import check_code
     from apad_bridge.scenario.loader import load
 
     path = arguments.directory
@@ -71,13 +75,20 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
     if directory.summary.exists():
         raise UserError(f"the run has ended: see {directory.summary}")
+    trust = trust_of_run(arguments, directory)
+    if trust is None and (code := code_of(directory)):
+        raise UserError(
+            f"{path} names code ({', '.join(code)}), and is no run that you began here and that is unchanged: "
+            "add --trust if you trust it"
+        )
     scenario = load(directory.scenario)
+    check_code(scenario, str(path), trust)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
         _ask_whether_it_may_move()
     progress = FlightProgress(scenario.name, scenario.duration_ms, quiet=arguments.json)
     with peers_may_fail(progress.was_told), progress:
-        flown = parent.resume(scenario.apad.name, path, options, progress)
+        flown = parent.resume(scenario.apad.name, path, options, progress, trust)
         if flown.failures:
             raise PeerFailed(*failure_lines(flown.failures))
     (summary,) = flown.summaries.values()

@@ -12,6 +12,7 @@ from apad_bridge.commands.help_text import STRATEGY, ending
 from apad_bridge.commands.look.console import add_console_argument, console_asked
 from apad_bridge.commands.look.foxglove import add_foxglove_argument, foxglove_asked
 from apad_bridge.commands.look.imc import add_imc_argument, imc_asked
+from apad_bridge.commands.trust import trust_of_typed
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.choices import Generation, Hosting
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
@@ -232,6 +233,7 @@ def run(arguments: argparse.Namespace) -> int:
     # Imported here: a help, or a mistake in the options, needs none of the parts of a flight.
     from apad_bridge.commands.fly.flight import fly, read_scenario
 
-    scenario, starts = read_scenario(arguments)
+    trust = trust_of_typed()
+    scenario, starts = read_scenario(arguments, trust)
     live = [service for _, asked in _BESIDE if (service := asked(arguments)) is not None]
-    return fly(options, scenario, starts, arguments.out, arguments.json, live, check=arguments.check)
+    return fly(options, scenario, starts, arguments.out, arguments.json, trust, live, check=arguments.check)

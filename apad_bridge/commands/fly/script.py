@@ -10,6 +10,7 @@ from typing import Any
 
 from apad_bridge.commands.fly import run as run_command
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.trust import trust_of_typed
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath
 
@@ -52,8 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.scripting.program import ScriptError, as_program
 
     file: Path = arguments.file
+    trust = trust_of_typed()
     try:
-        program = as_program(file)
+        program = as_program(file, trust)
     except ScriptError as error:
         raise UserError(str(error)) from None
     if arguments.scenario is None:
@@ -61,8 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.part is BenchPart.MISSION and arguments.apad != APadKind.ROS:
         raise UserError("--no-fleet is for the aMussels on another master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
-    scenario, starts = read_scenario(arguments)
-    return fly(options, scenario, starts, arguments.out, arguments.json, script=Script(file, program))
+    scenario, starts = read_scenario(arguments, trust)
+    return fly(options, scenario, starts, arguments.out, arguments.json, trust, script=Script(file, program))
 
 
 def _scenario_of(file: Path) -> Path:

@@ -49,6 +49,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.acoustics.serial.attached import AttachedModem
     from apad_bridge.acoustics.serial.modem_check import check_modem
+    from apad_bridge.scenario.firmware_config import codec_of
     from apad_bridge.scenario.loader import load
 
     run_dir: Path | None = arguments.scenario if arguments.scenario.is_dir() else None
@@ -70,7 +71,6 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.ros.amussel_bridge import AMusselBridge
     from apad_bridge.ros.system.route import enter_graph_of
     from apad_bridge.supervisor.clock import StopSign
-    from firmware_model.packets.codec import load_codec
 
     stop = StopSign()
     with interrupts.received_by(stop.set):
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise UserError(str(error)) from error
         begun_s = time.monotonic()
         bridge = AMusselBridge.on_graph(
-            ids, load_codec(scenario.hearing.codec), AttachedModem(SerialPort(str(arguments.port))), tell
+            ids, codec_of(scenario), AttachedModem(SerialPort(str(arguments.port))), tell
         )
         with closing(bridge):
             tell("ready", f"{finding.found}; claims aMussels {', '.join(map(str, ids))} as real")

@@ -33,6 +33,7 @@ from apad_bridge.commands.prepare.preflight_checks import (
     recording_commands,
     report_path,
 )
+from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.doctor.finding import CheckStatus, Finding, fail, ok, run_check
 from apad_bridge.doctor.preflight import check_lookout, check_stop, red_keys
 from apad_bridge.events.persons import ScriptTold
@@ -109,6 +110,7 @@ def add_parser(commands: Any) -> None:
         help="another name for a topic, as of `run`",
     )
     run_command.add_accept(parser)
+    add_trust_argument(parser)
     parser.add_argument(
         "--json", action="store_true", help="print the report as JSON on stdout, nothing else"
     )
@@ -156,7 +158,7 @@ def _read(arguments: argparse.Namespace) -> tuple[RunOptions, Scenario, Sequence
         namespace=run_command.namespace_of_shell(),
         remappings=run_command.remappings_of(arguments),
     )
-    scenario, starts = read_scenario(arguments)
+    scenario, starts = read_scenario(arguments, trust_of_looked_at(arguments))
     if problems := problems_with_real_vehicle(scenario):
         raise UserError("\n".join(problems))
     if arguments.echo is not None and arguments.modem is None:

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import STRATEGY, ending
+from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.events.mission import MissionChanged, Phase
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
@@ -59,6 +60,7 @@ def add_parser(commands: Any) -> None:
         metavar="S",
         help="listen for so many seconds (default: until Ctrl-C)",
     )
+    add_trust_argument(parser)
     parser.add_argument("--json", action="store_true", help="print a JSON object at the end")
     parser.set_defaults(run=run)
 
@@ -66,6 +68,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.analysis.shadow.shadow import Shadow, StrategyFailed
     from apad_bridge.records.bag_samples import BagUnreadable
+    from apad_bridge.scenario.cross_checks import check_code
     from apad_bridge.scenario.errors import ScenarioError
     from apad_bridge.scenario.loader import load, with_overrides
 
@@ -74,7 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
     code = Exit.DONE
     try:
         scenario = with_overrides(load(arguments.scenario), strategy=arguments.strategy)
-        shadow = Shadow(scenario)
+        trust = trust_of_looked_at(arguments, *filter(None, [arguments.strategy]))
+        check_code(scenario, str(arguments.scenario), trust)
+        shadow = Shadow(scenario, trust)
         if arguments.bag is not None:
             with WorkProgress(arguments.json) as progress:
                 progress.step(f"reading {arguments.bag}")

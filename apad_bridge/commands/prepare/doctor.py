@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
+from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.doctor import graph, interpreter, machine, network, scenario_check
 from apad_bridge.doctor.finding import CheckStatus, Finding, fail, run_check, run_checks, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit
 
 if TYPE_CHECKING:
+    from apad_bridge.planning.registry import Trust
     from apad_bridge.scenario.schema import Scenario
 
 
@@ -37,6 +39,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "scenario", type=Path, nargs="?", metavar="SCENARIO.yaml", help="check this scenario and its ids, too"
     )
+    add_trust_argument(parser)
     parser.add_argument("--all", action="store_true", help="print the checks that are OK, too")
     parser.add_argument(
         "--json", action="store_true", help="print a JSON list of {check, status, found, mend} on stdout"
@@ -47,7 +50,9 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     failed: set[str] = set()
     findings = []
-    for finding in diagnose(arguments.scenario, os.environ.get("ROS_MASTER_URI", "")):
+    for finding in diagnose(
+        arguments.scenario, os.environ.get("ROS_MASTER_URI", ""), trust=trust_of_looked_at(arguments)
+    ):
         if finding.status is CheckStatus.FAIL:
             failed.add(finding.check)
         findings.append(asdict(finding))
@@ -63,12 +68,15 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.PEER_FAILED if failed else Exit.DONE
 
 
-def diagnose(scenario_file: Path | None, master_uri: str) -> Iterator[Finding]:
-    """All checks, in an order in which the first FAIL is the one to mend first."""
+def diagnose(scenario_file: Path | None, master_uri: str, trust: Trust | None = None) -> Iterator[Finding]:
+    """All checks, in an order in which the first FAIL is the one to mend first.
+
+    Strategies in files are executed with `trust` alone, and otherwise named as left out.
+    """
     yield from run_checks(interpreter.CHECKS, None)
     scenario: Scenario | None = None
     if scenario_file is not None:
-        scenario, findings = scenario_check.read(scenario_file)
+        scenario, findings = scenario_check.read(scenario_file, trust)
         yield from findings
     agents = machine.AGENTS_BY_DEFAULT if scenario is None else scenario.fleet.count
     yield from run_checks(machine.CHECKS, agents)

@@ -24,6 +24,7 @@ from apad_bridge.assembly.fleet_parts import shared_sea
 from apad_bridge.events.fleet import HandedOn, TookOn
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.manual import CommandSource
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
@@ -173,6 +174,7 @@ def fly_in_step(
     progress: ProgressDisplay,
     command_sources: Sequence[CommandSource] | None = None,
     nurseries: Mapping[str, StartedNursery] = MappingProxyType({}),
+    trust: Trust | None = None,
 ) -> Flown:
     """Flies with each aPad's own mission, or a single one with these sources of commands in its place.
 
@@ -196,6 +198,7 @@ def fly_in_step(
                 join=(lambda context: context) if is_alone else partial(exchange.join, name, sharing),
                 sea=sea,
                 nursery=nurseries.get(name),
+                trust=trust,
             )
             flights[name] = MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
         assignment = Assignment(served) if sharing.transfers and not is_alone else None

@@ -18,6 +18,7 @@ from typing import Any
 from rich.table import Table
 
 from apad_bridge.assembly.capacity import Bounds
+from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.studies.findings import Findings, table_of
 from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.runs.studies.runner import Row
@@ -128,11 +129,14 @@ def borders_of(phases: Sequence[SizedFlights]) -> Iterator[tuple[str, int, float
 
 
 def diagram_of(
-    scenario: Scenario, seeds: Sequence[int], on_flown: Callable[[], None] = lambda: None
+    scenario: Scenario,
+    seeds: Sequence[int],
+    on_flown: Callable[[], None] = lambda: None,
+    trust: Trust | None = None,
 ) -> list[SizedFlights]:
     """Flies the scenario's own fleet by its own rules for ten days of the aMussels' time, from each start charge.
 
-    The aPad's battery is unlimited, and nothing drifts at random.
+    The aPad's battery is unlimited, and nothing drifts at random. Strategies in files are executed with `trust` alone.
 
     StrategyFailed when its strategy ends a flight. The scenario must be one that `model_gap` finds covered.
     """
@@ -145,7 +149,8 @@ def diagram_of(
         data["fleet"]["start"] = _start(mean)
         flights = []
         for seed in seeds:
-            flights.append(fly(from_data({**data, "seed": seed}, scenario.name), Model.EVENT_DRIVEN))
+            seeded = from_data({**data, "seed": seed}, scenario.name)
+            flights.append(fly(seeded, Model.EVENT_DRIVEN, trust))
             on_flown()
         found.append(
             SizedFlights(

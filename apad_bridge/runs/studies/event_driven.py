@@ -95,9 +95,9 @@ def model_gap(scenario: Scenario) -> str | None:
     return next((gap for gap, is_there in gaps.items() if is_there), None)
 
 
-def fly_event_driven(scenario: Scenario) -> Figures:
-    """Flies a mission that `model_gap` finds covered; returns its figures."""
-    full_config = flight_config(scenario)
+def fly_event_driven(scenario: Scenario, trust: registry.Trust | None = None) -> Figures:
+    """Flies a mission that `model_gap` finds covered; returns its figures. `trust` is as of `flight_config`."""
+    full_config = flight_config(scenario, trust)
     # The reports and the random drift are computed here, so the agents act at events alone.
     config = replace(
         full_config,
@@ -119,7 +119,10 @@ def fly_event_driven(scenario: Scenario) -> Figures:
     supervisor = flight.supervisor
     mission = supervisor.mission
     assert isinstance(mission, EnergyExchange), "no script flies a study"
-    ticks = Ticks(scenario, flight, mission, beliefs, vehicle)
+    strategy = registry.collection(scenario.mission.collection, trust=trust)
+    ticks = Ticks(
+        scenario, flight, mission, beliefs, vehicle, collects=not isinstance(strategy, NoCollection)
+    )
     while True:
         flight.tick(flight.now_ms)
         if supervisor.has_ended:
@@ -288,13 +291,15 @@ class Ticks:
         mission: EnergyExchange,
         beliefs: TruthfulReports,
         vehicle: CruisingAPad,
+        *,
+        collects: bool,
     ) -> None:
         self._end_ms = scenario.duration_ms
         self._supervisor = flight.supervisor
         self._mission = mission
         self._beliefs = beliefs
         self._vehicle = vehicle
-        self._collects = not isinstance(registry.collection(scenario.mission.collection), NoCollection)
+        self._collects = collects
         self._home = parts.home_stays(scenario)
         home = scenario.apad.home
         goes_home_at, self._leaves_home_at = (0.0, 0.0) if home is None else (home.go_at, home.leave_at)

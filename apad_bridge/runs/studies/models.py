@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from agents.mussel.outputs import Truth
 from apad_bridge.events.run import EndReason
+from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.runs.studies.event_driven import fly_event_driven
 from apad_bridge.runs.studies.figures import FigureMeter, Figures
@@ -27,9 +28,15 @@ class StrategyFailed(Exception):
     """A strategy raised, or its plan cannot be carried out; the text is the mission's reason to end."""
 
 
-def fly(scenario: Scenario, model: Model) -> Figures:
-    """Flies the scenario's mission; StrategyFailed when its strategy ended it. ValueError for a string that is no model."""
-    figures = fly_event_driven(scenario) if Model(model) is Model.EVENT_DRIVEN else fly_each_tick(scenario)
+def fly(scenario: Scenario, model: Model, trust: Trust | None = None) -> Figures:
+    """Flies the scenario's mission; StrategyFailed when its strategy ended it. ValueError for a string that is no model.
+
+    Strategies in files are executed with `trust` alone.
+    """
+    if Model(model) is Model.EVENT_DRIVEN:
+        figures = fly_event_driven(scenario, trust)
+    else:
+        figures = fly_each_tick(scenario, trust=trust)
     if figures.end_reason is EndReason.STRATEGY_FAILED:
         raise StrategyFailed(figures.ended_by)
     return figures
@@ -46,7 +53,11 @@ class _FigureRecorder(MemoryRecorder):
             self._figures.take(truth)
 
 
-def fly_each_tick(scenario: Scenario, prepare: Callable[[Flight], None] = lambda flight: None) -> Figures:
+def fly_each_tick(
+    scenario: Scenario,
+    prepare: Callable[[Flight], None] = lambda flight: None,
+    trust: Trust | None = None,
+) -> Figures:
     """Flies the mission of `musselbed run --time asap`, with the aMussels in this process; `prepare` changes the flight."""
     meter = FigureMeter(scenario)
     vehicles: list[InProcessVehicle] = []
@@ -56,7 +67,9 @@ def fly_each_tick(scenario: Scenario, prepare: Callable[[Flight], None] = lambda
         vehicles.append(context.vehicle)
         return context
 
-    flight, _ = open_flight(scenario, join=keep_vehicle, recorder_of=lambda it: _FigureRecorder(it, meter))
+    flight, _ = open_flight(
+        scenario, join=keep_vehicle, recorder_of=lambda it: _FigureRecorder(it, meter), trust=trust
+    )
     prepare(flight)
     flight.run()
     return meter.figures(flight.now_ms, flight.supervisor.mission.state, vehicles[0].apad.ledger)

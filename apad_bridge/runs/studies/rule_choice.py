@@ -17,6 +17,7 @@ from typing import Any
 
 from rich.table import Table
 
+from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.studies.event_driven import model_gap
 from apad_bridge.runs.studies.findings import Findings, table_of
 from apad_bridge.runs.studies.models import Model
@@ -123,11 +124,11 @@ def choice_of(rows: Sequence[Row], known: Collection[str], figure: str) -> Choic
     return Choice(rule, better, figure, *gains)
 
 
-def rules_study(path: Path, seeds: int = TRIALS) -> StudyPlan:
+def rules_study(path: Path, seeds: int = TRIALS, trust: Trust | None = None) -> StudyPlan:
     """The study of one scenario: its own rule, the paper's, and `RULES`, on so many random configurations.
 
     A start that the scenario draws is kept. One from a file is a single draw, so the trials draw others, as each study
-    does. ScenarioError for a scenario with a mistake.
+    does. ScenarioError for a scenario with a mistake. Strategies in files are executed with `trust` alone.
     """
     scenario = load(path)
     data = {
@@ -142,7 +143,7 @@ def rules_study(path: Path, seeds: int = TRIALS) -> StudyPlan:
         "primary": UPTIME,
         "model": (Model.EVENT_DRIVEN if model_gap(scenario) is None else Model.MISSION).value,
     }
-    return plan_of(data, str(path), path.parent)
+    return plan_of(data, str(path), path.parent, trust)
 
 
 def keys_of(rule: str, scenario: Scenario) -> dict[str, Any]:

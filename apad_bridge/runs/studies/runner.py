@@ -119,7 +119,7 @@ def fly_block(plan: StudyPlan, setting: int, seed: int) -> list[Row]:
     rows = []
     for index, strategy in enumerate(plan.strategies):
         try:
-            figures = fly(plan.scenario(setting, index, seed), plan.study.model)
+            figures = fly(plan.scenario(setting, index, seed), plan.study.model, plan.trust)
         except StrategyFailed as failed:
             where = f"{plan.settings[setting].label}, seed {seed}"
             raise StudyFailed(

@@ -9,6 +9,7 @@ from typing import Any
 
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.assembly.fleet_parts import shared_sea
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_flight
 from apad_bridge.runs.several.assignment import Assignment
@@ -45,6 +46,7 @@ def open_lockstep(
     members: Sequence[Member],
     sharing: Sharing,
     recorder_of: Callable[[Scenario], MemoryRecorder] = MemoryRecorder,
+    trust: Trust | None = None,
 ) -> OpenedLockstep:
     """Opens the flights of several aPads that reach each other, or the one flight of a single aPad."""
     served = {member.name: member.scenario.fleet.ids for member in members}
@@ -54,7 +56,11 @@ def open_lockstep(
     for member in members:
         join = partial(exchange.join, member.name, sharing)
         flight, recorders[member.name] = open_flight(
-            member.scenario, join=_unchanged if is_alone else join, recorder_of=recorder_of, sea=sea
+            member.scenario,
+            join=_unchanged if is_alone else join,
+            recorder_of=recorder_of,
+            sea=sea,
+            trust=trust,
         )
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])
     runner = LockstepRunner(flights, exchange, assignment if sharing.transfers and not is_alone else None)

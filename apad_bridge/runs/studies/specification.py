@@ -25,6 +25,7 @@ from apad_bridge.planning import registry
 from apad_bridge.runs.studies.event_driven import model_gap
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model
+from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import file_of, from_data, load, resolve, write_with_files
 from apad_bridge.scenario.quantities import FileName, frozen
@@ -104,6 +105,8 @@ class StudyPlan:
     seeds: tuple[int, ...]
     named: tuple[Scenario, ...]
     """The scenarios as their files have them."""
+    trust: registry.Trust | None = None
+    """None: strategies in files are not executed."""
 
     @property
     def blocks(self) -> Iterator[tuple[int, int]]:
@@ -142,12 +145,12 @@ class StudyPlan:
         """The part of the study that flies missions, as plain values for a worker; its scenarios' files stay behind."""
         settings = [[it.scenario, it.parameters, it.theta] for it in self.settings]
         study = _STUDY.dump_python(self.study, mode="json")
-        return [study, settings, self.strategies, self.scenarios, self.seeds]
+        return [study, settings, self.strategies, self.scenarios, self.seeds, self.trust is not None]
 
     @classmethod
     def from_wire(cls, wire: list[Any]) -> StudyPlan:
         """The inverse of `to_wire`."""
-        study, settings, strategies, scenarios, seeds = wire
+        study, settings, strategies, scenarios, seeds, is_trusted = wire
         return cls(
             _STUDY.validate_json(json.dumps(study), strict=True),
             tuple(Setting(scenario, tuple(map(tuple, it)), theta) for scenario, it, theta in settings),
@@ -155,14 +158,17 @@ class StudyPlan:
             tuple(map(tuple, scenarios)),
             tuple(seeds),
             named=(),
+            trust=registry.Trust() if is_trusted else None,
         )
 
 
 _STUDY = TypeAdapter(Study)
 
 
-def load_study(path: Path, seeds: int | None = None) -> StudyPlan:
+def load_study(path: Path, seeds: int | None = None, trust: registry.Trust | None = None) -> StudyPlan:
     """Reads and checks a study's file; `seeds` is as of `with_seeds`, and None for the file's own.
+
+    Strategies in files are executed with `trust` alone.
 
     ScenarioError with a line for each mistake, before anything is flown.
     """
@@ -179,7 +185,7 @@ def load_study(path: Path, seeds: int | None = None) -> StudyPlan:
         raise ScenarioError(
             [f"{path}: is no study: a study is a mapping of name, scenarios, strategies and seeds"]
         )
-    plan = plan_of(data, str(path), path.parent)
+    plan = plan_of(data, str(path), path.parent, trust)
     return plan if seeds is None else with_seeds(plan, seeds)
 
 
@@ -196,7 +202,7 @@ def is_scenario(path: Path) -> bool:
     return isinstance(data, dict) and "scenarios" not in data and {"fleet", "mission"} <= data.keys()
 
 
-def plan_of(data: Any, source: str, directory: Path) -> StudyPlan:
+def plan_of(data: Any, source: str, directory: Path, trust: registry.Trust | None = None) -> StudyPlan:
     """Builds a study from plain data; the scenarios' files are relative to `directory`. ScenarioError as `load_study`."""
     try:
         study = _STUDY.validate_json(json.dumps(data), strict=True)
@@ -225,10 +231,10 @@ def plan_of(data: Any, source: str, directory: Path) -> StudyPlan:
         row = []
         for strategy in strategies:
             try:
-                row.append(_checked(_changed(scenario, study, decided, strategy), study, source))
+                row.append(_checked(_changed(scenario, study, decided, strategy), study, source, trust))
                 for drawn in itertools.product(*study.draws.values()):
                     both = (*decided, *zip(study.draws, drawn, strict=True))
-                    _checked(_changed(scenario, study, both, strategy), study, source)
+                    _checked(_changed(scenario, study, both, strategy), study, source, trust)
             except ScenarioError as error:
                 mistakes += str(error).splitlines()
         rows.append(tuple(row))
@@ -241,7 +247,7 @@ def plan_of(data: Any, source: str, directory: Path) -> StudyPlan:
     if len(set(labels)) < len(labels):
         raise ScenarioError([f"{source}: scenarios: two of them have the same name: rename one"])
     seeds = tuple(range(1, study.seeds + 1)) if isinstance(study.seeds, int) else study.seeds
-    return StudyPlan(study, tuple(settings), names, tuple(rows), seeds, tuple(scenarios))
+    return StudyPlan(study, tuple(settings), names, tuple(rows), seeds, tuple(scenarios), trust)
 
 
 def with_seeds(plan: StudyPlan, seeds: int) -> StudyPlan:
@@ -386,13 +392,9 @@ def _put(data: dict[str, Any], key: str, value: Any, scenario: str) -> None:
     place[last] = value
 
 
-def _checked(data: dict[str, Any], study: Study, source: str) -> dict[str, Any]:
+def _checked(data: dict[str, Any], study: Study, source: str, trust: registry.Trust | None) -> dict[str, Any]:
     scenario = from_data(data, source)
-    try:
-        registry.collection(scenario.mission.collection)
-        registry.redeployment(scenario.mission.redeployment)
-    except ValueError as error:
-        raise ScenarioError([f"{source}: {error}"]) from error
+    check_code(scenario, source, trust)
     if scenario.apads:
         raise ScenarioError([f"{source}: {scenario.name} has several aPads: a study flies one"])
     gap = model_gap(scenario) if study.model is Model.EVENT_DRIVEN else None

@@ -11,7 +11,15 @@ from doc_blocks import file_of
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.paper_strategies import Cautious, Greedy, GreedyRedeploy, NoCollection
-from apad_bridge.planning.registry import collection, identity, known_names, label, redeployment
+from apad_bridge.planning.registry import (
+    NotTrusted,
+    Trust,
+    collection,
+    identity,
+    known_names,
+    label,
+    redeployment,
+)
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "first-strategy.md"
 
@@ -134,14 +142,15 @@ def file(tmp_path: Path) -> Path:
 
 def test_a_class_of_a_file_is_a_strategy_and_a_changed_file_is_read_again(file: Path) -> None:
     name = f"{file}:Mine"
-    assert isinstance(collection(name), Greedy) and isinstance(collection(f"{file}:Weighed"), Greedy)
-    assert isinstance(redeployment(f"{file}:Home"), GreedyRedeploy)
+    assert isinstance(collection(name, trust=Trust()), Greedy)
+    assert isinstance(collection(f"{file}:Weighed", trust=Trust()), Greedy)
+    assert isinstance(redeployment(f"{file}:Home", Trust()), GreedyRedeploy)
     assert (label(name), label("greedy"), identity("greedy")) == ("mine.py:Mine", "greedy", "greedy")
     first = identity(name)
     file.write_text(
         FILE.replace("Mine(Greedy)", "Mine(NoCollection)").replace("Greedy,", "Greedy, NoCollection,")
     )
-    assert isinstance(collection(name), NoCollection)
+    assert isinstance(collection(name, trust=Trust()), NoCollection)
     assert first != identity(name) and first.startswith("mine.py:Mine ")
 
 
@@ -171,5 +180,25 @@ def test_a_wrong_file_is_told_in_one_line_with_what_it_lacks(file: Path, name: s
     for other, text in (("wrong", "x = 1\nclass 5:\n"), ("raises", "\n\n1 / 0\n"), ("empty", "")):
         (file.parent / f"{other}.py").write_text(text)
     with pytest.raises(ValueError, match=message) as told:
-        collection(str(file.parent / name))
+        collection(str(file.parent / name), trust=Trust())
     assert "\n" not in str(told.value)
+
+
+def test_a_file_is_executed_with_a_trust_that_covers_it_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    executed = tmp_path / "executed"
+    (tmp_path / "stranger.py").write_text(
+        f"open({str(executed)!r}, 'w').close()\n"
+        "from apad_bridge.planning.paper_strategies import Greedy, GreedyRedeploy\n"
+    )
+    name = f"{tmp_path}/stranger.py"
+    for trust in (None, Trust(frozenset()), Trust(frozenset({f"{tmp_path}/mine.py"}))):
+        with pytest.raises(NotTrusted, match=r"^strategy stranger.py:Greedy is code in a file: add --trust"):
+            collection(f"{name}:Greedy", trust=trust)
+        with pytest.raises(NotTrusted):
+            redeployment(f"{name}:GreedyRedeploy", trust)
+    assert not executed.exists()
+    monkeypatch.chdir(tmp_path)
+    collection("stranger.py:Greedy", trust=Trust(frozenset({name})))
+    assert executed.exists()

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
+from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.branching import Branches, NoBranch, Turn, branch
 from apad_bridge.scenario.loader import load, resolve
@@ -134,7 +135,7 @@ def test_the_command_reads_a_time_as_people_write_it(
 ) -> None:
     asked: list[Turn] = []
 
-    def only_keep(path: Path, turn: Turn) -> Branches:
+    def only_keep(path: Path, turn: Turn, trust: Trust | None) -> Branches:
         asked.append(turn)
         return Branches({}, {}, {}, True)
 

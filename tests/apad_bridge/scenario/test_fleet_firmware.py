@@ -11,9 +11,12 @@ import yaml
 from apad_bridge.assembly.fleet_parts import fleet_config
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.commands.main import main
+from apad_bridge.planning.registry import Trust
+from apad_bridge.runs.nurseries import begin_nursery
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_resolved, write_with_files
 from apad_bridge.scenario.schema import FirmwareProgram
+from apad_bridge.scenario.starts import starts_of
 
 POOL = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml"
 LINE = "serial:/dev/ttyUSB0"
@@ -57,10 +60,17 @@ MIXED = [
 
 def test_in_a_mixed_fleet_each_board_has_its_own_and_one_without_agents_the_rest(tmp_path: Path) -> None:
     scenario = load(with_firmware(tmp_path, MIXED, theta=1))
-    configs = fleet_config(flight_config(scenario)).maker()
+    configs = fleet_config(flight_config(scenario, Trust())).maker()
     one, two = (str(tmp_path / it / "board") for it in ("one", "two"))
     of = {agent_id: configs.config(agent_id).firmware for agent_id in (1, 2, 3, 4, 5)}
     assert of == {1: (one,), 2: (two, "-v"), 3: (LINE,), 4: (two, "-v"), 5: (one,)}
+    assert fleet_config(flight_config(scenario)).firmware == ()
+
+
+def test_ours_does_not_fly_in_place_of_firmware_that_nobody_trusts(tmp_path: Path) -> None:
+    config = flight_config(load(with_firmware(tmp_path, "one/board")))
+    with pytest.raises(ValueError, match=r"fleet.firmware is code in a file: add --trust"):
+        begin_nursery(config, starts_of(config.scenario), tmp_path)
 
 
 def test_a_run_s_copy_has_both_programs_of_one_name(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 from apad_bridge.scenario import text_file
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
-from apad_bridge.scenario.cross_checks import problems_with_real_vehicle, warnings
+from apad_bridge.scenario.cross_checks import check_code, problems_with_real_vehicle, warnings
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
@@ -314,17 +314,6 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "speed_m_s: 2 ",
             "mission.speed_m_s: the aPad cannot go faster than apad.max_speed_m_s (1.0)",
         ),
-        (
-            "collection: cautious",
-            "collection: greedy-redeploy",
-            "mission.collection: strategy 'greedy-redeploy' (from musselbed itself) is no collect strategy: "
-            "it needs `plans = StepKind.COLLECT` and a method `plan(self, situation, batch)`",
-        ),
-        (
-            "redeployment: greedy-redeploy",
-            "redeployment: home",
-            "mission.redeployment: unknown strategy 'home'; known: greedy-redeploy; one of your own is FILE.py:Class",
-        ),
         ("theta: 30", "theta: 30\ntheta: 31", "line 7, column 1: the key 'theta' is given twice"),
         (
             "[28, 21]",
@@ -574,8 +563,19 @@ def test_overrides_are_checked_as_the_file_is() -> None:
         "command line: theta: must be greater than or equal to 1, not 0",
         "command line: fleet.count: must be greater than or equal to 0, not -1",
     )
-    with pytest.raises(ScenarioError, match=r"command line: mission\.collection: unknown strategy 'gready'"):
-        with_overrides(pool, strategy="gready")
+
+
+def test_strategies_are_looked_up_by_who_flies_them_and_told_all_at_once() -> None:
+    data = resolve(load(POOL_FILE))
+    data["mission"] |= {"collection": "greedy-redeploy", "redeployment": "home"}
+    scenario = from_data(data, "x")
+    with pytest.raises(ScenarioError) as caught:
+        check_code(scenario, "x", None)
+    assert caught.value.lines == (
+        "x: mission.collection: strategy 'greedy-redeploy' (from musselbed itself) is no collect strategy: it needs "
+        "`plans = StepKind.COLLECT` and a method `plan(self, situation, batch)`",
+        "x: mission.redeployment: unknown strategy 'home'; known: greedy-redeploy; one of your own is FILE.py:Class",
+    )
 
 
 def test_links_that_cut_nothing_are_warned_of(tmp_path: Path) -> None:

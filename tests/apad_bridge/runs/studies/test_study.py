@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE, WHOLE_FILE
 
 from apad_bridge.commands.main import main
+from apad_bridge.planning.registry import Trust
 from apad_bridge.runs.studies import runner
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.runner import JOURNAL, AnotherStudy, StudyFailed, fly_study
@@ -403,7 +404,7 @@ def test_a_strategy_of_a_file_is_flown_and_goes_on_only_as_it_was(tmp_path: Path
     file.write_text(
         "from apad_bridge.planning.paper_strategies import Greedy\n\n\nclass Mine(Greedy):\n    pass\n"
     )
-    mine = plan_of({**STUDY, "strategies": ["lab.py:Mine", "greedy"], "seeds": 2}, "test", tmp_path)
+    mine = plan_of({**STUDY, "strategies": ["lab.py:Mine", "greedy"], "seeds": 2}, "test", tmp_path, Trust())
     rows = fly_study(mine, tmp_path / "out", 2)
     ours, greedy = (
         [{**row, "strategy": ""} for row in rows if row["strategy"] == name]
@@ -414,7 +415,9 @@ def test_a_strategy_of_a_file_is_flown_and_goes_on_only_as_it_was(tmp_path: Path
     before = mine.fingerprint
     file.write_text(file.read_text() + "# another rule\n")
     assert mine.fingerprint != before  # the copy of the study has the rule that flew
-    assert load_study(tmp_path / "out" / STUDY_FILE).fingerprint == before
+    assert load_study(tmp_path / "out" / STUDY_FILE, trust=Trust()).fingerprint == before
+    with pytest.raises(ScenarioError, match=r"mission.collection: strategy lab.py:Mine is code in a file"):
+        load_study(tmp_path / "out" / STUDY_FILE)
 
 
 def test_no_figure_is_nan(tmp_path: Path) -> None:

@@ -1,0 +1,140 @@
+"""Runs that this user began here are known; copies, moved ones, altered ones and strangers' are not."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from scenario_files import POOL_FILE
+
+from agents.hosting.started import PYTHON
+from agents.nursery.fleet_file import FLEET_NAME
+from agents.nursery.launch import prepare
+from apad_bridge.assembly.fleet_parts import fleet_config, initial_states
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.commands.main import main
+from apad_bridge.planning.registry import Trust
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.nurseries import FOLDER
+from apad_bridge.runs.own_runs import code_of, is_own, mark
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
+from apad_bridge.scenario.starts import starts_of
+
+STRATEGY = """\
+from pathlib import Path
+
+from apad_bridge.planning.paper_strategies import Greedy
+
+Path(__file__).with_name("executed").write_text("")
+
+
+class Mine(Greedy):
+    pass
+"""
+OPTIONS = RunOptions(BenchPart.WHOLE, APadKind.SIM, TimeSource.WALL, 1.0, OnDeath.WAIT)
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state"
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> RunDirectory:
+    """A run with a strategy and firmware of files, as its command leaves it before the flight."""
+    (tmp_path / "mine.py").write_text(STRATEGY)
+    (tmp_path / "board.py").write_text("")
+    return begin(tmp_path, tmp_path / "run")
+
+
+def begin(folder: Path, out: Path, **firmware: str) -> RunDirectory:
+    data = resolve(load(POOL_FILE))
+    data["mission"]["collection"] = f"{folder}/mine.py:Mine"
+    program = {"executable": PYTHON[0], "arguments": [str(folder / "board.py")], **firmware}
+    data["fleet"] |= {"firmware": [program], "hosting": "processes"}
+    scenario = from_data(data, "test")
+    directory = RunDirectory.create(scenario.name, datetime.now(UTC), out)
+    directory.write_inputs(scenario, starts_of(scenario))
+    directory.journal.write_text('{"t": 0, "kind": "run", "format": 2}\n')
+    OPTIONS.save(directory.path)
+    mark(directory)
+    return directory
+
+
+def prepare_fleet(directory: RunDirectory) -> None:
+    scenario = load(directory.scenario)
+    (directory.path / FOLDER).mkdir()
+    states = initial_states(scenario, starts_of(scenario))
+    prepare(directory.path / FOLDER, fleet_config(flight_config(scenario, Trust())), states)
+
+
+def test_a_run_that_was_begun_here_is_known_and_its_code_is_named(begun: RunDirectory) -> None:
+    assert is_own(begun)
+    prepare_fleet(begun)
+    assert is_own(begun)
+    assert code_of(begun) == ["mine.py:Mine", f"{PYTHON[0]} {begun.path.parent}/board.py"]
+
+
+def test_a_copy_a_moved_run_and_one_without_a_mark_are_not(begun: RunDirectory, state: Path) -> None:
+    shutil.copytree(begun.path, copy := begun.path.with_name("copy"))
+    assert not is_own(RunDirectory(copy))
+    begun.path.rename(moved := begun.path.with_name("moved"))
+    assert not is_own(RunDirectory(moved))
+    moved.rename(begun.path)
+    assert is_own(begun)
+    shutil.rmtree(state)
+    assert not is_own(begun)
+
+
+@pytest.mark.parametrize("altered", ["scenario.yaml", "collection/mine.py", "../board.py"])
+def test_an_altered_run_is_not(begun: RunDirectory, altered: str) -> None:
+    with (begun.path / altered).open("a") as file:
+        file.write("# altered\n")
+    assert not is_own(begun)
+
+
+def test_a_prepared_fleet_with_other_firmware_is_not(begun: RunDirectory, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    shutil.copy(tmp_path / "mine.py", tmp_path / "other")
+    another = begin(tmp_path / "other", tmp_path / "another", executable="/bin/false")
+    prepare_fleet(another)
+    prepare_fleet(begun)
+    shutil.copy(another.path / FOLDER / FLEET_NAME, begun.path / FOLDER)
+    assert not is_own(begun)
+    assert code_of(begun)[-1] == f"{FOLDER}/{FLEET_NAME}"
+
+
+def test_marks_are_the_users_alone_and_those_of_runs_that_are_gone_go(
+    begun: RunDirectory, state: Path, tmp_path: Path
+) -> None:
+    folder = state / "musselbed" / "runs"
+    assert folder.stat().st_mode & 0o077 == 0
+    (first,) = folder.iterdir()
+    assert json.loads(first.read_text())["run"] == str(begun.path)
+    shutil.rmtree(begun.path)
+    begin(tmp_path, tmp_path / "next")
+    (second,) = folder.iterdir()
+    assert second != first
+
+
+def test_a_run_without_code_has_no_mark(tmp_path: Path, state: Path) -> None:
+    scenario = load(POOL_FILE)
+    directory = RunDirectory.create(scenario.name, datetime.now(UTC), tmp_path / "plain")
+    directory.write_inputs(scenario, starts_of(scenario))
+    mark(directory)
+    assert code_of(directory) == [] and not state.exists()
+
+
+def test_a_strangers_run_is_resumed_with_trust_alone(
+    begun: RunDirectory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(begun.path, copy := begun.path.with_name("copy"))
+    assert main(["resume", str(copy)]) == 2
+    told = capsys.readouterr().err
+    assert "mine.py:Mine" in told and "add --trust" in told and len(told.splitlines()) == 1
+    assert not (copy / "collection" / "executed").exists()
