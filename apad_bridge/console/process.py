@@ -38,6 +38,8 @@ class ListenAddress:
 
     host: str
     port: int
+    names: tuple[str, ...] = ()
+    """Further names by which browsers reach it, as that of a proxy."""
 
 
 def serve(
@@ -73,7 +75,12 @@ def serve(
             end()
 
         config = uvicorn.Config(
-            app_of(run_dir, token, ConsoleEnding(ended, asked_to_end.is_set, fail, warn)),
+            app_of(
+                run_dir,
+                token,
+                ConsoleEnding(ended, asked_to_end.is_set, fail, warn),
+                (address.host, *address.names),
+            ),
             http=bounded(most),
             backlog=_BACKLOG,
             log_level="warning",

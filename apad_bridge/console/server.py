@@ -2,7 +2,8 @@
 
 Every request needs the console's token. It is no cookie, which a browser would send to every port of the host: the page
 keeps it for its own origin and sends it with each request. An order needs it in a header, which no page of another origin
-can add.
+can add. A request names the console by an address or by a name of this machine, because a stranger's name service can
+lead a page of his to any address.
 Orders go to the supervisor as those of the commands do (`supervisor/control.py`), so the same rules refuse them.
 """
 
@@ -12,14 +13,18 @@ import asyncio
 import hmac
 import json
 import re
-from collections.abc import AsyncIterator, Callable
+import socket
+from collections.abc import AsyncIterator, Callable, Collection
 from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict, dataclass
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from pydantic import TypeAdapter, ValidationError
 from starlette.applications import Starlette
+from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import (
     HTMLResponse,
@@ -29,6 +34,7 @@ from starlette.responses import (
     StreamingResponse,
 )
 from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from apad_bridge.analysis.replay.build import render
 from apad_bridge.analysis.replay.series import Counts
@@ -48,6 +54,9 @@ _BEGUN_S = 10.0
 _ORDER = TypeAdapter[control.AnyRequest](control.AnyRequest)
 _NEEDS_TOKEN = "This console needs its token: open the address that `musselbed console` printed."
 _REFUSED = PlainTextResponse(f"{_NEEDS_TOKEN}\n", status_code=403)
+_ANOTHER_HOST = PlainTextResponse(
+    "This console is not at that name: use its address, or start it with --name NAME\n", status_code=403
+)
 _TOKEN_HEADER = "X-Musselbed-Token"
 _PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY"}
 """The headers of pages: no other page gets the address with the token, nor shows this one in a frame."""
@@ -158,8 +167,11 @@ def order_line(url: str) -> str:
     return f"curl -H '{_TOKEN_HEADER}: {token}' -H 'Origin: {page}' -d '{order}' {page}/orders"
 
 
-def app_of(run_dir: Path, token: str, ending: ConsoleEnding) -> Starlette:
-    """The console of a run. Its pages say that the flight has not begun until it has."""
+def app_of(run_dir: Path, token: str, ending: ConsoleEnding, names: Collection[str] = ()) -> Starlette:
+    """The console of a run. Its pages say that the flight has not begun until it has.
+
+    `names` are further names of this machine's, as of a proxy before the console.
+    """
     pages = _Pages(run_dir, token)
 
     async def follow() -> None:
@@ -196,8 +208,43 @@ def app_of(run_dir: Path, token: str, ending: ConsoleEnding) -> Starlette:
             Route("/live", pages.live),
             Route("/orders", pages.order, methods=["POST"]),
         ],
+        middleware=[Middleware(_OwnHost, names=frozenset(names) | names_of_this_machine())],
         lifespan=lifespan,
     )
+
+
+def names_of_this_machine() -> frozenset[str]:
+    name = socket.gethostname().lower()
+    return frozenset({"localhost", name, f"{name}.local"})
+
+
+def is_own_host(host: str, names: Collection[str]) -> bool:
+    """True for a Host header with an address, or with one of these names, and any port."""
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return False
+    if name in names:
+        return True
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+class _OwnHost:
+    """Refuses requests for another host."""
+
+    def __init__(self, app: ASGIApp, names: Collection[str]) -> None:
+        self._app = app
+        self._names = names
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http" and not is_own_host(Request(scope).headers.get("host", ""), self._names):
+            await _ANOTHER_HOST(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
 
 
 class _Pages:

@@ -293,6 +293,10 @@ def test_without_its_token_a_console_shows_and_orders_nothing(shared_run: Path) 
             ("/orders", {"X-Musselbed-Token": token, "Origin": "null"}),
             ("/orders", {"X-Musselbed-Token": token, "Origin": "http://[::1"}),
             ("/orders", {"X-Musselbed-Token": token, "Origin": base, "Sec-Fetch-Site": "same-site"}),
+            # Another host, to whose name a stranger's name service gave this machine's address.
+            ("/orders", {"X-Musselbed-Token": token, "Origin": "http://evil.org", "Host": "evil.org"}),
+            (f"/?token={token}", {"Host": "evil.org"}),
+            (f"/live?token={token}&counts=0,0,0,0", {"Host": "evil.org:80"}),
         ):
             request = urllib.request.Request(base + path, headers=headers)
             if path.startswith("/orders"):

@@ -49,6 +49,13 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--port", type=int, default=0, metavar="N", help="listen on this port (default: a free one)"
     )
+    parser.add_argument(
+        "--name",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a further name of it, as of a proxy before it; under other names it answers nothing",
+    )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
         "--json",
@@ -89,7 +96,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("--apad chooses a run on the master: leave out RUN")
     try:
         with _directory_of(arguments) as directory:
-            serve(directory, ListenAddress(arguments.host, arguments.port), tell, tell_end, warn)
+            serve(
+                directory,
+                ListenAddress(arguments.host, arguments.port, tuple(it.lower() for it in arguments.name)),
+                tell,
+                tell_end,
+                warn,
+            )
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
     except OSError as error:
