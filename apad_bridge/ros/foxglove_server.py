@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import queue
+import secrets
 import threading
 import time
 from collections import Counter
@@ -28,6 +29,7 @@ from apad_bridge.ros.system.route import enter_graph_of, somebodys_master
 from apad_bridge.ros.types.any_message import UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.user_texts import text_folders
+from apad_bridge.ros.viewer_gate import TOKEN_VARIABLE, ViewerGate, hidden_address
 
 _NICE = 5
 """Above the supervisor's: a viewer may wait for its processor, and a tick of the flight may not."""
@@ -46,21 +48,22 @@ def serve(
     run_dir: Path | None,
     host: str,
     port: int,
-    tell: Callable[[int], None],
+    tell: Callable[[int, str], None],
     warn: Callable[[str], None],
 ) -> bool:
     """Serves the graph of a run, or without one that of ROS_MASTER_URI, until SIGINT, SIGTERM or the graph's end.
 
-    `tell` takes the port on which it listens (`port` 0 takes a free one), `warn` takes lines for a person. True when the
-    run has ended.
+    `tell` takes the port on which it listens (`port` 0 takes a free one) and the token that a page of the web needs, `warn`
+    takes lines for a person. True when the run has ended.
 
     RunDirectoryError for a directory without a run, or with one that flies without ROS; CannotListen; PeerFailed for a
     master that does not answer.
     """
     asked = threading.Event()
     os.nice(_NICE)
-    with received_by(asked.set), closing(_Views(host, port)) as views:
-        tell(views.port)
+    token = os.environ.pop(TOKEN_VARIABLE, "") or secrets.token_urlsafe(16)
+    with received_by(asked.set), closing(_Views()) as views, _gate(host, port, token, views) as gate:
+        tell(gate.port, token)
         if run_dir is not None and not enter_graph_of(run_dir, asked.wait):
             return False
         somebodys_master()
@@ -70,28 +73,36 @@ def serve(
         return not asked.is_set()
 
 
+def _gate(host: str, port: int, token: str, views: _Views) -> closing[ViewerGate]:
+    try:
+        return closing(ViewerGate(host, port, token, views.address))
+    except OSError as error:
+        raise CannotListen(error.strerror or str(error)) from error
+
+
 class _Views(ServerListener):
     """The server and its channels. The protocol's threads note here who looks at what."""
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self) -> None:
         self._context = foxglove.Context()
         self._channels: dict[str, tuple[str, foxglove.Channel]] = {}
         """By topic: the md5 of its definition, and the channel."""
         self.changes: queue.SimpleQueue[tuple[str, int]] = queue.SimpleQueue()
         """(topic, +1 for a viewer that begins to look and -1 for one that ends)."""
+        host = hidden_address()
         try:
             # Neither publishing nor services nor parameters are offered: the server refuses them by itself.
             self._server = foxglove.start_server(
                 name="musselbed",
                 host=host,
-                port=port,
+                port=0,
                 capabilities=[Capability.Time],
                 server_listener=self,
                 context=self._context,
             )
         except RuntimeError as error:
             raise CannotListen(str(error).rpartition("port: ")[2]) from error
-        self.port: int = self._server.port
+        self.address: tuple[str, int] = (host, self._server.port)
 
     @property
     def topics(self) -> set[str]:

@@ -40,8 +40,12 @@ MESSAGE, TIME = 1, 2
 class Viewer:
     """Keeps the channels that are offered, and hands on the messages of those that it looks at."""
 
-    def __init__(self, url: str, looks_s: float = LOOKS_S) -> None:
-        self.link = websocket.create_connection(url, PATIENCE_S, subprotocols=["foxglove.sdk.v1"])
+    def __init__(self, url: str, looks_s: float = LOOKS_S, page: str | None = None) -> None:
+        """`page` is the origin of a page in a browser; None for another program."""
+        protocols = ["foxglove.sdk.v1"]
+        self.link = websocket.create_connection(
+            url, PATIENCE_S, subprotocols=protocols, origin=page, suppress_origin=page is None
+        )
         self.channels: dict[str, dict[str, Any]] = {}
         self.refusals: list[str] = []
         self.time_ns = 0
@@ -103,8 +107,8 @@ def flight(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     line = next((it for it in process.stderr if "ws://" in it), "")
     yield process, line[line.find("ws://") :].strip()
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130
+    _, told = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130, told
 
 
 def nodes_of(uri: str, role: int, topic: str | None = None) -> list[str]:
@@ -147,8 +151,10 @@ def test_120_aMussels_are_seen_each_second_and_a_viewer_orders_nothing(
         steps_s = [(b - a) / 1e9 for a, b in zip(stamps[topic], stamps[topic][1:], strict=False)]
         assert steps_s == pytest.approx([1.0] * len(steps_s), abs=0.5)
     assert viewer.time_ns == pytest.approx(stamps["/musselbed/markers"][-1], abs=3e9)
-    # A later viewer is told of what came once, before it looked.
-    later = Viewer(url)
+    with pytest.raises(websocket.WebSocketBadStatusException, match="403"):
+        Viewer(url.partition("/?token=")[0], page="https://evil.org")
+    # A later viewer, here a page that was given the address, is told of what came once, before it looked.
+    later = Viewer(url, page="https://viewer.example.org")
     later.read_until(lambda: "/tf_static" in later.channels)
     later.look_at("/tf_static")
     while (message := later.read()) is None:

@@ -8,6 +8,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
@@ -24,8 +25,9 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "foxglove",
         description="Serves all topics of a run that flies over ROS to Foxglove and Lichtblick, by their WebSocket. They "
-        "see the flight and cannot order anything. Each program on this machine may connect, also a page in a browser. "
-        "Ctrl-C ends this and not the run. Without RUN it serves the master at ROS_MASTER_URI.",
+        "see the flight and cannot order anything. A page in a browser needs the printed address with its token; any other "
+        "program on this machine may connect. Ctrl-C ends this and not the run. Without RUN it serves the master at "
+        "ROS_MASTER_URI.",
         epilog=ending(
             "musselbed foxglove runs/pool-12-1",
             "musselbed foxglove --port 8766",
@@ -77,10 +79,12 @@ def foxglove_asked(arguments: argparse.Namespace) -> Service | None:
         raise UserError(
             "--foxglove shows a flight over ROS, and --time asap flies without it: leave one of them out"
         )
+    from apad_bridge.ros.viewer_gate import TOKEN_VARIABLE
     from apad_bridge.runs.beside import Service
 
     def again(line: str) -> tuple[tuple[str, ...], dict[str, str]]:
-        return ("--port", line.rstrip().rpartition(":")[2]), {}
+        url = urlsplit(line[line.index("ws://") :].rstrip())
+        return ("--port", str(url.port)), {TOKEN_VARIABLE: url.query.removeprefix("token=")}
 
     return Service("foxglove", ("--port", str(port)), _LAST_MESSAGES_S, again, serves_several=True)
 
@@ -91,8 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
     from apad_bridge.records.run_directory import RunDirectoryError
     from apad_bridge.ros.foxglove_server import CannotListen, serve
 
-    def tell(port: int) -> None:
-        url = f"ws://{arguments.host}:{port}"
+    def tell(port: int, token: str) -> None:
+        url = f"ws://{arguments.host}:{port}/?token={token}"
         text = f"for Foxglove and Lichtblick (connection: Foxglove WebSocket): {url}"
         print(json.dumps({"url": url}) if arguments.json else text, flush=True)
 

@@ -14,9 +14,9 @@ MD5, OTHER = "0" * 32, "1" * 32
 
 
 def test_a_channel_takes_its_publishers_definition() -> None:
-    with closing(_Views("127.0.0.1", 0)) as views:
+    with closing(_Views()) as views:
         link = websocket.create_connection(
-            f"ws://127.0.0.1:{views.port}", 60, subprotocols=["foxglove.sdk.v1"]
+            "ws://{}:{}".format(*views.address), 60, subprotocols=["foxglove.sdk.v1"]
         )
         assert json.loads(link.recv())["op"] == "serverInfo"
         views.offer("/depth", "lab_msgs/Depth", MD5, "float32 depth_m\n")
