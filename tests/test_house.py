@@ -121,6 +121,19 @@ def test_only_what_the_gate_let_out_goes_on_the_wire() -> None:
     }
 
 
+def test_text_for_people_goes_through_a_console_of_ours() -> None:
+    """rich's own would write the control characters of others to a terminal."""
+    makers = [
+        path.relative_to(ROOT).as_posix()
+        for path in sorted((ROOT / "apad_bridge").rglob("*.py"))
+        for node in nodes_of(path)
+        if isinstance(node, ast.ImportFrom)
+        and node.module in ("rich", "rich.console")
+        and {it.name for it in node.names} & {"Console", "print", "get_console"}
+    ]
+    assert makers == []
+
+
 def test_permission_to_execute_code_is_given_in_one_place() -> None:
     """A command gives it; a process of ours takes it over from the one that started it, and a script has it already."""
     makers = {

@@ -21,6 +21,7 @@ from apad_bridge.runs.exits import (
     memory_shortage,
     shortage,
 )
+from apad_bridge.runs.terminal import show_control_characters
 from apad_bridge.scenario.errors import ScenarioError
 
 try:
@@ -205,6 +206,7 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments is not None:
         return _run(arguments)
     leave_at_once()
+    show_control_characters()
     gc.set_threshold(_YOUNG_OBJECTS)
     # numpy would start a thread for each processor, whose work is never large enough here to be worth its start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

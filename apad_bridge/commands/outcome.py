@@ -9,13 +9,12 @@ from pathlib import Path
 from shlex import quote
 from typing import Any, assert_never
 
-from rich.console import Console
-
 from apad_bridge.assembly.capacity import bounds_of
 from apad_bridge.commands.table import print_table
 from apad_bridge.events.run import EndReason
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.timed_faults import Faults
 

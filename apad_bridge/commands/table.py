@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from apad_bridge.assembly.capacity import Bounds
 from apad_bridge.records.summary import interruption
+from apad_bridge.runs.rich_console import Console
 
 # Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
 # The Greedy rows are left out: their Active column contradicts their Avg (it should be N * Avg / 100).

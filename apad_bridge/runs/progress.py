@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
@@ -21,6 +20,7 @@ from rich.progress import (
 )
 
 from apad_bridge.runs.display import MakeStatus, clock_text
+from apad_bridge.runs.rich_console import Console
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.supervisor.forecast import Forecast
 

@@ -9,13 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.help_text import MISSION_TIME, STRATEGY, ending, mission_seconds
 from apad_bridge.commands.trust import add_trust_argument, trust_of_run
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.yaml_text import parse_yaml
 
 if TYPE_CHECKING:

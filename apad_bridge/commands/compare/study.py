@@ -13,12 +13,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.trust import trust_of_typed
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:

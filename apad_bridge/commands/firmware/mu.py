@@ -11,7 +11,6 @@ from math import fsum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.firmware.mu_conform import add_conform
@@ -20,6 +19,7 @@ from apad_bridge.commands.firmware.mu_script import Budget, MuScriptError, budge
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.rich_console import Console
 from firmware_model.bench.state_diagram import blocks
 from firmware_model.bench.table_one_runs import ROWS, rows
 from firmware_model.bench.trace import line, vcd

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
@@ -27,6 +26,7 @@ from apad_bridge.commands.firmware.mu_program import (
 )
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.text_file import read_text, write_atomically
 from apad_bridge.scenario.yaml_text import parse_yaml
 from firmware_model.bench.conformance import (

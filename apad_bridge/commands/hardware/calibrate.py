@@ -7,13 +7,13 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.fly.run import namespace_of_shell
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import Console
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.calibration.calibration import Calibration, ReadBag

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.analysis.battery_fit.battery_fit import BatteryFit, Direction, fit_log, minutes_to_full
@@ -22,6 +21,7 @@ from apad_bridge.analysis.battery_fit.figure import draw
 from apad_bridge.commands.help_text import ending
 from apad_bridge.commands.look.beliefs import FIGURE_ENDINGS
 from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.rich_console import Console
 
 
 def add_parser(commands: Any) -> None:

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.analysis.bag_merge.figures import RunFigures
@@ -16,6 +15,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.records.bag_samples import BagUnreadable
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import Console
 
 _MOST_GAPS = 20
 

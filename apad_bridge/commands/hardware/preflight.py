@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from agents.hosting.started import PYTHON
@@ -42,6 +41,8 @@ from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import Exit, UserError, peers_may_fail
+from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import Console
 from apad_bridge.scenario.cross_checks import problems_with_real_vehicle
 from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -123,16 +124,10 @@ def run(arguments: argparse.Namespace) -> int:
         _ask_for_hands(confirmed=arguments.hands_clear)
     apads = names_in_full(scenario, options.namespace)
     findings: list[Finding] = []
-    for finding in _all(arguments, options, scenario, starts, apads):
-        findings.append(finding)
-        if not arguments.json:
-            print(
-                f"\r\033[K{finding.check}" if sys.stderr.isatty() else ".",
-                end="",
-                file=sys.stderr,
-                flush=True,
-            )
-    print("\r\033[K" if sys.stderr.isatty() else "", file=sys.stderr)
+    with WorkProgress(arguments.json) as progress:
+        for finding in _all(arguments, options, scenario, starts, apads):
+            findings.append(finding)
+            progress.step(f"checks: {finding.check} is done")
     accepted = accepted_by(arguments.accept, findings, apads)
     report = Report(scenario.name, options.master_uri, now(), tuple(findings), accepted)
     path = report_path(scenario)

@@ -13,7 +13,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.fly.run import namespace_of_shell
@@ -22,6 +21,7 @@ from apad_bridge.commands.trust import add_trust_argument, trust_of_looked_at
 from apad_bridge.events.mission import MissionChanged, Phase
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import Console
 
 if TYPE_CHECKING:
     from apad_bridge.analysis.field_log.facts import EventTold, Fact

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, comparisons_in
@@ -17,6 +16,7 @@ from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import Console
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 """The formats of `--figure`, here and in `musselbed fit battery`."""

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.help_text import MISSION_TIME, ending, mission_seconds
@@ -16,6 +15,7 @@ from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import WorkProgress
+from apad_bridge.runs.rich_console import Console
 
 
 def add_parser(commands: Any) -> None:

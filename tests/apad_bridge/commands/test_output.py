@@ -146,6 +146,14 @@ def test_a_reader_that_leaves_is_no_traceback(command: list[str]) -> None:
     assert (done.returncode, done.stderr) == (3, "")
 
 
+def test_control_characters_of_others_are_shown_and_not_written(tmp_path: Path) -> None:
+    run = tmp_path / "run\x1b]0;title\x07"
+    done = subprocess.run(
+        [*MUSSELBED, "check", str(run)], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert r"run\x1b]0;title\x07" in done.stderr and "\x1b" not in done.stderr + done.stdout
+
+
 @pytest.mark.parametrize("command", [["doctor"], ["mu", "states"], ["layout", "foxglove", POOL]])
 def test_a_full_disk_under_the_output_is_one_line(command: list[str]) -> None:
     with open("/dev/full", "w") as full:
