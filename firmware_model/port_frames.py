@@ -174,15 +174,23 @@ class FrameReader:
 
     def __init__(self) -> None:
         self._rest = b""
+        self._empty = 0
+        """Empty frames since the last one."""
         self.damaged = 0
         """The pieces of a noisy stream that were no frame."""
 
     def feed(self, data: bytes) -> Iterator[Frame]:
-        """The frames that end in `data`, in order; BadFrame for one that is none, and for a frame without an end."""
+        """The frames that end in `data`, in order.
+
+        BadFrame for one that is none, for a frame without an end, and for `MOST_FRAMES` empty ones in a row.
+        """
         *whole, self._rest = (self._rest + data).split(b"\0")
         for encoded in whole:
+            self._empty = 0 if encoded else self._empty + 1
             if encoded:
                 yield Frame.decode(encoded)
+            elif self._empty >= MOST_FRAMES:
+                raise BadFrame("zeros without an end")
         if len(self._rest) > _MAX_ENCODED:
             raise BadFrame("a frame without an end")
 

@@ -19,6 +19,8 @@ PYTHON = (sys.executable, "-P")
 """The interpreter of each process of ours. The present folder is not searched: it may hold a package named like ours."""
 _VARIABLE = "MUSSELBED_STARTER"
 _PR_SET_PDEATHSIG = 1
+_PR_SET_DUMPABLE = 4
+_PR_SET_CHILD_SUBREAPER = 36
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LIBC = ctypes.CDLL(None)  # once: each makes a class, which only the search for garbage cycles frees
 
@@ -41,6 +43,16 @@ def end_with_starter() -> None:
 def outlive_starter() -> None:
     """From now on this process outlives its starter."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, 0, 0, 0, 0)
+
+
+def close_memory() -> None:
+    """From now on no other process but root's may trace this one or a fork of it, nor read or write its memory."""
+    _LIBC.prctl(_PR_SET_DUMPABLE, 0, 0, 0, 0)
+
+
+def adopt_orphans() -> None:
+    """From now on a descendant whose parent ends becomes a child of this process, and not of the machine's first one."""
+    _LIBC.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def replace_process(module: str, arguments: list[str], variables: Mapping[str, str]) -> NoReturn:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import socket
+import stat
 import time
 import weakref
 from collections.abc import Sequence
 from typing import Protocol
 
+from agents.hosting.control_characters import shown
 from agents.hosting.link_protocol import readable
 from agents.mussel.board_link import FrameToBoard
 from agents.mussel.firmware_failure import FirmwareFailed
@@ -20,9 +23,14 @@ PORT_VARIABLE = "MUSSELBED_PORT"
 _ENDING_S = 1.0
 """The wall time in which a process whose link has ended is expected to end."""
 _PORT_FD = 3
-_SETPRIV = ("/usr/bin/setpriv", "--pdeathsig", "KILL", "--")
-"""A program of util-linux, which no Debian is without."""
+_SETPRIV = ("/usr/bin/setpriv", "--no-new-privs", "--pdeathsig", "KILL", "--")
+"""A program of util-linux, which no Debian is without. No program that a board starts gets more rights than it has."""
 _AT_ONCE = 65_536
+_MOST_TOLD = 65_536
+"""Bytes of a program's stderr that are passed on; the rest is read and left out."""
+_LONGEST_LOG = 16 << 20
+"""Bytes of a log in a file, as that of a nursery: a longer one takes nothing more from programs, and so from none of the
+many that a board may begin."""
 
 
 class StreamEnd(Protocol):
@@ -30,7 +38,7 @@ class StreamEnd(Protocol):
 
     def fileno(self) -> int: ...
 
-    def sendall(self, data: bytes, /) -> None: ...
+    def send(self, data: bytes, flags: int, /) -> int: ...
 
 
 class Program(Protocol):
@@ -40,6 +48,13 @@ class Program(Protocol):
 
     @property
     def link(self) -> StreamEnd: ...
+
+    def awaits(self, timeout_s: float, *, writes: bool) -> bool:
+        """Waits until the link can be read, or with `writes` written; False after so long.
+
+        Meanwhile it passes on what the program says to people.
+        """
+        ...
 
     def end(self, patience_s: float = 0.0) -> int | None:
         """Ends it, after so long for it to end by itself: its wait status, or None if it has ended before."""
@@ -57,6 +72,7 @@ class FirmwareProcess:
         self._deadline_s = 0.0
         self._reader = FrameReader()
         self._sent = self._received = 0
+        self._unsent = b""
 
     def close(self) -> None:
         self._child.end()
@@ -64,26 +80,13 @@ class FirmwareProcess:
     def send(self, frames: Sequence[FrameToBoard], now_ms: int) -> None:
         if frames[0][0] in (ToBoard.HELLO, ToBoard.RUN):
             self._deadline_s = time.monotonic() + self._timeout_s
-        data = b""
         for kind, port, payload in frames:
-            data += Frame(kind, port, counter_at(now_ms), self._sent, payload).encode()
+            self._unsent += Frame(kind, port, counter_at(now_ms), self._sent, payload).encode()
             self._sent = self._sent + 1 & 0xFFFF_FFFF
-        try:
-            self._child.link.sendall(data)
-        except TimeoutError:
-            raise FirmwareFailed(f"it read nothing for {self._timeout_s:g} s", hung=True) from None
-        except OSError:
-            raise FirmwareFailed(self._ending()) from None
+        self._flush()
 
     def receive(self) -> list[Frame]:
-        try:
-            if not readable(self._child.link.fileno(), self._deadline_s - time.monotonic()):
-                raise TimeoutError
-            data = os.read(self._child.link.fileno(), _AT_ONCE)
-        except TimeoutError:
-            raise FirmwareFailed(f"it did not end its turn within {self._timeout_s:g} s", hung=True) from None
-        except OSError:
-            data = b""
+        data = self._read()
         if not data:
             raise FirmwareFailed(self._ending())
         try:
@@ -95,6 +98,29 @@ class FirmwareProcess:
                 raise FirmwareFailed(f"frame {frame.sequence} came where {self._received} was due")
             self._received = self._received + 1 & 0xFFFF_FFFF
         return frames
+
+    def _flush(self) -> None:
+        """Sends as much as the program has room for: one that only writes is judged by its frames, and not by this."""
+        try:
+            if self._unsent:
+                self._unsent = self._unsent[self._child.link.send(self._unsent, socket.MSG_DONTWAIT) :]
+        except BlockingIOError:
+            pass
+        except OSError:
+            raise FirmwareFailed(self._ending()) from None
+
+    def _read(self) -> bytes:
+        """The next bytes; none at the end of the link."""
+        while self._child.awaits(self._deadline_s - time.monotonic(), writes=self._unsent != b""):
+            try:
+                return os.read(self._child.link.fileno(), _AT_ONCE)
+            except BlockingIOError:
+                self._flush()
+            except OSError:
+                return b""
+        late = f"within {self._timeout_s:g} s"
+        why = f"it did not read {late}" if self._unsent else f"it did not end its turn {late}"
+        raise FirmwareFailed(why, hung=True)
 
     def _ending(self) -> str:
         status = self._child.end(_ENDING_S)
@@ -110,19 +136,25 @@ class FirmwareChild:
 
     link: StreamEnd
 
-    def __init__(self, command: Sequence[str], timeout_s: float) -> None:
+    def __init__(self, command: Sequence[str]) -> None:
         """`command` is an executable and its arguments."""
         link, theirs = socket.socketpair()
-        link.settimeout(timeout_s)
+        link.setblocking(False)
         self.link, self._close = link, link.close
+        self._words = _Words(link.fileno())
         with theirs:
             try:
-                self.pid = _spawned(command, theirs.fileno())
+                self.pid = _spawned(command, theirs.fileno(), self._words.writing)
             except OSError as error:
                 link.close()
+                self._words.close()
                 raise FirmwareFailed(f"no process: {error.strerror}") from None
+        os.close(self._words.writing)
         self._owner = os.getpid()
         self._is_over = False
+
+    def awaits(self, timeout_s: float, *, writes: bool) -> bool:
+        return self._words.pass_on_until_link(timeout_s, writes=writes)
 
     def end(self, patience_s: float = 0.0) -> int | None:
         if self._is_over or os.getpid() != self._owner:
@@ -136,10 +168,63 @@ class FirmwareChild:
             return os.waitpid(self.pid, 0)[1]
         finally:
             os.close(descriptor)
+            self._words.pass_on()
+            os.close(self._words.reading)
 
 
-def _spawned(command: Sequence[str], fd: int) -> int:
-    """The process of a program whose port is `fd`, and which the kernel ends with this process.
+class _Words:
+    """The stderr of a program, passed on to ours: bounded, and with its control characters shown."""
+
+    def __init__(self, link: int) -> None:
+        self.reading, self.writing = os.pipe()
+        os.set_blocking(self.reading, False)
+        self._link = link
+        self._room = _MOST_TOLD
+        self._is_open = True
+
+    def close(self) -> None:
+        os.close(self.reading)
+        os.close(self.writing)
+
+    def pass_on_until_link(self, timeout_s: float, *, writes: bool) -> bool:
+        """Until the link can be read, or with `writes` written, or for so long; False for the latter."""
+        deadline_s = time.monotonic() + max(0.0, timeout_s)
+        poll = select.poll()
+        poll.register(self._link, select.POLLIN | (select.POLLOUT if writes else 0))
+        if self._is_open:
+            poll.register(self.reading, select.POLLIN)
+        while found := poll.poll(max(0.0, deadline_s - time.monotonic()) * 1000):
+            ready = [descriptor for descriptor, _ in found]
+            if self.reading in ready:
+                self.pass_on()
+                if not self._is_open:
+                    poll.unregister(self.reading)
+            if self._link in ready:
+                return True
+        return False
+
+    def pass_on(self) -> None:
+        """Takes what is there: not more than a pipe holds, however fast the program writes."""
+        try:
+            data = os.read(self.reading, _AT_ONCE)
+        except BlockingIOError:
+            return
+        self._is_open = data != b""
+        if not data or not self._room or _is_long(2):
+            return
+        told, self._room = data[: self._room], max(0, self._room - len(data))
+        os.write(2, shown(told.decode("utf-8", "replace")).encode())
+        if not self._room:
+            os.write(2, b"\nthe rest of what this program writes to its stderr is left out\n")
+
+
+def _is_long(log: int) -> bool:
+    found = os.fstat(log)
+    return stat.S_ISREG(found.st_mode) and found.st_size > _LONGEST_LOG
+
+
+def _spawned(command: Sequence[str], fd: int, errors: int) -> int:
+    """The process of a program with the port `fd` and the stderr `errors`, which the kernel ends with this process.
 
     A fork would copy the page tables of this process, and then each page that one of both writes: five times the work.
     `setpriv` asks for the death signal and becomes the program; a stream that has ended tells the program the same.
@@ -151,6 +236,7 @@ def _spawned(command: Sequence[str], fd: int) -> int:
         file_actions=[
             (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDWR, 0),
             (os.POSIX_SPAWN_DUP2, 0, 1),
+            (os.POSIX_SPAWN_DUP2, errors, 2),
             (os.POSIX_SPAWN_DUP2, fd, _PORT_FD),
         ],
         setsigmask=(),

@@ -50,7 +50,7 @@ def link_to(command: Sequence[str], timeout_s: float = TURN_TIMEOUT_S) -> BoardL
     if line is None:
         from agents.mussel.firmware_process import FirmwareChild, FirmwareProcess
 
-        return FirmwareProcess(FirmwareChild(command, timeout_s), timeout_s)
+        return FirmwareProcess(FirmwareChild(command), timeout_s)
     from agents.mussel.serial_board import SerialBoard
 
     return SerialBoard(*line, timeout_s)

@@ -5,6 +5,9 @@ alone. Its agents die with it; another nursery goes on from the same run directo
 
 Agents share its memory page by page, and a page is copied as soon as one reference count in it moves. So it runs all
 code of an agent before it forks: Python's caches are filled then, in pages that all agents share.
+
+No other process of this user may look into its memory or an agent's, by `ptrace` for example, but root's. Processes that
+firmware leaves behind become its children, in whatever session they are, and end with the fleet.
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ import sys
 import msgpack  # noqa: F401
 
 from agents.hosting.descriptors import raise_descriptor_limit
-from agents.hosting.started import end_with_starter, outlive_starter
+from agents.hosting.started import adopt_orphans, close_memory, end_with_starter, outlive_starter
 from agents.nursery.agent_processes import AgentProcesses
 from agents.nursery.fleet_file import FleetFile
 from agents.nursery.server import NurseryServer
@@ -43,6 +46,8 @@ def main(arguments: list[str]) -> int:
         print("usage: python -m agents.nursery RUN_DIR [READY_DESCRIPTOR]", file=sys.stderr)
         return 2
     end_with_starter()
+    close_memory()
+    adopt_orphans()
     ready = int(arguments[1]) if len(arguments) == 2 else os.dup(sys.stderr.fileno())
     try:
         server = _prepare(arguments[0])

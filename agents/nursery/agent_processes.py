@@ -8,6 +8,7 @@ import os
 import resource
 import signal
 import socket
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ from firmware_model.stimuli import ResetCause
 
 _TRUTH_ROOM_BYTES = 4 * 2**20
 _LOCK_TIMEOUT_S = 2.0
+_ENDS_WITH_AGENT_S = 0.2
+"""The wall time in which the kernel ends firmware after its agent."""
+_STRAYS_S = 1.0
 
 
 @dataclass(slots=True)
@@ -225,6 +229,8 @@ class AgentProcesses:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if pid == 0:
                 break
+            if pid not in self._id_of_pid:
+                continue  # a dead agent's firmware, or a process that this left behind
             agent_id = self._id_of_pid[pid]
             self._forget(agent_id)
             if os.WIFEXITED(status) and os.WEXITSTATUS(status) == FIRMWARE_HUNG:
@@ -244,6 +250,8 @@ class AgentProcesses:
             os.close(descriptor)
             os.waitpid(child.pid, 0)
             self._forget(agent_id)
+        if self._has_programs:
+            _end_strays()
         os.fsync(self._records_fd)
         os.fsync(self._flash_fd)
 
@@ -265,6 +273,26 @@ class AgentProcesses:
 
     def _ring(self, agent_id: int) -> RecordRing:
         return RecordRing(self._records_fd, self._index[agent_id], agent_id)
+
+
+def _end_strays() -> None:
+    """Ends the processes that firmware left behind, and says how many. Firmware itself ends with its agent."""
+    begun_s, strays = time.monotonic(), set[int]()
+    while (children := _children()) and time.monotonic() < begun_s + _STRAYS_S:
+        for pid in children:
+            descriptor = os.pidfd_open(pid)
+            if not readable(descriptor, begun_s + _ENDS_WITH_AGENT_S - time.monotonic()):
+                strays.add(pid)
+                os.kill(pid, signal.SIGKILL)
+            os.close(descriptor)
+            os.waitpid(pid, 0)
+    if strays:
+        print(f"ended {len(strays)} processes that firmware had left behind", file=sys.stderr, flush=True)
+
+
+def _children() -> list[int]:
+    with open(f"/proc/self/task/{os.getpid()}/children") as file:
+        return [int(it) for it in file.read().split()]
 
 
 def _lock(descriptor: int) -> None:

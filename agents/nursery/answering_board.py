@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 from socket import socketpair
 
+from agents.hosting.link_protocol import readable
 from firmware_model.port_frames import (
     VERSION,
     Frame,
@@ -41,12 +42,15 @@ class AnsweringBoard:
     def fileno(self) -> int:
         return self._bench.fileno()
 
+    def awaits(self, timeout_s: float, *, writes: bool) -> bool:
+        return readable(self.fileno(), timeout_s)
+
     def end(self, patience_s: float = 0.0) -> int | None:
         self._ours.close()
         self._bench.close()
         return None
 
-    def sendall(self, data: bytes, /) -> None:
+    def send(self, data: bytes, flags: int, /) -> int:
         """Takes the bench's frames of a turn, and answers RUN with a whole turn, and an ADC's counts with its end."""
         for frame in self._reader.feed(data):
             if frame.kind == ToBoard.HELLO:
@@ -63,6 +67,7 @@ class AnsweringBoard:
             elif frame.kind == ToBoard.ADC:
                 alarm = (frame.counter + counter_at(_ALARM_MS)) & 0xFFFF_FFFF
                 self._send(FromBoard.SLEEP, 1, struct.pack("<I", alarm))
+        return len(data)
 
     def _send(self, kind: FromBoard, port: int, payload: bytes = b"") -> None:
         self._ours.sendall(Frame(kind, port, 0, self._sent, payload).encode())

@@ -104,7 +104,7 @@ def warm_up_port(config: AgentConfig, codec: Codec) -> None:
             board.receive(stimulus, n * _PAUSE_MS)
         board.advance((len(stimuli) + 1) * _PAUSE_MS)
         # The start of a process is warmed by one that ends at once.
-        FirmwareChild(("/bin/true",), _TURN_S).end()
+        FirmwareChild(("/bin/true",)).end()
 
 
 class _Walk:

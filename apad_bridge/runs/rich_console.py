@@ -10,7 +10,8 @@ from rich.console import ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.text import Text
 
-from apad_bridge.runs.terminal import PlainStream, shown
+from agents.hosting.control_characters import shown
+from apad_bridge.runs.terminal import PlainStream
 
 
 class Console(rich.console.Console):
@@ -26,7 +27,7 @@ class Console(rich.console.Console):
         self._file = new
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Of a plain text the control characters are shown before rich measures it."""
+        """Shows the control characters of a plain text before rich measures it."""
         return super().render_str(shown(text), **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:

@@ -47,6 +47,8 @@ IDS = (3, 8, 21)
 THETA = 30
 PATIENCE_S = 180.0
 KILLS_SEED = 2
+OTHERS = 65_534
+"""The group of nobody."""
 BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
 PATIENT = RestartPolicy(restarts=1000)
 SCENARIO = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "pool-12.yaml"
@@ -190,6 +192,42 @@ def test_firmware_ends_with_the_nursery(host: ProcessHost) -> None:
     _, boards = flying(host)
     kill_9(host.nursery_pid)
     assert all(gone(pid) for pid in boards.values())
+
+
+def test_what_firmware_leaves_in_another_session_ends_with_the_fleet(tmp_path: Path, board: Path) -> None:
+    program = tmp_path / "leaves.sh"
+    program.write_text(f"#!/bin/sh\nsetsid sleep 1000 3>&- &\necho $! >>{tmp_path}/left\nexec {board}\n")
+    program.chmod(0o755)
+    host = started(tmp_path, program)
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))
+    clock.advance(10_000)
+    left = list(map(int, (tmp_path / "left").read_text().split()))
+    assert len(left) == len(IDS) and all(is_board(it, "sleep") for it in left)
+    # Its parent's death, and its own, are no agent's.
+    kill_9(children(host.pids[3])[0])
+    kill_9(left[0])
+    assert [it.agent_id for it in clock.advance(20_000) if isinstance(it, AgentDied)] == [3]
+    host.close()
+    left += list(map(int, (tmp_path / "left").read_text().split()))
+    assert all(gone(it) for it in left)
+    assert "ended 3 processes that firmware had left behind" in (tmp_path / "nursery.log").read_text()
+
+
+def test_firmware_gets_no_more_rights_and_looks_into_no_agent(tmp_path: Path, board: Path) -> None:
+    """The kernel gives the files of a process that none but root may trace to root: here they are told by their group."""
+    if is_root := os.getuid() == 0:
+        os.setresgid(OTHERS, OTHERS, OTHERS)
+    try:
+        host = started(tmp_path, board)
+    finally:
+        if is_root:
+            os.setresgid(0, 0, 0)
+    _, boards = flying(host)
+    for pid in boards.values():
+        assert "NoNewPrivs:\t1\n" in Path(f"/proc/{pid}/status").read_text()
+        assert os.stat(f"/proc/{pid}/mem").st_gid != 0
+    assert [os.stat(f"/proc/{pid}/mem").st_gid for pid in (host.nursery_pid, *host.pids.values())] == [0] * 4
+    host.close()
 
 
 def test_a_firmware_that_hangs_stays_dead_and_the_others_fly_on(host: ProcessHost) -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from native_boards import bench, compiled, script
 
 from agents.mussel.firmware_failure import FirmwareFailed
+from agents.mussel.firmware_process import _is_long
 from agents.mussel.port_firmware import PortFirmware
 from firmware_model.actions import Action, StateChanged, StateReported
 from firmware_model.bench import Bench
@@ -117,6 +118,7 @@ FAILURES: dict[str, tuple[str, str]] = {
     "is killed": ("os.kill(os.getpid(), 11)", "it was killed by SIGSEGV"),
     "speaks nonsense": ("port.sendall(b'hello\\0'); time.sleep(60)", "it sent "),
     "never ends a frame": ("port.sendall(b'x' * 5000); time.sleep(60)", "without an end"),
+    "sends zeros": ("while True: port.sendall(bytes(65536))", "zeros without an end"),
     "hangs": ("time.sleep(60)", "did not end its turn within 0.5 s"),
     "hangs after a part of a frame": ("port.sendall(b'\\x05abc'); time.sleep(60)", "did not end its turn"),
 }
@@ -162,6 +164,34 @@ def test_a_flood_without_a_sleep_is_a_livelock(tmp_path: Path) -> None:
     on = bench(CONFIG, script(tmp_path, flood))
     with pytest.raises(FirmwareFailed, match="10000 frames at one time"):
         on.run(ms=1)
+
+
+def test_a_flood_of_a_program_that_never_reads_is_judged_by_its_frames(tmp_path: Path) -> None:
+    """Its answers fill the link after some hundred, and the bench goes on counting."""
+    flood = frames(HELLO, *((FromBoard.ADC_READ, 0, b"") for _ in range(10_001)))
+    on = bench(CONFIG, script(tmp_path, flood))
+    with pytest.raises(FirmwareFailed, match="10000 frames at one time") as failed:
+        on.run(ms=1)
+    assert failed.value.by_watchdog and not failed.value.hung
+
+
+def test_what_a_program_says_is_passed_on_up_to_a_bound(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    says = "os.write(2, b'\\x1b[2Jready\\n'); os.write(2, b'.' * 1_000_000)"
+    answer = encoded(HELLO, (FromBoard.SLEEP, 0, b""))
+    on = bench(CONFIG, script(tmp_path, f"{says}; port.sendall({answer!r}); time.sleep(60)"))
+    on.run(ms=1)
+    told = capfd.readouterr().err
+    assert told.startswith("\\x1b[2Jready\n....") and len(told) < 70_000
+    assert told.endswith(".\nthe rest of what this program writes to its stderr is left out\n")
+
+
+def test_a_long_log_takes_nothing_more(tmp_path: Path) -> None:
+    with (tmp_path / "nursery.log").open("wb") as log:
+        assert not _is_long(log.fileno())
+        log.truncate(17 << 20)
+        assert _is_long(log.fileno())
 
 
 def test_a_missing_frame_is_noticed(tmp_path: Path) -> None:
