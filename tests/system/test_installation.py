@@ -193,8 +193,20 @@ def test_what_pip_leaves_in_place_is_in_the_log_and_not_shown(programs: Path) ->
                 "git": ":",
                 "df": "echo 9000M",
                 "debootstrap": "echo 'E: no mirror there'; exit 1",
+                "apt-get": "echo 'Debian-Security main http://lab/sec'; echo 'Debian main http://lab/debian/'",
             },
-            "debootstrap could not make a Debian 13 from http://deb.debian.org/debian: E: no mirror there",
+            "debootstrap could not make a Debian 13 from http://lab/debian/: E: no mirror there",
+        ),
+        (
+            "13",
+            {
+                "id": "echo 0",
+                "git": ":",
+                "df": "echo 9000M",
+                "debootstrap": ":",
+                "apt-get": "echo 'Lab main http://lab/own'",
+            },
+            "apt's lists here name no mirror of Debian: apt-get update",
         ),
     ],
 )
