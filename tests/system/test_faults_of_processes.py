@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from apad_bridge.analysis.energy.energy import energy_of
 from apad_bridge.analysis.invariants import check_run
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory
@@ -68,3 +69,26 @@ def test_processes_that_are_killed_stopped_or_short_of_memory_come_back(tmp_path
         range(1, 5), True
     )
     assert check_run(RunDirectory(out)) == []
+
+
+@pytest.mark.parametrize("source", ["pool-12", "whole-board-12"])
+def test_the_energy_of_a_run_with_many_kills_is_that_of_its_truths(tmp_path: Path, source: str) -> None:
+    """An aMussel that sleeps is granted seldom, so a stimulus waits for a window that a kill leaves unanswered."""
+    data = yaml.safe_load((ROOT / f"launch_scripts/scenarios/{source}.yaml").read_text())
+    kills = [{"fault": "killed", "id": it, "at_s": at_s} for at_s in range(20, 580, 7) for it in range(1, 13)]
+    data |= {"duration_s": 600, "faults": {"at": kills}}
+    data["fleet"] |= {"start": {"charge": [0.5, 0.7]}}
+    (tmp_path / "killed.yaml").write_text(yaml.safe_dump(data))
+    out = RunDirectory(tmp_path / "run")
+    command = [*MUSSELBED, "run", str(tmp_path / "killed.yaml"), "--time", "asap", "--out", str(out.path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stderr
+    waited: set[int] = set()
+    left: dict[int, int] = {}
+    for line in read_journal(out.journal).lines:
+        if line["kind"] == "stimulus":
+            left[line["id"]] = line["agent_ms"]
+        elif line["kind"] == "died" and line["agent_ms"] <= left.get(line["id"], -1):
+            waited.add(line["id"])
+    assert waited, "no stimulus waited for a window that a kill left unanswered"
+    assert [it.agent_id for it in energy_of(out) if not it.is_exact] == []

@@ -137,8 +137,8 @@ def _run_again(
 
 def _replay(agent: Agent, lines: list[Line], recorded: list[Truth], until_ms: int) -> int:
     """Returns the agent time up to which it ran."""
-    for line in lines:
-        at_ms = line.get("agent_ms", 0)
+    for line in _as_lived(lines):
+        at_ms = line["agent_ms"]
         if line["kind"] == Stimulated.kind:
             agent.receive(from_json(line["wire"]), at_ms)
         elif line["kind"] == ProcessDied.kind:
@@ -149,6 +149,25 @@ def _replay(agent: Agent, lines: list[Line], recorded: list[Truth], until_ms: in
     if not recorded or recorded[-1].at_ms <= until_ms:
         agent.advance(until_ms)
     return until_ms
+
+
+def _as_lived(lines: Iterable[Line]) -> list[Line]:
+    """The stimuli and deaths in the order in which an agent lived them.
+
+    A stimulus has its line when it waits for its window. A death takes effect at the begin of the window that was not
+    answered: the stimuli that waited for that one came after the boot.
+    """
+    lived: list[Line] = []
+    for line in lines:
+        place = len(lived)
+        if line["kind"] == ProcessDied.kind:
+            while place and lived[place - 1]["kind"] == Stimulated.kind:
+                if lived[place - 1]["agent_ms"] < line["agent_ms"]:
+                    break
+                place -= 1
+        if line["kind"] != TruthChanged.kind:
+            lived.insert(place, line)
+    return lived
 
 
 class _Metered(Agent):
