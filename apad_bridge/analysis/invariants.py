@@ -69,8 +69,11 @@ class Invariants:
         self._truths: dict[int, Truth] = {}
         self._docks: dict[int, int] = {}
         """aMussels by dock index."""
-        self._contact: dict[int, bool] = {}
-        """True for an aMussel whose newest contact closed around it."""
+        self._opened_ms: dict[int, int] = {}
+        """The agent time at which the newest contact opened, of each aMussel that no contact closed around since.
+
+        A killed aMussel boots before that time, docked still: the opening waited for its window.
+        """
         self._placed: set[int] = set()
         """aMussels that were put somewhere since their last truth."""
         self._lost: dict[int, list[tuple[int, ChargeLost]]] = {}
@@ -120,7 +123,7 @@ class Invariants:
             case FaultEnded.kind if line["fault"] == TimedFault.APAD_LIES:
                 self._lie_until_ms = line["t"] + 2000  # the place of that tick came before
             case RunResumed.kind:
-                self._docks, self._contact = {}, {}
+                self._docks, self._opened_ms = {}, {}
 
     def _of_truth(self, truth: Truth) -> Iterator[tuple[str, str]]:
         agent_id, before, physical = truth.agent_id, self._truths.get(truth.agent_id), truth.physical
@@ -135,7 +138,7 @@ class Invariants:
                 "a sample is taken before it is acknowledged",
                 f"{physical.acknowledged} of {physical.samples}",
             )
-        if physical.docked and self._contact.get(agent_id) is False:
+        if physical.docked and truth.at_ms > self._opened_ms.get(agent_id, truth.at_ms):
             yield "a dock that closed holds the aMussel", f"aMussel {agent_id} is docked, and its dock opened"
         # Another aPad may hold it, and then no dock of this one closed around it.
         if physical.docked and agent_id in self._docks.values():
@@ -220,15 +223,15 @@ class Invariants:
     def _take_stimulus(self, line: Line) -> None:
         match from_json(line["wire"]):
             case ContactClosed():
-                self._contact[line["id"]] = True
+                self._opened_ms.pop(line["id"], None)
             case ContactOpened():
-                self._contact[line["id"]] = False
+                self._opened_ms[line["id"]] = line["agent_ms"]
             case ChargeLost() as lost:
                 self._lost.setdefault(line["id"], []).append((line["agent_ms"], lost))
             case Placed():
                 self._placed.add(line["id"])
                 self._lost.pop(line["id"], None)
-                self._contact[line["id"]] = False
+                self._opened_ms[line["id"]] = line["agent_ms"]
 
     def _of_dock(self, dock_index: int, agent_id: int, *, closed: bool) -> Iterator[tuple[str, str]]:
         holder = self._docks.get(dock_index)
