@@ -21,6 +21,10 @@ SLOW_S, TOO_SLOW_S = 0.2, 1.0
 """A worse way there and back causes a warning; a far worse one is red, for a stop would be as late."""
 MOST_JUMP_M = 20.0
 LEAST_RESERVE = 0.1
+LEAST_REACTION_S = 1.0
+"""The bench acts once a second, so a stop takes a second to go out."""
+MOST_LEG_WAYS = 10
+"""A leg may last so many times as long as the longest way takes at the mission's speed."""
 MOST_CHARGE = 1.05
 """Gauges in the field overshoot a little."""
 WATCHDOG_STATES = frozenset({"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME"})
@@ -129,6 +133,51 @@ def check_reserve(guards: GuardOptions, apad: str) -> Finding:
         mend = f"{LEAST_RESERVE:g} or more: a current against the way home, and a gauge that errs, take it"
         return fail(check, found, mend)
     return ok(check, found)
+
+
+def check_limits(
+    guards: GuardOptions,
+    apad: str,
+    *,
+    greatest_m_s: float,
+    deceleration_m_s2: float,
+    longest_m: float,
+    speed_m_s: float,
+) -> list[Finding]:
+    """The limits can act, and say nothing that no vehicle does.
+
+    The aPad's greatest speed and deceleration are the scenario's, as are the longest way inside the fence and the
+    mission's speed.
+    """
+    check = f"{apad} limits"
+    found = []
+    if guards.reaction_s < LEAST_REACTION_S:
+        told = f"guards.reaction_s is {guards.reaction_s:g} s: the bench orders once a second"
+        found.append(fail(check, told, f"{LEAST_REACTION_S:g} or more; 3 as in real-apad.yaml"))
+    if guards.coasting_m is not None and guards.coasting_speed_m_s is not None:
+        least_m = guards.coasting_speed_m_s**2 / (2 * deceleration_m_s2)
+        if guards.coasting_m < least_m:
+            told = (
+                f"guards.coasting_m is {guards.coasting_m:g} m: from {guards.coasting_speed_m_s:g} m/s even "
+                f"apad.max_acceleration_m_s2 takes {least_m:.2f} m"
+            )
+            mend = "measure it on a tether: docs/guards.md#clearance"
+            found.append(fail(check, told, mend))
+    if guards.speed_limit_m_s is not None and guards.speed_limit_m_s > greatest_m_s:
+        told = (
+            f"guards.speed_limit_m_s is {guards.speed_limit_m_s:g} m/s, and the aPad makes {greatest_m_s:g} "
+            "(apad.max_speed_m_s): the guard would never act"
+        )
+        found.append(fail(check, told, f"{greatest_m_s:g} at most; or measure apad.max_speed_m_s"))
+    way_m = min(longest_m, guards.leg_m or math.inf)
+    most_s = MOST_LEG_WAYS * way_m / speed_m_s
+    if guards.leg_s is not None and guards.leg_s > most_s:
+        told = (
+            f"guards.leg_s is {guards.leg_s:g} s: the longest way, {way_m:.0f} m, takes {way_m / speed_m_s:.0f} s "
+            f"at {speed_m_s:g} m/s"
+        )
+        found.append(fail(check, told, f"{math.floor(most_s)} at most, {MOST_LEG_WAYS} times that"))
+    return found or [ok(check, "each can act: reaction, coasting, speed and leg")]
 
 
 def check_clearance(

@@ -32,6 +32,7 @@ from apad_bridge.doctor.preflight import (
     check_energy,
     check_fence,
     check_generation,
+    check_limits,
     check_off,
     check_pilot,
     check_reaction,
@@ -163,6 +164,18 @@ def _check_clearance(apad: WatchedAPad) -> Finding:
     return check_clearance(guards, apad.name, guards.speed_limit_m_s, "guards.speed_limit_m_s", drift_m_s)
 
 
+def _check_limits(apad: WatchedAPad) -> list[Finding]:
+    fence = fence_of(apad.scenario.area)
+    return check_limits(
+        apad.guards,
+        apad.name,
+        greatest_m_s=apad.scenario.apad.max_speed_m_s,
+        deceleration_m_s2=apad.scenario.apad.max_acceleration_m_s2,
+        longest_m=math.inf if fence is None else fence.longest_m,
+        speed_m_s=apad.scenario.mission.speed_m_s,
+    )
+
+
 def _check_pilot(apad: WatchedAPad) -> Finding:
     manual = heard_bool(apad.graph, apad.topic("manual"))
     return check_pilot(apad.name, hears_pilot=any(it.hears_pilot for it in apad.stacks), manual=manual)
@@ -222,6 +235,7 @@ CHECKS: tuple[Check[WatchedAPad], ...] = (
     Check("fence", _check_fence, is_never_overridden=True),
     Check("clearance", _check_clearance, may_be_red_in_trial=True),
     Check("reaction", lambda it: check_reaction(it.guards, it.name)),
+    Check("limits", _check_limits, may_be_red_in_trial=True),
     Check("reserve", lambda it: check_reserve(it.guards, it.name), may_be_red_in_trial=True),
     Check("pilot", _check_pilot, is_never_overridden=True),
     Check("watchdog", _check_watchdog, may_be_red_in_trial=True),

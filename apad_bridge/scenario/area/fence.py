@@ -32,6 +32,11 @@ class Fence:
         zones = shapely.union_all([shapely.Polygon(zone) for zone in self.keep_out])
         return shapely.Polygon(self.corners).difference(zones)
 
+    @property
+    def longest_m(self) -> float:
+        """The distance of its two corners that are farthest apart: no straight way inside is longer."""
+        return max(math.dist(a, b) for a in self.corners for b in self.corners)
+
 
 def check_corners(corners: Sequence[Point], key: str) -> None:
     """Raises ValueError for corners that are no simple polygon; the message begins with `key`."""
