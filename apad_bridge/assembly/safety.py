@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.events.guards import Reaction
 from apad_bridge.scenario.area.fence import fence_of
-from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside
+from apad_bridge.scenario.guard_options import GuardOptions, WhenOutside, WhenUnwatched
 from apad_bridge.scenario.schema import APad, DockingProfile, Scenario
 from apad_bridge.scenario.surface import (
     LegForecast,
@@ -38,6 +38,7 @@ from apad_bridge.vehicle.guards.monitor import (
     CanStopInWaters,
     EndsInTime,
     IsInWaters,
+    IsWatched,
     KeepsClearOfAPads,
     MakesProgress,
     Monitor,
@@ -48,6 +49,7 @@ from apad_bridge.vehicle.guards.monitor import (
 )
 from apad_bridge.vehicle.guards.orders import Point
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, SETTLED_MS, PositionLimits, PositionWatch
+from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.simulated.thrusters import allocate, electrical_w
 
@@ -76,7 +78,12 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
         )
     )
     return Safety(
-        Gate(_guards(scenario, options, waters), watch, waters),
+        Gate(
+            _guards(scenario, options, waters),
+            watch,
+            waters,
+            WatchdogWatch(is_demanded=needs_person and options.watchdog is not None),
+        ),
         Monitor(_checks(scenario, options, waters)),
         waters,
         scenario.mission.speed_m_s,
@@ -149,6 +156,8 @@ def _checks(scenario: Scenario, options: GuardOptions, waters: Waters) -> list[M
     ]
     if options.speed_limit_m_s is not None:
         checks.append(SpeedIsAllowed(options.speed_limit_m_s))
+    if options.watchdog is WhenUnwatched.HOLD:
+        checks.append(IsWatched())
     return checks
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import statistics
 from collections.abc import Container, Iterable, Sequence
@@ -29,6 +30,8 @@ MOST_CHARGE = 1.05
 """Gauges in the field overshoot a little."""
 WATCHDOG_STATES = frozenset({"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME"})
 """The states of `launch_scripts/vehicle_watchdog`."""
+LEAST_SILENCE_S, MOST_SILENCE_S = 5.0, 15.0
+"""A watchdog that waits less stops the aPad for a gap of a poor link, and one that waits longer lets it go too far."""
 REACTION_S = 3.0
 """A bad position has to end in a safe state within so long. The guards look at it five times a second."""
 _LOOK_S = LOOK_MS / 1000
@@ -275,19 +278,79 @@ def check_pilot(apad: str, *, hears_pilot: bool, manual: TopicSeen) -> Finding:
     return ok(check, "nobody steers (manual is false)")
 
 
-def check_watchdog(apad: str, *, drifts: bool, state: TopicSeen) -> Finding:
-    """`state` is what the vehicle's watchdog says. `drifts`: controllers go off between primitives."""
-    check = f"{apad} watchdog"
+def check_bench(apad: str, topic: str, others: Sequence[str]) -> Finding:
+    """`others` are the living nodes that publish this vehicle's heartbeat: benches that fly it already."""
+    check = f"{apad} bench"
+    if others:
+        return fail(check, *second_bench(topic, others))
+    return ok(check, f"no other bench publishes {topic}")
+
+
+def second_bench(topic: str, others: Sequence[str]) -> tuple[str, str]:
+    """The trouble with benches that fly the same vehicle, and the mend."""
+    found = (
+        f"{', '.join(others)} publishes {topic}: another bench flies this aPad, and both would order it. "
+        "Its watchdog could not tell that one of them died"
+    )
+    return found, "end that run first, by Ctrl-C or `musselbed abort RUN`"
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogSeen:
+    """The topics of the vehicle's watchdog: its state, and its settings as JSON."""
+
+    state: TopicSeen
+    settings: TopicSeen
+    nodes: Sequence[str] = ()
+    """Those that publish a state and live."""
+
+
+def check_watchdog(
+    apad: str, seen: WatchdogSeen, heartbeat: str, *, drifts: bool, is_demanded: bool
+) -> Finding:
+    """The vehicle's watchdog runs, and listens to the `heartbeat` of this bench.
+
+    `drifts`: controllers go off between primitives. `is_demanded`: by `guards.watchdog`.
+    """
+    check, state = f"{apad} watchdog", seen.state
     mend = "start launch_scripts/vehicle_watchdog on the vehicle's own computer: docs/failures.md"
+    if len(seen.nodes) > 1:
+        return fail(check, f"{', '.join(seen.nodes)} publish its state", "end all of these but one")
     if state.value is not None and state.value in WATCHDOG_STATES:
-        return ok(check, f"it runs, and says {state.value}")
+        return _judge_settings(check, f"it runs, and says {state.value}", seen.settings, heartbeat)
     if state.value is not None:
         return fail(check, f"{state.value!r} is none of its states: another node publishes its topic", mend)
     if state.is_published:
         return fail(check, "its topic has a publisher, and is silent", mend)
     if drifts:
         return fail(check, "none: on a lost link this aPad drifts as soon as a primitive ends", mend)
+    if is_demanded:
+        return fail(check, "none, and guards.watchdog demands one", mend)
     return warn(check, "none: on a lost link this aPad continues to its last goal", mend)
+
+
+def _judge_settings(check: str, found: str, settings: TopicSeen, heartbeat: str) -> Finding:
+    """A watchdog that listens elsewhere, or for too long, stops nothing in time."""
+    try:
+        told = json.loads(settings.value or "")
+        listens_to, silence_s = str(told["heartbeat"]), float(told["silence_s"])
+    except (ValueError, TypeError, KeyError):
+        return cannot_tell(
+            check,
+            f"{found}, but not to which heartbeat it listens: it is an older one, or another node",
+            "copy this version's launch_scripts/vehicle_watchdog to the vehicle's computer, and start it",
+        )
+    found = f"{found}; it listens to {listens_to}, and acts after {silence_s:g} s"
+    if listens_to != heartbeat:
+        return fail(
+            check, f"{found}: this bench's heartbeat is {heartbeat}", f"start it with --heartbeat {heartbeat}"
+        )
+    mend = "start it with --silence-s 10"
+    if not silence_s <= MOST_SILENCE_S:
+        return fail(check, f"{found}: {MOST_SILENCE_S:g} s is the most", mend)
+    if silence_s < LEAST_SILENCE_S:
+        return warn(check, f"{found}: a poor link has gaps of {LEAST_SILENCE_S:g} s", mend)
+    return ok(check, found)
 
 
 @dataclass(frozen=True, slots=True)

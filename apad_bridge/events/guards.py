@@ -51,6 +51,7 @@ class Cause(StrEnum):
     NO_PROGRESS = "no progress"
     ANOTHER_APAD = "another aPad"
     OTHERS = "another client"
+    WATCHDOG = "watchdog"
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,8 @@ class GuardReacted(Event):
     cause: Annotated[
         Cause,
         Meaning(
-            "`outside the fence`, `fence ahead`, `position`, `speed`, `late`, `no progress`, `another aPad` or "
-            "`another client`"
+            "`outside the fence`, `fence ahead`, `position`, `speed`, `late`, `no progress`, `another aPad`, "
+            "`another client` or `watchdog`"
         ),
     ]
     reaction: Annotated[
@@ -248,6 +249,25 @@ class PilotTold(Event):
                 "whether a pilot steers the aPad cannot be told: nobody publishes the pilot's flag any more"
             )
         return "a pilot steers the aPad" if self.steers else "the pilot has let go of the aPad"
+
+
+@dataclass(frozen=True)
+class WatchdogTold(Event):
+    kind = "watchdog"
+    when = "the vehicle's own watchdog has stopped watching for 15 s, or watches again"
+    counted = ("watches",)
+
+    watches: Annotated[bool, Meaning("false: a lost link or a dead bench would stop nothing")]
+    reason: Annotated[str | None, Meaning("why, by its newest state")] = None
+
+    @property
+    def category(self) -> Category:
+        return Category.RELIEF if self.watches else Category.ALARM
+
+    def text(self) -> str:
+        if self.watches:
+            return "the vehicle's watchdog watches again"
+        return f"{self.reason}: if the link or the bench dies now, nothing stops the aPad"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from apad_bridge.ros.gateway.fleet_diagnostics import Limits
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource, open_gateway
-from apad_bridge.ros.gateway.heartbeat import Heartbeat
+from apad_bridge.ros.gateway.heartbeat import Heartbeat, WatchdogStates
 from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
@@ -120,7 +120,14 @@ def open_flight_context(
             stack.callback(others.close)
             vehicle, watches = _vehicle(scenario, options, safety.gate, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
-            heartbeat = Heartbeat(safety.gate.stops, lambda: vehicle.can_stop)
+            states = WatchdogStates(scenario.apad.name, safety.gate)
+            stack.callback(states.close)
+            # A fleet alone flies no aPad. Its heartbeat would hide the death of the bench that does.
+            heart = (
+                ()
+                if options.part is BenchPart.FLEET
+                else (Heartbeat(safety.gate.stops, lambda: vehicle.can_stop),)
+            )
             relayed = _open_relay(options, scenario, vehicle, presences, allocation, laboratory)
             stack.callback(relayed.close)
             if not isinstance(vehicle, ContactsLink):
@@ -137,9 +144,9 @@ def open_flight_context(
             safety=safety,
             watchers=lambda supervisor: (
                 _bodies_watcher(safety.gate, supervisor, options, presences, others),
+                states.watch,
                 gateway.watcher(supervisor),
-                heartbeat.watcher(supervisor),
-                *(it.watcher(supervisor) for it in beside),
+                *(it.watcher(supervisor) for it in (*heart, *beside)),
                 *watches,
                 *_allocation_watcher(allocation, vehicle),
             ),
@@ -148,9 +155,11 @@ def open_flight_context(
             relay=relayed.relay,
             contacts=Contacts(held),
             capabilities=capabilities,
-            dropped=lambda: vehicle.dropped + laboratory.dropped + relayed.dropped + others.dropped,
+            dropped=lambda: sum(
+                (it.dropped for it in (laboratory, relayed, others, states)), vehicle.dropped
+            ),
             take_events=_graph_events(
-                stack, options, scenario, vehicle, (vehicle, laboratory.subscribers, others)
+                stack, options, scenario, vehicle, (vehicle, laboratory.subscribers, others, states)
             ),
             roster=roster,
             faults=faults,

@@ -27,6 +27,8 @@ from apad_bridge.doctor.positions import (
 from apad_bridge.doctor.preflight import (
     MOST_JUMP_M,
     EnergyNeed,
+    WatchdogSeen,
+    check_bench,
     check_clearance,
     check_delay,
     check_energy,
@@ -42,7 +44,8 @@ from apad_bridge.doctor.preflight import (
 from apad_bridge.ros.doctor_apad_checks import check_held, named_like
 from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5
 from apad_bridge.ros.vehicle_probe import charge, clock_offset_s, heard_bool, heard_text, positions
-from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, of_apad
+from apad_bridge.ros_names.names import CLOCK, USE_SIM_TIME, in_full, of_apad, ours
+from apad_bridge.ros_names.namespaces import below_apad, is_one_of_several
 from apad_bridge.scenario.area.fence import fence_of
 from apad_bridge.scenario.guard_options import GuardOptions
 from apad_bridge.scenario.schema import Scenario
@@ -106,6 +109,14 @@ class WatchedAPad:
     def place_m(self) -> tuple[float, float] | None:
         finite = [it for it in self.samples if math.isfinite(it.north_m) and math.isfinite(it.east_m)]
         return (finite[-1].north_m, finite[-1].east_m) if finite else None
+
+    @property
+    def heartbeat(self) -> str:
+        """The topic of the heartbeat that a run sends to this vehicle's watchdog."""
+        leaf = ours("heartbeat")
+        if is_one_of_several(self.scenario):
+            leaf = below_apad(leaf, self.scenario.apad.name)
+        return in_full(self.namespace, leaf)
 
     def topic(self, leaf: str) -> str:
         return of_apad(self.name, leaf)
@@ -181,9 +192,24 @@ def _check_pilot(apad: WatchedAPad) -> Finding:
     return check_pilot(apad.name, hears_pilot=any(it.hears_pilot for it in apad.stacks), manual=manual)
 
 
+def _check_bench(apad: WatchedAPad) -> Finding:
+    return check_bench(apad.name, apad.heartbeat, apad.graph.living_publishers(apad.heartbeat))
+
+
 def _check_watchdog(apad: WatchedAPad) -> Finding:
-    state = heard_text(apad.graph, apad.topic("watchdog"))
-    return check_watchdog(apad.name, drifts=any(it.drifts_between_orders for it in apad.stacks), state=state)
+    graph, topic = apad.graph, apad.topic("watchdog")
+    seen = WatchdogSeen(
+        heard_text(graph, topic),
+        heard_text(graph, apad.topic("watchdog_settings")),
+        graph.living_publishers(topic),
+    )
+    return check_watchdog(
+        apad.name,
+        seen,
+        graph.name_there(apad.heartbeat),
+        drifts=any(it.drifts_between_orders for it in apad.stacks),
+        is_demanded=apad.guards.watchdog is not None,
+    )
 
 
 def _check_energy(apad: WatchedAPad) -> Finding:
@@ -238,6 +264,7 @@ CHECKS: tuple[Check[WatchedAPad], ...] = (
     Check("limits", _check_limits, may_be_red_in_trial=True),
     Check("reserve", lambda it: check_reserve(it.guards, it.name), may_be_red_in_trial=True),
     Check("pilot", _check_pilot, is_never_overridden=True),
+    Check("bench", _check_bench, is_never_overridden=True),
     Check("watchdog", _check_watchdog, may_be_red_in_trial=True),
     Check("energy", _check_energy, may_be_red_in_trial=True),
     Check("parameters", lambda it: check_parameters(it.graph, it.name)),

@@ -120,7 +120,7 @@ def heard_text(graph: Graph, topic: str) -> TopicSeen:
 
 
 def _heard(graph: Graph, topic: str, count: int, read: Callable[[bytes], Any]) -> TopicSeen:
-    if not graph.publishers.get(topic):
+    if not graph.living_publishers(topic):
         return TopicSeen(is_published=False)
     try:
         return TopicSeen(True, read(next_messages(graph, topic, count)[-1]))

@@ -321,6 +321,12 @@ OF_APAD = Section(
         _topic("{apad}/manual", "std_msgs/Bool", "its pilot", "whether a person steers"),
         _topic("{apad}/watchdog", "std_msgs/String", "launch_scripts/vehicle_watchdog", "2 Hz: its state"),
         _topic(
+            "{apad}/watchdog_settings",
+            "std_msgs/String",
+            "launch_scripts/vehicle_watchdog",
+            "2 Hz: its `heartbeat` topic and its `silence_s`, as JSON",
+        ),
+        _topic(
             "{apad}/docking_horizontal",
             "std_msgs/Float32",
             "its camera, or ours",

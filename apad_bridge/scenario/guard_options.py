@@ -17,6 +17,13 @@ class WhenOutside(StrEnum):
     RETURN = "return"
 
 
+class WhenUnwatched(StrEnum):
+    """The reaction to the loss of the vehicle's watchdog in flight: hold until a person continues, or an alarm alone."""
+
+    HOLD = "hold"
+    TELL = "tell"
+
+
 @frozen
 class GuardOptions:
     """Limits that are left out are none."""
@@ -57,5 +64,8 @@ class GuardOptions:
     """Nodes by which a pilot steers, where the aPad tells nobody of a pilot: nothing is ordered against their goals."""
     amussel_depth_m: Positive | None = None
     """The greatest depth for which the aMussels are rated."""
+    watchdog: WhenUnwatched | None = None
+    """A real aPad has to have its watchdog, and this follows if it is lost. Without it, one that was seen may be lost: that
+    is told."""
     hardware_cut: bool = False
     """A person can cut the thrusters' power from a distance, by a switch that no computer of the vehicle is part of."""

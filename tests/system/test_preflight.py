@@ -148,12 +148,27 @@ def test_an_apad_is_checked_and_its_stop_proven_and_a_run_starts_on_green_alone(
             }
             assert kept["/apad1 stop"] == stop
             wait_for(run, tmp_path / "run" / "control.sock")
+            refuse_second_bench(environment, tmp_path, scenario)
             ended = musselbed(environment, tmp_path, "abort", "run")
             assert ended.returncode == 0, ended.stderr
         finally:
             _, told = run.communicate(timeout=PATIENCE_S)
         assert run.returncode == 0, told
         assert ("a person decided to start despite it" in told) is (generation == "b")
+
+
+def refuse_second_bench(environment: dict[str, str], tmp_path: Path, scenario: Path) -> None:
+    """Beside a flying bench, another fleet's is red and does not start."""
+    data = loader.resolve(loader.load(scenario))
+    data["fleet"] |= {"first_id": 101, "start": {"charge": [0.6, 0.9]}}
+    second = tmp_path / "second.yaml"
+    loader.write_resolved(second, loader.from_data(data, "second"))
+    bench = findings(musselbed(environment, tmp_path, "preflight", second, "--json"))["/apad1 bench"]
+    assert bench["status"] == "FAIL" and "/musselbed_1 publishes /musselbed/heartbeat" in bench["found"]
+    words = ["--despite", "watchdog", "--out", "second"]
+    refused = musselbed(environment, tmp_path, "run", second, "--apad", "ros", *words)
+    assert refused.returncode == 2 and "another bench flies this aPad" in refused.stderr, refused.stderr
+    assert not (tmp_path / "second").exists()
 
 
 def wait_for(run: subprocess.Popen[str], path: Path) -> None:

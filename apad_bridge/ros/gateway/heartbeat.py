@@ -1,16 +1,29 @@
-"""The heartbeat to the vehicle's watchdog: each tick, as long as this end hears the aPad and can stop it."""
+"""The heartbeat to the vehicle's watchdog: each tick, as long as this end hears the aPad and can stop it. And what the
+watchdog says of itself.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
+import rosgraph
 import rospy
-from std_msgs.msg import Float32
+from std_msgs.msg import Float32, String
 
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.doctor.preflight import second_bench
+from apad_bridge.events.event import Event
 from apad_bridge.events.guards import StopKind
-from apad_bridge.ros_names.names import ours
+from apad_bridge.ros.gateway.fleet_guard import SecondFleet
+from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.types.any_listener import AnyListener
+from apad_bridge.ros_names.names import of_apad, ours
 from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.stops import Stops
 
 STALE_MS = 3_000
@@ -26,6 +39,8 @@ class Heartbeat:
     """
 
     def __init__(self, stops: Stops, can_stop: Callable[[], bool]) -> None:
+        """Raises SecondFleet where another living node publishes the topic: that bench flies the same vehicle."""
+        _refuse_second_bench(rospy.resolve_name(ours("heartbeat")))
         self._stops = stops
         self._can_stop = can_stop
         self._topic = rospy.Publisher(ours("heartbeat"), Float32, queue_size=1)
@@ -40,6 +55,43 @@ class Heartbeat:
                 self._topic.publish(Float32(number))
 
         return watch
+
+
+class WatchdogStates:
+    """Brings the gate what the watchdog of the aPad called `name` says: rospy's threads queue it, the flight's takes it."""
+
+    def __init__(self, name: str, gate: Gate) -> None:
+        self._gate = gate
+        self._inbox: Inbox[str] = Inbox()
+        listener = AnyListener(self._inbox.refuse)
+        self._subscriber = listener.listen(of_apad(name, "watchdog"), String, ("data",), self._take)
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._inbox.dropped
+
+    def take_events(self) -> list[Event]:
+        """Publishers whose messages cannot be read, each once."""
+        return self._inbox.take_events()
+
+    def watch(self, now_ms: int) -> None:
+        self._gate.hear_watchdog(self._inbox.take(), now_ms)
+
+    def close(self) -> None:
+        self._subscriber.unregister()
+
+    def _take(self, message: Any) -> None:
+        self._inbox.put(str(message.data))
+
+
+def _refuse_second_bench(topic: str) -> None:
+    """A node that does not answer counts as living. A master that does not is told of elsewhere."""
+    try:
+        living = Graph.read(rosgraph.get_master_uri()).living_publishers(topic)
+    except Unreachable:
+        return
+    if others := [it for it in living if it != rospy.get_name()]:
+        raise SecondFleet(": ".join(second_bench(topic, others)))
 
 
 def number_of(heard_ms: int | None, now_ms: int, *, is_off: bool) -> float | None:

@@ -25,7 +25,7 @@ class NotAnnounced(Exception):
 
 
 def topic_md5(graph: Graph, topic: str) -> str:
-    """The md5 that the first publisher of `topic` announces. NotAnnounced after a time-out."""
+    """The md5 that the first living publisher of `topic` announces. NotAnnounced after a time-out."""
     with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
         return _md5_in(header)
 
@@ -40,7 +40,7 @@ class Spoken:
 
 
 def topic_definition(graph: Graph, topic: str) -> Spoken:
-    """The announcement of the first publisher of `topic`. NotAnnounced after a time-out."""
+    """The announcement of the first living publisher of `topic`. NotAnnounced after a time-out."""
     with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
         return _spoken(header)
 
@@ -54,7 +54,7 @@ def service_md5(graph: Graph, service: str) -> str:
 
 
 def next_messages(graph: Graph, topic: str, count: int = 1, timeout_s: float = TIMEOUT_S) -> list[bytes]:
-    """The next `count` messages of the first publisher, serialised; the first may be a latched one.
+    """The next `count` messages of the first living publisher, serialised; the first may be a latched one.
 
     NotAnnounced if they do not come within `timeout_s`.
     """
@@ -67,7 +67,7 @@ def next_messages(graph: Graph, topic: str, count: int = 1, timeout_s: float = T
 
 
 def messages_within(graph: Graph, topic: str, seconds: float) -> tuple[Spoken, list[tuple[float, bytes]]]:
-    """All that the first publisher of `topic` sends within `seconds`: (time.monotonic, serialised), and what it speaks.
+    """All that the first living publisher sends within `seconds`, as (time.monotonic, serialised), and its definition.
 
     NotAnnounced if it cannot be subscribed to; a silent one sends nothing.
     """
@@ -165,18 +165,28 @@ def _md5_in(header: dict[str, str]) -> str:
 @contextlib.contextmanager
 def _subscribed(graph: Graph, topic: str) -> Iterator[tuple[socket.socket, io.BytesIO, dict[str, str]]]:
     """A short subscription without the master: the connection, the bytes after the header, the header."""
-    nodes = graph.publishers.get(topic)
-    if not nodes:
-        raise NotAnnounced("nobody publishes it")
-    topic = graph.name_there(topic)
-    answer = call(str(call(graph.uri, "lookupNode", nodes[0])), "requestTopic", topic, [["TCPROS"]])
-    if not isinstance(answer, list) or len(answer) != 3:
-        raise NotAnnounced(f"{nodes[0]} offers no TCPROS")
-    with connect(f"rosrpc://{answer[1]}:{answer[2]}") as connection:
+    with connect(_publisher_of(graph, topic)) as connection:
+        topic = graph.name_there(topic)
         rest = io.BytesIO()
         request = {"callerid": CALLER, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
         header = _handshake(connection, request, rest)
         yield connection, rest, header
+
+
+def _publisher_of(graph: Graph, topic: str) -> str:
+    """The address of the first publisher that lives and offers the topic: the master keeps the dead ones, too."""
+    why_not = "nobody publishes it"
+    for node in graph.living_publishers(topic):
+        try:
+            api = str(call(graph.uri, "lookupNode", node))
+            answer = call(api, "requestTopic", graph.name_there(topic), [["TCPROS"]])
+        except Unreachable as error:
+            why_not = str(error)
+            continue
+        if isinstance(answer, list) and len(answer) == 3:
+            return f"rosrpc://{answer[1]}:{answer[2]}"
+        why_not = f"{node} offers no TCPROS"
+    raise NotAnnounced(why_not)
 
 
 def _handshake(connection: socket.socket, request: dict[str, str], rest: io.BytesIO) -> dict[str, str]:

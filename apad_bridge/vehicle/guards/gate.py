@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.guards import SURFACING, OrderRefused, PilotTold
+from apad_bridge.events.guards import SURFACING, OrderRefused, PilotTold, WatchdogTold
 from apad_bridge.vehicle.commands import (
     BatteryReported,
     CloseDock,
@@ -41,6 +41,7 @@ from apad_bridge.vehicle.guards.orders import (
 )
 from apad_bridge.vehicle.guards.position_watch import NEVER_MS, PositionLimits, PositionWatch
 from apad_bridge.vehicle.guards.stops import Latch, Stops
+from apad_bridge.vehicle.guards.watchdog_watch import WatchdogWatch
 from apad_bridge.vehicle.guards.waters import OpenWaters, Waters
 from apad_bridge.vehicle.link import Cleared, LinkFact, Order
 
@@ -84,11 +85,18 @@ class Refusal:
 class Gate:
     """Judges orders by the newest facts of the vehicle. `events` are the journal's lines that nobody has taken yet."""
 
-    def __init__(self, guards: Sequence[Guard], watch: PositionWatch, waters: Waters | None = None) -> None:
+    def __init__(
+        self,
+        guards: Sequence[Guard],
+        watch: PositionWatch,
+        waters: Waters | None = None,
+        watchdog: WatchdogWatch | None = None,
+    ) -> None:
         self._guards = tuple(guards)
         self._waters = waters or OpenWaters()
         self.watch = watch
         self.battery = BatteryWatch()
+        self._watchdog = watchdog or WatchdogWatch()
         self.events: list[Event] = []
         self.latch = Latch()
         self.stops = Stops(self.events, self.latch)
@@ -128,6 +136,12 @@ class Gate:
     def see_bodies(self, bodies: tuple[BodyInWater, ...]) -> None:
         """Takes the bodies that must not be touched, in place of those before."""
         self._bodies = bodies
+
+    def hear_watchdog(self, said: Sequence[str], now_ms: int) -> None:
+        """Takes what the vehicle's watchdog said since the last tick; a line when it stops watching or begins again."""
+        if self._watchdog.look(said, now_ms):
+            fault = self._watchdog.fault
+            self.events.append(WatchdogTold(not fault, fault or None))
 
     def why_not_continue(self, number: int | None, now_ms: int, *, pilot_left: bool = False) -> str:
         """The reason why a person's word to continue after stop `number` changes nothing; or empty.
@@ -187,6 +201,7 @@ class Gate:
             self._bodies,
             self.awaits_person,
             now_ms,
+            self._watchdog.fault,
         )
 
     def _outside(self) -> str:

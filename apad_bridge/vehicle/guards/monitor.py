@@ -240,6 +240,20 @@ class MakesProgress:
 
 
 @dataclass(frozen=True, slots=True)
+class IsWatched:
+    """The vehicle's own watchdog watches. Without it an aPad on its way goes on when the link or the bench dies."""
+
+    cause: Cause = Cause.WATCHDOG
+
+    def look(
+        self, situation: VehicleSituation, under_way: UnderWay | None, now_ms: int
+    ) -> MonitorFinding | None:
+        if not situation.watchdog_fault:
+            return None
+        return MonitorFinding(self.cause, Reaction.HOLD, situation.watchdog_fault)
+
+
+@dataclass(frozen=True, slots=True)
 class Change:
     """A cause begins, with its finding, or is over."""
 

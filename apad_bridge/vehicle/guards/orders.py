@@ -56,6 +56,8 @@ class VehicleSituation:
     awaits_person: str = ""
     """The reason why nothing moves until a person allows it; empty while nothing is in the way."""
     at_ms: int = 0
+    watchdog_fault: str = ""
+    """The reason why the vehicle's own watchdog does not watch; empty where it does, or where none is known."""
 
     @property
     def speed_m_s(self) -> float:

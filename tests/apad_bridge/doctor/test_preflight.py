@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from apad_bridge.doctor.preflight import (
     WATCHDOG_STATES,
     EnergyNeed,
     TopicSeen,
+    WatchdogSeen,
+    check_bench,
     check_clearance,
     check_delay,
     check_energy,
@@ -287,6 +290,13 @@ def test_the_places_in_degrees_come_from_the_newest_sound_position() -> None:
     assert told_places(STEADY) == []
 
 
+def test_another_bench_that_flies_the_vehicle_is_red_with_its_node() -> None:
+    assert status(check_bench(APAD, "/musselbed/heartbeat", [])) == "OK"
+    second = check_bench(APAD, "/musselbed/heartbeat", ["/musselbed_1"])
+    assert status(second) == "FAIL" and second.found.startswith("/musselbed_1 publishes /musselbed/heartbeat")
+    assert "musselbed abort RUN" in str(second.mend)
+
+
 @pytest.mark.parametrize(
     ("hears_pilot", "manual", "wanted"),
     [
@@ -305,22 +315,64 @@ def test_a_pilot_who_steers_is_red_and_a_flag_that_fell_silent_tells_nothing(
     assert status(check_pilot(APAD, hears_pilot=hears_pilot, manual=manual)) == wanted
 
 
+SETTINGS = TopicSeen(True, '{"heartbeat": "/musselbed/heartbeat", "silence_s": 10.0}')
+
+
+def of_watchdog(
+    state: TopicSeen,
+    settings: TopicSeen = SETTINGS,
+    *,
+    nodes: Sequence[str] = ("/w",),
+    drifts: bool = False,
+    is_demanded: bool = False,
+) -> Finding:
+    seen = WatchdogSeen(state, settings, nodes)
+    return check_watchdog(APAD, seen, "/musselbed/heartbeat", drifts=drifts, is_demanded=is_demanded)
+
+
 @pytest.mark.parametrize(
-    ("drifts", "state", "wanted"),
+    ("drifts", "is_demanded", "state", "wanted"),
     [
-        (True, TopicSeen(False), "FAIL"),
-        (False, TopicSeen(False), "WARN"),
-        (True, TopicSeen(True, "WATCHING"), "OK"),
-        (False, TopicSeen(True, "WAITING"), "OK"),
-        (False, TopicSeen(True), "FAIL"),
-        (False, TopicSeen(True, "hello"), "FAIL"),
-        (True, TopicSeen(True, ""), "FAIL"),
+        (True, False, TopicSeen(False), "FAIL"),
+        (False, False, TopicSeen(False), "WARN"),
+        (False, True, TopicSeen(False), "FAIL"),
+        (True, False, TopicSeen(True, "WATCHING"), "OK"),
+        (False, True, TopicSeen(True, "WAITING"), "OK"),
+        (False, False, TopicSeen(True), "FAIL"),
+        (False, False, TopicSeen(True, "hello"), "FAIL"),
+        (True, False, TopicSeen(True, ""), "FAIL"),
     ],
 )
 def test_a_watchdog_that_is_silent_or_says_what_none_says_is_red(
-    drifts: bool, state: TopicSeen, wanted: str
+    drifts: bool, is_demanded: bool, state: TopicSeen, wanted: str
 ) -> None:
-    assert status(check_watchdog(APAD, drifts=drifts, state=state)) == wanted
+    assert status(of_watchdog(state, drifts=drifts, is_demanded=is_demanded)) == wanted
+
+
+@pytest.mark.parametrize(
+    ("settings", "wanted", "told"),
+    [
+        ('{"heartbeat": "/musselbed/heartbeat", "silence_s": 15}', "OK", "acts after 15 s"),
+        ('{"heartbeat": "/other", "silence_s": 10.0}', "FAIL", "listens to /other"),
+        ('{"heartbeat": "/musselbed/heartbeat", "silence_s": 600.0}', "FAIL", "600 s: 15 s is the most"),
+        ('{"heartbeat": "/musselbed/heartbeat", "silence_s": NaN}', "FAIL", "nan"),
+        ('{"heartbeat": "/musselbed/heartbeat", "silence_s": 2}', "WARN", "acts after 2 s"),
+        ('{"heartbeat": "/musselbed/heartbeat"}', "CANNOT TELL", "an older one, or another node"),
+        ("[]", "CANNOT TELL", "another node"),
+        ("hello", "CANNOT TELL", "another node"),
+        (None, "CANNOT TELL", "another node"),
+    ],
+)
+def test_a_watchdog_that_listens_elsewhere_or_acts_too_late_is_red(
+    settings: str | None, wanted: str, told: str
+) -> None:
+    found = of_watchdog(TopicSeen(True, "WAITING"), TopicSeen(settings is not None, settings))
+    assert status(found) == wanted and told in found.found
+
+
+def test_two_watchdogs_of_one_vehicle_are_red() -> None:
+    both = of_watchdog(TopicSeen(True, "WATCHING"), nodes=("/w1", "/w2"))
+    assert status(both) == "FAIL" and "/w1, /w2" in both.found
 
 
 def test_every_state_that_the_watchdog_describes_is_known() -> None:
