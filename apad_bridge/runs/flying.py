@@ -35,7 +35,7 @@ from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
-from apad_bridge.runs.display import ProgressDisplay, failure_line
+from apad_bridge.runs.display import ProgressDisplay, told_line
 from apad_bridge.runs.nurseries import FOLDER, begin_nursery
 from apad_bridge.runs.status import RunStatus
 from apad_bridge.scenario.choices import Hosting
@@ -270,11 +270,11 @@ def prepare(
         if spec.until_first_plan and flight.supervisor.mission.state.plan.steps:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
-    def print_failure(at_ms: MissionMs, event: Event) -> None:
-        if (line := failure_line(at_ms, event)) is not None:
+    def print_told(at_ms: MissionMs, event: Event) -> None:
+        if (line := told_line(at_ms, event)) is not None:
             progress.print_message(line)
 
-    flight_recorder = _AnnouncingRecorder(recorder, [print_failure, context.announce])
+    flight_recorder = _AnnouncingRecorder(recorder, [print_told, context.announce])
     flight = _flight(
         config, context, flight_recorder, spec, _collection(config, context, recorder), show_tick
     )

@@ -27,6 +27,7 @@ from apad_bridge.supervisor.forecast import Forecast
 _LINE_EVERY_MS = 300_000
 _REFRESH_HZ = 8
 _MOST_NAMED = 8
+_STOPPED = "STOPPED"
 _SILENT_S = 2.0
 """The longest time without a first word."""
 _AGAIN_S = 30.0
@@ -103,7 +104,12 @@ class FlightProgress:
     def _show_in_bar(self, status: RunStatus) -> None:
         self._unshown = None
         self._last_shown_s = self._clock()
-        self._update(completed=status.now_ms, clock=self._clock_text(status.now_ms), doing=_doing(status))
+        self._update(
+            completed=status.now_ms,
+            clock=self._clock_text(status.now_ms),
+            doing=_doing(status).removeprefix(f"{_STOPPED}: "),
+            description=_STOPPED if status.stopped else self._name,
+        )
 
     def _clock_text(self, now_ms: int) -> str:
         return f"{clock_text(now_ms)} / {clock_text(self._duration_ms)}"
@@ -182,12 +188,12 @@ class WorkProgress:
 
 
 def _doing(status: RunStatus) -> str:
-    """The status in words, without its time."""
+    """The status in words, without its time. A stopped aPad's begins with what it has done: the rest may be cut off."""
+    done = f"{status.services} served, {status.cost_m:.0f} m"
     reports = f"{status.active}/{status.agents} active" if status.agents else "waiting for first reports"
-    doing = (
-        f"{_apad_text(status)}: {reports}, {_docked_text(status.docked)}, "
-        f"{status.services} served, {status.cost_m:.0f} m"
-    )
+    doing = f"{_apad_text(status)}: {reports}, {_docked_text(status.docked)}, {done}"
+    if status.stopped:
+        doing = f"{_STOPPED}: {done}, {status.stopped}"
     if status.apad_fraction is not None:
         doing += f", aPad {100 * status.apad_fraction:.0f} %"
     doing += _forecast_text(status.forecast)

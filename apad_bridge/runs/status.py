@@ -32,6 +32,8 @@ class RunStatus:
     behind_s: float
     forecast: Forecast | None = None
     """None for several aPads, whose forecasts have no sum."""
+    stopped: str = ""
+    """The stop in force, and who ordered it; empty where the aPad may move."""
 
     @classmethod
     def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float, forecast: Forecast) -> RunStatus:
@@ -50,6 +52,7 @@ class RunStatus:
             None if supervisor.battery is None else supervisor.battery.fraction,
             behind_s,
             forecast,
+            "" if supervisor.stop is None else f"{supervisor.stop.kind} by {supervisor.stop.by}",
         )
 
     @classmethod
@@ -68,4 +71,5 @@ class RunStatus:
             fsum(it.cost_m for it in each),
             None,
             max(it.behind_s for it in each),
+            stopped=", ".join(it.stopped for it in each if it.stopped),
         )

@@ -67,6 +67,7 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.orders import Surfacing
+from apad_bridge.vehicle.guards.stops import StopRecord
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     NothingCaught,
@@ -173,6 +174,11 @@ class Supervisor:
         """The running primitive, by the name that people use."""
         running = self.port.running
         return "none" if running is None else PRIMITIVE_NAMES[type(running)]
+
+    @property
+    def stop(self) -> StopRecord | None:
+        """The stop in force."""
+        return self._gate.stops.in_force
 
     @property
     def has_ended(self) -> bool:

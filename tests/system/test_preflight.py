@@ -129,7 +129,8 @@ def test_an_apad_is_checked_and_its_stop_proven_and_a_run_starts_on_green_alone(
             assert not (tmp_path / "run").exists()
             with watchdog(environment):
                 again = musselbed(environment, tmp_path, "preflight", scenario, "--json")
-            assert findings(again)["/apad1 watchdog"]["found"] == "it runs, and says WAITING"
+            told = findings(again)["/apad1 watchdog"]["found"]
+            assert told.startswith("it runs, and says WAITING; it listens to /musselbed/heartbeat"), told
             assert again.returncode == 0 and findings(again)["/apad1 stop"] == stop
         run = subprocess.Popen(
             [*COMMAND, *map(str, fly), *(("--despite", "watchdog") if generation == "b" else ())],

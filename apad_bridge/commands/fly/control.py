@@ -28,8 +28,9 @@ _NO_EMERGENCY_STOP = "This is no emergency stop: it needs a live supervisor and 
 _COMMANDS: dict[Act, tuple[str, tuple[str, str]]] = {
     Act.STOP: (
         "The aPad holds its position where it may: a position that is believed, inside the fence. Else its controllers go "
-        "off, and it drifts. A second stop switches them off. The command says `done` only when the vehicle has accepted "
-        f"the stop and the hull slows; nothing moves the aPad before `musselbed continue`. {_NO_EMERGENCY_STOP}",
+        "off, and it drifts. A second stop, a second or more after the first, switches them off. The command says `done` "
+        "only when the vehicle has accepted the stop and the hull slows; nothing moves the aPad before `musselbed "
+        f"continue`. {_NO_EMERGENCY_STOP}",
         ("musselbed stop runs/pool-12-1", "musselbed stop runs/bay-120-1/apad2 --off --by Anna"),
     ),
     Act.HANDS: (
@@ -73,8 +74,8 @@ def add_parser(commands: Any) -> None:
     """Adds `order` with all orders, and the short form of each."""
     order = commands.add_parser(
         "order",
-        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort, remark. Each "
-        "has a short form, such as `musselbed stop RUN`.",
+        description="Gives a person's order to a flying run: stop, hands, continue, give-back, back-in, abort or "
+        "remark. Each has a short form, such as `musselbed stop RUN`.",
         epilog=ending("musselbed order stop runs/pool-12-1", "musselbed order continue runs/pool-12-1"),
     )
     _add_orders(order.add_subparsers(metavar="ORDER", required=True), "musselbed order")

@@ -1,5 +1,6 @@
 """Failures reach a person: as lines while the flight goes on, and as counts in the summary."""
 
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,7 +18,7 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending, FailureCounts
-from apad_bridge.runs.display import failure_line
+from apad_bridge.runs.display import told_line
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
@@ -82,7 +83,7 @@ def test_aMussels_that_cannot_be_charged_are_left_alone_one_by_one(pool: Scenari
         data["name"] for kind, data in events[last:] if kind == "primitive" and data["phase"] == "started"
     ]
     assert names == ["hold position", "hold position"]  # in idle wait, and at the end
-    line = failure_line(1000, event_of(*events[last]))
+    line = told_line(1000, event_of(*events[last]))
     assert line is not None and "is left alone from now on: 2 tries in a row failed" in line
 
 
@@ -97,8 +98,8 @@ def test_the_counts_go_on_in_a_resumed_run(stuck: Scenario, tmp_path: Path) -> N
 
 def test_a_pre_emption_is_no_failure() -> None:
     failed = {"name": "go to point", "phase": "failed", "north_m": 1.0, "east_m": 2.0, "reason": "pre-empted"}
-    assert failure_line(0, event_of("primitive", failed)) is None
-    line = failure_line(61_000, event_of("primitive", failed | {"reason": "no GPS"}))
+    assert told_line(0, event_of("primitive", failed)) is None
+    line = told_line(61_000, event_of("primitive", failed | {"reason": "no GPS"}))
     assert line == "01:01  go to point (1.0 m north, 2.0 m east) failed: no GPS"
 
 
@@ -161,11 +162,11 @@ def test_what_guards_refuse_is_told_and_counted(pool: Scenario, tmp_path: Path) 
 
 def test_a_danger_between_orders_is_told_with_its_reaction() -> None:
     data = {"cause": "position", "reaction": "stop", "reason": "it is old", "calls_pilot": True}
-    assert failure_line(61_000, event_of("guard", data)) == (
+    assert told_line(61_000, event_of("guard", data)) == (
         "01:01  PILOT, TAKE IT: the aPad's controllers go off: it is old"
     )
     data |= {"cause": "fence ahead", "reaction": "hold", "calls_pilot": False}
-    assert failure_line(61_000, event_of("guard", data)) == "01:01  the aPad holds where it is: it is old"
+    assert told_line(61_000, event_of("guard", data)) == "01:01  the aPad holds where it is: it is old"
 
 
 def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_late(
@@ -188,6 +189,49 @@ def test_a_status_says_that_no_report_came_yet_and_by_how_much_the_flight_is_lat
         "05:00 / 10:00 by hand or script (dock): 8/12 active, 7 3 docked, 0 served, 0 m, aPad 100 %, "
         "1.3 s behind real time; 00:20 left",
     ]
+
+
+STOPPED = RunStatus(
+    61_000, "by hand or script", "hold position", 12, 9, (), 3, 41.0, 0.9, 0.0, stopped="hold by Anna"
+)
+
+
+def test_a_stop_is_the_first_word_of_the_status(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """80 columns have no room for all, so the services and the metres follow at once."""
+    with FlightProgress("pool", 600_000) as progress:
+        progress.show_status(STOPPED.now_ms, lambda: STOPPED)
+    line = " ".join(capsys.readouterr().err.split())
+    assert line == "01:01 / 10:00 STOPPED: 3 served, 41 m, hold by Anna, aPad 90 %"
+    monkeypatch.setenv("FORCE_COLOR", "1")  # a terminal, for rich
+    monkeypatch.setenv("COLUMNS", "80")
+    with FlightProgress("a-scenario-with-a-long-name", 600_000) as progress:
+        progress.show_status(STOPPED.now_ms, lambda: STOPPED)
+    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err).splitlines()[-1]
+    assert shown.lstrip("\r").startswith("STOPPED ") and "3 served, 41 m" in shown
+
+
+@pytest.mark.parametrize("state", ["ordered", "sent", "taken", "at rest", "not taken", "refused"])
+def test_each_state_of_a_stop_is_a_line(state: str) -> None:
+    line = told_line(61_000, event_of("stop", {"number": 1, "mode": "hold", "by": "Anna", "state": state}))
+    assert (
+        line is not None
+        and line.startswith("01:01  ")
+        and "stop 1 (hold, by Anna) is" in line.replace("has brought the aPad to rest", "is")
+    )
+
+
+def test_the_drift_the_word_to_continue_and_the_end_of_a_danger_are_lines() -> None:
+    drift = told_line(61_000, event_of("drift", {"speed_m_s": 0.2, "towards_rad": 1.57, "fence_s": 40.0}))
+    assert drift == (
+        "01:01  the aPad drifts without thrust, 0.20 m/s towards 90 degrees, at the fence or a keep-out zone in 40 s"
+    )
+    assert told_line(0, event_of("continued", {"number": 1, "by": "Anna"})) == (
+        "00:00  Anna continues after stop 1"
+    )
+    over = told_line(0, event_of("guard_over", {"cause": "position"}))
+    assert over == "00:00  no longer in danger (position)"
 
 
 def test_a_bar_makes_the_statuses_that_it_shows_and_no_others(
