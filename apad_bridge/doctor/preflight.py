@@ -28,7 +28,9 @@ MOST_LEG_WAYS = 10
 """A leg may last so many times as long as the longest way takes at the mission's speed."""
 MOST_CHARGE = 1.05
 """Gauges in the field overshoot a little."""
-WATCHDOG_STATES = frozenset({"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME"})
+WATCHDOG_STATES = frozenset(
+    {"WAITING", "WATCHING", "SILENT", "HELD", "OFF", "PILOTED", "HOMEWARD", "HOME", "LEFT"}
+)
 """The states of `launch_scripts/vehicle_watchdog`."""
 LEAST_SILENCE_S, MOST_SILENCE_S = 5.0, 15.0
 """A watchdog that waits less stops the aPad for a gap of a poor link, and one that waits longer lets it go too far."""

@@ -204,6 +204,15 @@ def test_after_a_silence_the_watchdog_may_hold_and_the_bench_nothing() -> None:
     assert judged([*held, *off(31.0)], **how).failures == []
 
 
+def test_a_vehicle_at_rest_may_be_left_in_a_silence_and_one_that_goes_on_may_not() -> None:
+    says = [{"fact": "watchdog", "at_s": 20.5, "state": "LEFT"}]
+    how = {"limit_s": 12.0, "deaf": (BEGUN_S, 30.0), "must_be": Kind.HOLD}
+    assert judged([*sailing(15.0), *go(), *says], **how).failures == []
+    assert judged([*sailing(), *go(), *says], **how).failures == ["no hold on the wire"]
+    assert judged([*sailing(15.0), *go()], **how).failures == ["no hold on the wire"]
+    assert judged([*sailing(15.0), *go(), *says], limit_s=12.0, must_be=Kind.HOLD).failures != []
+
+
 def test_after_a_power_cycle_nobody_moves_it() -> None:
     how = {"is_stop_due": False, "nothing_after_s": BEGUN_S}
     assert judged([*sailing(10.0), *go(), *hold(30.0, (16.0, 30.0), WATCHDOG)], **how).unasked == 1

@@ -30,7 +30,7 @@ class Orders:
         self.taken: list[str] = []
         self.tried: list[str] = []
         self.refuses: Exception | None = None
-        self.is_told = self.is_cut = False
+        self.is_told = self.is_cut = self.keeps_place = False
 
     def forget_cut(self) -> None:
         self.is_cut = False
@@ -190,10 +190,43 @@ def test_a_way_that_somebody_ended_in_the_silence_is_not_followed_by_a_hold() ->
 def test_a_way_that_ended_before_a_heartbeat_is_judged_by_the_heartbeat() -> None:
     vessel = watched()
     vessel.orders.is_cut = True
-    vessel.seconds(3)
+    vessel.seconds(6)
     vessel.age_s = None
     vessel.seconds(30)
     assert vessel.state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+
+
+def test_a_heartbeat_that_was_sent_before_an_off_does_not_excuse_the_end_of_the_way() -> None:
+    """The OFF overtook it: the link may hold a heartbeat back for 3 s."""
+    vessel = watched()
+    vessel.orders.is_cut = True
+    vessel.seconds(3)
+    vessel.age_s = None
+    vessel.seconds(30)
+    assert vessel.state == "OFF" and set(vessel.taken) == {"off"}
+
+
+def test_an_aPad_that_keeps_its_place_by_itself_is_left_as_it_is() -> None:
+    """It may be off: the thrusters must not turn because heartbeats are lost."""
+    vessel = watched(home=home())
+    vessel.orders.keeps_place, vessel.age_s = True, None
+    vessel.seconds(900)
+    assert vessel.state == "LEFT" and vessel.orders.tried == []
+    vessel.age_s = 0.1
+    assert vessel.seconds(3).state == "WATCHING"
+
+
+def test_an_aPad_that_was_left_is_stopped_when_it_sets_out_and_off_when_its_position_turns_bad() -> None:
+    vessel = watched()
+    vessel.orders.keeps_place, vessel.age_s = True, None
+    vessel.seconds(8)
+    vessel.orders.keeps_place, vessel.orders.is_told = False, True
+    assert vessel.seconds(3).state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+    vessel = watched()
+    vessel.orders.keeps_place, vessel.age_s = True, None
+    vessel.seconds(8)
+    vessel.position = Position(60.0)
+    assert vessel.seconds(3).state == "OFF" and set(vessel.taken) == {"off"}
 
 
 def test_the_watchdog_s_own_hold_is_not_somebody_s_end_of_a_way() -> None:
@@ -203,6 +236,59 @@ def test_the_watchdog_s_own_hold_is_not_somebody_s_end_of_a_way() -> None:
     vessel.orders.is_cut = True  # by the hold, which was given meanwhile
     vessel.seconds(30)
     assert vessel.state == "HELD" and set(vessel.taken) == {"hold 10 10"}
+
+
+RUNNING, PREEMPTED, DONE = 1, 2, 3
+
+
+@pytest.mark.parametrize(
+    ("told", "is_cut"),
+    [
+        ([("end",)], True),  # of a hold: an order alone ends it
+        ([("goto", RUNNING), ("goto", PREEMPTED), ("end",)], True),
+        ([("goto", RUNNING), ("goto", DONE), ("end",)], False),
+        ([("goto", RUNNING), ("end",), ("goto", DONE)], False),
+        ([("docking", RUNNING), ("docking", DONE), ("end",)], False),
+        ([("docking", RUNNING), ("docking", PREEMPTED), ("end",)], True),
+        ([("end",), ("goto", RUNNING)], False),
+        ([("goto", RUNNING), ("goto", DONE), ("end",), ("end",)], True),  # the hold that followed
+        ([("goto", DONE), ("docking", PREEMPTED)], False),  # of before the watchdog came
+    ],
+)
+def test_generation_b_tells_of_each_end_that_an_order_made(told: list[tuple[Any, ...]], is_cut: bool) -> None:
+    """`stop_mission` ends a hold without a status; `eventString` tells of it as of every end."""
+    orders = primitives()
+    hear = {"goto": orders._hear_status, "docking": orders._hear_docking, "end": orders._hear_end}
+    for topic, *status in told:
+        hear[topic](SimpleNamespace(data=status[0] if status else "/PRIMITIVE_FINISHED"))
+    assert orders.is_cut is is_cut and orders.is_told is (told[-1] == ("goto", RUNNING))
+    orders.forget_cut()
+    assert not orders.is_cut
+
+
+def test_an_off_after_the_watchdog_s_own_hold_keeps_it_from_going_home() -> None:
+    vessel = watched(home=home())
+    vessel.watchdog.hear_battery(SimpleNamespace(data=80.0))
+    vessel.age_s = None
+    vessel.seconds(6)
+    vessel.orders.is_cut = True  # by the watchdog's own hold
+    vessel.seconds(30)
+    assert vessel.state == "HELD" and not vessel.orders.is_cut
+    vessel.orders.is_cut = True  # by somebody's order
+    vessel.seconds(120)
+    assert vessel.state == "HELD" and vessel.taken == ["hold 10 10"]
+    assert "somebody ended its hold in the silence" in vessel.said[-1]
+
+
+def test_an_off_on_the_way_home_is_not_followed_by_a_hold() -> None:
+    vessel = watched(home=home())
+    vessel.watchdog.hear_battery(SimpleNamespace(data=80.0))
+    vessel.age_s = None
+    vessel.seconds(75)
+    assert vessel.state == "HOMEWARD"
+    vessel.orders.is_cut = True
+    vessel.seconds(3)
+    assert vessel.state == "OFF" and vessel.taken[-1] == "off"
 
 
 def test_a_heartbeat_of_an_off_trusts_no_position() -> None:
@@ -659,7 +745,8 @@ def test_it_keeps_to_the_syntax_of_python_2_7() -> None:
 
 def primitives() -> Any:
     orders = object.__new__(WATCHDOG.Primitives)
-    orders.is_told = orders.is_cut = False
+    orders.is_told = orders._docks = False
+    orders.forget_cut()
     return orders
 
 
@@ -701,6 +788,7 @@ def test_generation_a_tells_it_by_the_status_of_its_goals(told: list[dict[str, i
         ]
         orders._hear_status(SimpleNamespace(status_list=rows))
     assert orders.is_cut is is_cut
+    assert orders.keeps_place is not any(status == 1 for status in told[-1].values())
     orders.forget_cut()
     orders._hear_status(SimpleNamespace(status_list=rows))
     assert not orders.is_cut

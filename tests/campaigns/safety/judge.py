@@ -310,7 +310,8 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     if known is not None and known.kind in kinds:
         stop = known
     verdict.failures += case.other_faults
-    _judge_stop(verdict, stop, case, track)
+    if stop is not None or not _is_left_at_rest(facts, case, track):
+        _judge_stop(verdict, stop, case, track)
     _judge_places(verdict, ours, case, track)
     _judge_pilot(verdict, ours, facts)
     beats = [(it["at_s"], it["says_off"]) for it in facts if it["fact"] == "heartbeat"]
@@ -321,6 +322,13 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
             verdict.failures.append(f"`{it.what}` ended with {it.code}: {it.text.strip()[:160]}")
     _judge_way(verdict, case, track)
     return verdict
+
+
+def _is_left_at_rest(facts: list[Fact], case: Case, track: Track) -> bool:
+    """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is."""
+    says = [it["at_s"] for it in facts if it["fact"] == "watchdog" and it["state"] == "LEFT"]
+    left_s = next((it for it in says if case.begun_s <= it <= case.begun_s + case.limit_s), None)
+    return case.deaf is not None and left_s is not None and track.rest(left_s) is not None
 
 
 def _judge_stop(verdict: Verdict, stop: Order | None, case: Case, track: Track) -> None:
