@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +21,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 COMMAND = (sys.executable, "-m", "apad_bridge.commands.main")
 REAL_APAD = ROOT / "launch_scripts" / "scenarios" / "real-apad.yaml"
-PATIENCE_S = 300
+PATIENCE_S = 200
 
 
 @pytest.fixture
@@ -56,12 +57,12 @@ def apad(tmp_path: Path, scenario: Path, generation: str) -> Iterator[dict[str, 
 
 
 @contextmanager
-def watchdog(environment: dict[str, str]) -> Iterator[None]:
+def watchdog(environment: dict[str, str]) -> Iterator[subprocess.Popen[bytes]]:
     """The vehicle's watchdog, by the machine's own Python."""
     command = ["/usr/bin/python3", str(ROOT / "launch_scripts" / "vehicle_watchdog")]
     process = subprocess.Popen(command, env=environment | {"PYTHONPATH": str(generated_folder())})
     try:
-        yield
+        yield process
     finally:
         process.terminate()
         process.wait(180)
@@ -172,14 +173,60 @@ def refuse_second_bench(environment: dict[str, str], tmp_path: Path, scenario: P
     assert not (tmp_path / "second").exists()
 
 
-def wait_for(run: subprocess.Popen[str], path: Path) -> None:
-    """Waits until the run has made the file; a run that has ended makes none."""
-    while not path.exists():
+def test_a_watchdog_that_dies_in_flight_is_told_and_the_aPad_held_and_its_successor_is_green(
+    tmp_path: Path, scenario: Path
+) -> None:
+    """The dead one's registrations stay with the master: it was killed."""
+    data = loader.resolve(loader.load(scenario))
+    data["guards"]["watchdog"] = "hold"
+    loader.write_resolved(scenario, loader.from_data(data, "watched"))
+    fly = ["run", scenario, "--apad", "ros", "--hosting", "one_process", "--json", "--manual", "--out", "run"]
+    with apad(tmp_path, scenario, "a") as environment:
+        missing = findings(musselbed(environment, tmp_path, "preflight", scenario, "--json"))
+        assert missing["/apad1 watchdog"]["found"] == "none, and guards.watchdog demands one"
+        with watchdog(environment) as first:
+            run = subprocess.Popen(
+                [*COMMAND, *map(str, fly)],
+                cwd=tmp_path,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            try:
+                journal = tmp_path / "run" / "journal.jsonl"
+                wait_for(run, tmp_path / "run" / "control.sock")
+                first.kill()
+                wait_for(run, journal, '"cause":"watchdog","reaction":"hold"')
+                assert '"kind":"watchdog","watches":false' in journal.read_text()
+                with watchdog(environment):
+                    wait_for(run, journal, '"kind":"watchdog","watches":true')
+                    done = musselbed(environment, tmp_path, "preflight", scenario, "--json")
+                    again = findings(done)["/apad1 watchdog"]
+                    assert again["status"] == "OK" and "says WATCHING" in again["found"], again
+                assert musselbed(environment, tmp_path, "abort", "run").returncode == 0
+            finally:
+                run.terminate()
+                out, _ = run.communicate(timeout=PATIENCE_S)
+    told = "\n".join(json.loads(out)["events"])
+    assert "nothing stops the aPad" in told
+    assert "stop 1 (hold, by guard: watchdog) has brought the aPad to rest" in told
+
+
+def wait_for(run: subprocess.Popen[str], path: Path, text: str = "") -> None:
+    """Waits until the run has made the file, with the text; a run that has ended makes none."""
+    until_s = time.monotonic() + PATIENCE_S
+
+    def is_there() -> bool:
+        return path.exists() and text in path.read_text()
+
+    while not (is_there() if text else path.exists()):
+        assert time.monotonic() < until_s, text
         try:
             run.wait(0.2)
         except subprocess.TimeoutExpired:
             continue
-        assert path.exists(), run.communicate()[1]
+        assert is_there() if text else path.exists(), run.communicate()[1]
 
 
 def test_what_cannot_be_overridden_and_docks_without_a_person_are_refused(

@@ -191,7 +191,7 @@ def test_each_fault_of_vehicle_and_scenario_is_red_by_its_own_line_and_a_healthy
     north, east = AT
     with vehicle(tmp_path, generation) as it:
         wrong = with_origin(north + NORTH_KM_DEG, east) | {
-            "guards": {"battery_reserve": 0, "jump_m": 500},
+            "guards": {"battery_reserve": 0, "jump_m": 500, "leg_s": 300_000},
             "apad": {"generation": "b" if is_a else "a"},
         }
         # The rest of the scenario's faults are the same for both.
@@ -210,6 +210,7 @@ def test_each_fault_of_vehicle_and_scenario_is_red_by_its_own_line_and_a_healthy
                 "origin": "1000 m from the scenario's",
                 "reserve": "guards.battery_reserve is 0",
                 "reaction": "guards.jump_m is 500 m",
+                "limits": "guards.leg_s is 300000 s",
                 "generation": "it is a, and the scenario's is b"
                 if is_a
                 else "it is b, and the scenario's is a",
