@@ -46,6 +46,20 @@ TRUTH = "/hull/position"
 UNDER_WAY_M = 2.0
 NEVER_OVERRIDDEN = ("bench", "fence", "position", "pilot", "stop")
 ANSWER_S = 30.0
+CALL_S = 0.4
+_ENDS = ((61.0, 58.0), (61.0, 56.0))
+"""Two places near each other: the way to either is long, and each order is a new one."""
+_WAYS = f"""
+ends = {_ENDS}
+while True:
+    try:
+        api.go_to_local(*ends[0])
+    except Exception as refused:
+        print("not taken:", refused)
+    ends = ends[::-1]
+    time.sleep(1)
+"""
+"""A script that goes on ordering, whatever comes of it. Its end is that of the flight."""
 PATIENCE_S = 60.0
 BEGIN_S = 180.0
 IMC_PORT = 16_001
@@ -97,7 +111,16 @@ class Setup:
     """The way that lies ahead when the flight is handed over."""
     rests: bool = False
     """All aMussels are full and age as the clock goes: the vehicle holds its place for hours."""
+    flies: str = "mission"
+    """`script`: a script orders a go-to each second, for ever. `calls`: a program calls for one each 0.4 s."""
+    arm_moves: bool = False
+    """The arm stands open in a docking of generation B."""
     run_words: tuple[str, ...] = ()
+
+
+def says_done(text: str) -> bool:
+    """A line of it says that a stop is done."""
+    return re.search(r"^(\w+: )?done\b", text, re.M) is not None
 
 
 @dataclass
@@ -122,7 +145,7 @@ class Pressed:
         except subprocess.TimeoutExpired:
             self.process.kill()
             text, code = "no answer", None
-        says_taken = code == 0 and self.words[0] != "continue"
+        says_taken = self.words[0] != "continue" and (code == 0 or says_done(text))
         return Told(" ".join(self.words), self.asked_s, time.monotonic(), code, says_taken, text)
 
 
@@ -145,6 +168,8 @@ class Flight:
     bench: Machine = field(init=False)
     link: Lose = field(init=False)
     programs: Programs = field(init=False)
+    runs: list[str] = field(default_factory=list)
+    """The names under which the bench's commands that fly were started."""
     _processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
     _read_bytes: int = 0
     _starts: int = 0
@@ -192,18 +217,23 @@ class Flight:
             "--time",
             "wall",
         ]
-        self._start("hull", *hull, "--tether", "1.0", environment=environment)
+        self._start(
+            "hull", *hull, "--tether", "1.0", "--orders", str(self._socket("hull")), environment=environment
+        )
         self._wait_ready("hull")
         workspace = environment | self._workspace(environment["PYTHONPATH"])
         self._start("relay", *clock, *self._node("relay"), environment=workspace)
         self._wait_ready("relay")
         if self.setup.watchdog:
-            words = [*clock, "/usr/bin/python3", str(ROOT / "launch_scripts" / "vehicle_watchdog")]
-            words += ["--apad", "/apad1", "--silence-s", f"{self.setup.silence_s:g}"]
-            self._start("watchdog", *words, environment=workspace)
+            self.start_watchdog(*clock, environment=workspace)
+
+    def start_watchdog(self, *clock: str, environment: dict[str, str] | None = None) -> None:
+        words = [*clock, "/usr/bin/python3", str(ROOT / "launch_scripts" / "vehicle_watchdog")]
+        words += ["--apad", "/apad1", "--silence-s", f"{self.setup.silence_s:g}"]
+        self._start("watchdog", *words, environment=environment or self._workspace(PATH))
 
     def actor(self, name: str, *words: str) -> None:
-        """Another node on the vehicle's computer: `stranger`, or a second `relay`."""
+        """Another node on the vehicle's computer: `stranger`, `caller`, or a second `relay`."""
         script = "relay" if name == "second" else name
         environment = self._workspace(PATH)
         self._start(name, *self._node(script, name), *words, environment=environment)
@@ -211,9 +241,15 @@ class Flight:
 
     def _node(self, script: str, name: str = "") -> list[str]:
         name = name or script
-        path = self.home / f"{name}-{self._starts}.sock"
-        program = str(NODES / f"{script}.py")
-        return ["/usr/bin/python3", program, f"actor_{name}", str(path)]
+        return [
+            "/usr/bin/python3",
+            str(NODES / f"{script}.py"),
+            f"actor_{name}",
+            str(self._socket(name)),
+        ]
+
+    def _socket(self, name: str) -> Path:
+        return self.home / f"{name}-{self._starts}.sock"
 
     def _workspace(self, before: str) -> dict[str, str]:
         """The environment of a shell in the vehicle's workspace."""
@@ -256,6 +292,8 @@ class Flight:
         for number in range(4):
             process = self._start_run(number)
             with suppress(TimeoutError):
+                if self.setup.flies == "calls":
+                    self._call_for_ways()
                 self.wait(lambda: self._has_begun() or self.run_ended(), BEGIN_S, "")
             if process.poll() is None and self._has_begun():
                 return
@@ -270,11 +308,52 @@ class Flight:
 
     def _start_run(self, number: int) -> subprocess.Popen[bytes]:
         self.run = self.programs.folder(self.bench) / f"run-{number}"
-        words = [*MUSSELBED, "run", str(self.scenario), "--apad", "ros", "--out", str(self.run)]
-        words += [word for it in self.despite for word in it.split()] + [*self.setup.run_words]
-        process = self.programs.start(self.bench, f"run-{number}", *words)
-        self._processes["run"] = process
+        process = self._processes["run"] = self.start_bench(self.run)
         return process
+
+    def start_bench(self, directory: Path) -> subprocess.Popen[bytes]:
+        """A command of the laptop that flies the vehicle, whose records are in `directory`."""
+        match self.setup.flies:
+            case "script":
+                (self.home / "ways.py").write_text(_WAYS)
+                words = ["script", str(self.home / "ways.py"), "--scenario", str(self.scenario)]
+            case "calls":
+                words = ["run", str(self.scenario), "--manual"]
+            case _:
+                words = ["run", str(self.scenario)]
+        words += ["--apad", "ros", "--out", str(directory), *self.setup.run_words]
+        words += [word for it in self.despite for word in it.split()]
+        return self._on_laptop(directory.name, *words)
+
+    def _on_laptop(self, name: str, *words: str) -> subprocess.Popen[bytes]:
+        self.runs.append(name)
+        return self.programs.start(self.bench, name, *MUSSELBED, *words)
+
+    def resume(self, directory: Path | None = None) -> float:
+        """Another supervisor continues the run, or its copy in `directory`; returns when it takes orders."""
+        self.run = directory or self.run
+        process = self._on_laptop(f"resume-{len(self.runs)}", "resume", str(self.run), "--confirm-motion")
+        self._processes["run"] = process
+        self.wait(lambda: self.takes_orders() or process.poll() is not None, PATIENCE_S, "it is not resumed")
+        if process.poll() is not None:
+            raise NoFlight(f"it is not resumed: {self.said_by_bench()[-800:]}")
+        return time.monotonic()
+
+    def takes_orders(self) -> bool:
+        """The run has a supervisor that listens."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link, suppress(OSError):
+            link.connect(str(self.run / "control.sock"))
+            return True
+        return False
+
+    def said_by_bench(self) -> str:
+        """All that the commands which fly have printed."""
+        return "\n".join(self.programs.said(it) for it in self.runs)
+
+    def _call_for_ways(self) -> None:
+        if "caller" not in self._processes:
+            self.actor("caller")
+        self.call("go_to_point", places=_ENDS, every_s=CALL_S)
 
     def _red(self) -> list[str]:
         """The checks on which the preflight stood, each as the option with which a person decides otherwise."""
@@ -301,6 +380,8 @@ class Flight:
         }
         if fault is not None:
             data["apad"]["fault"] = fault
+        if self.setup.arm_moves:
+            data["mission"]["docking"]["arm"] = "moved"
         if self.setup.docks_by_eye:
             data["mission"]["docking"] = yaml.safe_load(BY_EYE.read_text())["mission"]["docking"]
         data["duration_s"] = self.duration_s
@@ -357,8 +438,13 @@ class Flight:
         self.pause(off_s)
         self.boot(self._write_scenario("after", here, self.setup.fault))
 
-    def tether(self) -> None:
-        os.killpg(self._processes["hull"].pid, signal.SIGUSR1)
+    def spoil(self, **how: Any) -> None:
+        """A fault of the hull, or of its services (`nodes/hull.py`)."""
+        self._send("hull", how)
+
+    def signal_vehicle(self, number: int, name: str) -> None:
+        """A program of the vehicle's computer, with all of its processes."""
+        os.killpg(self._processes[name].pid, number)
 
     def signal_bench(self, number: int, *words: str) -> None:
         """All processes of the laptop, or those with one of the words in their command line."""
@@ -384,11 +470,37 @@ class Flight:
                     found.append(int(entry.name))
         return found
 
+    def draw_fence(self, corners: tuple[Place, ...]) -> None:
+        """Somebody edits the scenario in the run's records."""
+        path = self.run / "scenario.yaml"
+        data = yaml.safe_load(path.read_text())
+        data["area"]["fence"] = [list(it) for it in corners]
+        path.write_text(yaml.safe_dump(data, sort_keys=False))
+
     def fill_disk(self) -> None:
         with suppress(OSError), (self.programs.folder(self.bench) / "filling").open("wb") as out:
             while True:
                 out.write(bytes(2**16))
                 out.flush()
+
+    def call(self, name: str, **request: Any) -> None:
+        """A call of the bench's own service, whose answer `answers` has later."""
+        if "caller" not in self._processes:
+            self.actor("caller")
+        self._send("caller", {"call": name, **request})
+
+    def answers(self, name: str) -> list[dict[str, Any]]:
+        """The answers to calls of this service until now."""
+        lines = self.programs.said(f"caller-{self._starts}").splitlines()
+        said = [json.loads(it) for it in lines if it.startswith("{") and it.endswith("}")]
+        return [it for it in said if it["call"] == name]
+
+    def called(self, name: str, **request: Any) -> dict[str, Any]:
+        """Calls it, and returns its answer."""
+        before = len(self.answers(name)) if "caller" in self._processes else 0
+        self.call(name, **request)
+        self.wait(lambda: len(self.answers(name)) > before, ANSWER_S, f"{name} does not answer")
+        return self.answers(name)[before]
 
     # A person.
 
@@ -407,10 +519,10 @@ class Flight:
         command = self.bench.command(sys.executable, "-c", _PAGE, *found.groups(), act)
         return self._waiting(("console", act), command)
 
-    def stop_by_imc(self) -> Pressed:
-        """The stop of an IMC console at IMC_PORT, which waits to be pressed."""
-        program = str(NODES / "imc_stop.py")
-        return self._waiting(("imc", "stop"), self.bench.command(sys.executable, program, str(IMC_PORT)))
+    def order_by_imc(self, *place_deg: float) -> Pressed:
+        """The stop of an IMC console at IMC_PORT, or its plan to go to a place, which waits to be pressed."""
+        words = [sys.executable, str(NODES / "imc_order.py"), str(IMC_PORT), *map(str, place_deg)]
+        return self._waiting(("imc", "go to" if place_deg else "stop"), self.bench.command(*words))
 
     def _waiting(self, words: tuple[str, ...], command: list[str]) -> Pressed:
         process = subprocess.Popen(
@@ -464,6 +576,11 @@ class Flight:
             return False
         gone_m, ahead_m = (math.dist(places[-1], it) for it in (places[0], orders[-1]["place"]))
         return gone_m > UNDER_WAY_M and ahead_m > self.setup.ahead_m
+
+    def arm_is_open(self) -> bool:
+        """The bench has opened an arm, and not closed it yet."""
+        arms = [it["open"] for it in self.look() if it["fact"] == "arms" and "/musselbed" in it["by"]]
+        return bool(arms) and arms[-1] >= 0
 
     def is_docking(self) -> bool:
         """The vehicle is where it was sent, and the bench has ordered what comes after a way."""

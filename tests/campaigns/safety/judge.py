@@ -9,6 +9,7 @@ A stop, by generation:
     A off    a cancel and VelCon_enable false
     A hold   a go-to within a metre of where the vehicle truly is, while its position was told truly
 
+After an OFF nobody holds the vehicle before a person's word. A person may be told `done` only when the hull truly slows.
 An arm is no stop, nor is a cancel alone: generation A goes on to its old goal after it. The vehicle has taken a service's
 request when it answers it well, and a goal when its status is active or beyond.
 """
@@ -40,6 +41,14 @@ BEAT_S = 0.5
 REST_M, REST_S = 0.15, 3.0
 TAKEN = (1, 3)
 """actionlib_msgs/GoalStatus: ACTIVE, SUCCEEDED."""
+SLOW_M_S, SLOW_SHARE = 0.3, 0.7
+"""A stop is done when the true speed through water is below the one, or that share of the speed when it was taken."""
+SPEED_S = 0.5
+"""A speed is that of the way from so long before to so long after."""
+OBEYS_S, LOOK_S = 3.0, 1.5
+"""The speed of a hull that obeys has fallen so long after it took the stop; the bench looks and orders within the other."""
+ALARM = ("does not obey", "cut its power by hand")
+SAME_PLACE_M = 0.1
 PERCH, RELEASE = 1, 2
 LIMIT_S = 3.0
 
@@ -115,6 +124,26 @@ class Case:
     """A healthy mission orders a way, or a dock, at least that often, until the last fact."""
     must_move: bool = False
     """After the last word the bench orders a way again."""
+    current_m_s: Place = (0.0, 0.0)
+    """The water's velocity over ground."""
+    one_place: bool = False
+    """No hold is ordered at another place than that of the first one."""
+    ends_at_rest: bool = False
+    """The hull truly rests at the end, whatever waited at its services."""
+    disobeys: bool = False
+    """The hull takes a stop and does not follow it: OFF and an alarm are due, and nobody may be told `done`."""
+    said: str = ""
+    """All that the bench has told, for an alarm that is due."""
+    off_again: tuple[float, float] | None = None
+    """From this time on, and until that one, an OFF in force has to be sent again."""
+    arms_rest: bool = False
+    """No arm moves after the stop: hands are at the docks."""
+    longest_way_m: float = math.inf
+    """The hull goes at most so far after the stop."""
+    newcomers_s: float = math.inf
+    """No node of the bench that orders for the first time after this time may order anything."""
+    later_fence: tuple[float, tuple[Place, ...]] | None = None
+    """From this time on the other fence holds, too."""
     other_faults: tuple[str, ...] = ()
     """Faults that the row itself saw."""
 
@@ -196,6 +225,9 @@ class Track:
         truths = [it for it in facts if it["fact"] == "truth"]
         self.times_s = [it["at_s"] for it in truths]
         self.places: list[Place] = [(it["north"], it["east"]) for it in truths]
+        # By the hull's own clock: a node that hung tells afterwards where it was.
+        off_s = min((it["at_s"] - it["stamp"] for it in truths), default=0.0)
+        self._stamped = sorted((it["stamp"] + off_s, (it["north"], it["east"])) for it in truths)
 
     def at(self, at_s: float) -> Place | None:
         number = bisect_right(self.times_s, at_s) - 1
@@ -204,6 +236,24 @@ class Track:
     def since(self, at_s: float) -> list[tuple[float, Place]]:
         number = bisect_right(self.times_s, at_s)
         return list(zip(self.times_s[number:], self.places[number:], strict=True))
+
+    def speed_m_s(self, at_s: float, current_m_s: Place = (0.0, 0.0)) -> float:
+        """The true speed through water that flows so; 0 where nothing is known."""
+        (begin_s, begin), (end_s, end) = self._stamp_at(at_s - SPEED_S), self._stamp_at(at_s + SPEED_S)
+        if end_s <= begin_s:
+            return 0.0
+        lasts_s = max(end_s - begin_s, SPEED_S)
+        north_m_s, east_m_s = ((b - a) / lasts_s for a, b in zip(begin, end, strict=True))
+        return math.hypot(north_m_s - current_m_s[0], east_m_s - current_m_s[1])
+
+    def _stamp_at(self, at_s: float) -> tuple[float, Place]:
+        number = bisect_right(self._stamped, at_s, key=lambda it: it[0]) - 1
+        return self._stamped[max(0, number)] if self._stamped else (at_s, (0.0, 0.0))
+
+    def ends_at_rest(self) -> bool:
+        ends_s = self.times_s[-1] if self.times_s else 0.0
+        places = [place for at_s, place in self.since(ends_s - REST_S)]
+        return all(math.dist(places[0], it) < REST_M for it in places)
 
     def rest(self, since_s: float) -> tuple[float, float] | None:
         """Seconds from `since_s` until it stays where it is, and the metres that it came away meanwhile."""
@@ -317,10 +367,12 @@ def judge(facts: list[Fact], case: Case) -> Verdict:
     beats = [(it["at_s"], it["says_off"]) for it in facts if it["fact"] == "heartbeat"]
     _judge_motion(verdict, ours, stop, case, beats, track.times_s[-1] if track.times_s else case.begun_s)
     for it in case.told:
-        _judge_told(verdict, orders, it)
+        _judge_told(verdict, orders, it, case, track)
         if case.is_stop_due and case.must_take and it.code != 0 and it.what.startswith(("stop", "hands")):
             verdict.failures.append(f"`{it.what}` ended with {it.code}: {it.text.strip()[:160]}")
     _judge_way(verdict, case, track)
+    _judge_hull(verdict, ours, stop, case, track)
+    _judge_others(verdict, ours, stop, case)
     return verdict
 
 
@@ -394,7 +446,10 @@ def _judge_motion(
     stopped_s = math.inf if stop is None else stop.at_s
     if case.is_stop_due and case.lies:
         stopped_s = min(stopped_s, case.begun_s + case.limit_s)
-    for it in ours:
+    off_s = math.inf
+    for it in sorted(ours, key=lambda it: it.at_s):
+        if it.kind is Kind.OFF and it.at_s >= case.begun_s:
+            off_s = min(off_s, it.at_s)
         if it is stop or it.kind in (Kind.OFF, Kind.OTHER):
             continue
         reason = ""
@@ -402,7 +457,11 @@ def _judge_motion(
             reason = "after the vehicle was away"
         elif case.deaf is not None and it.at_s > case.deaf[1] and "watchdog" not in it.by:
             reason = "after a silence"
-        elif it.at_s > stopped_s and not _repeats(it, stop):
+        elif it.at_s > off_s:
+            reason = "after the OFF"
+            if _answers_silence(it, beats):
+                reason += " and ten seconds without a heartbeat"
+        elif it.at_s > stopped_s and not _repeats(it, stop, case):
             reason = "after the stop" if stop is not None else "when it should have stopped"
             if _answers_silence(it, beats):
                 reason += " and ten seconds without a heartbeat"
@@ -421,12 +480,14 @@ def _judge_motion(
                 verdict.failures.append(f"{_said(it, case)}, though all was well")
 
 
-def _repeats(it: Order, stop: Order | None) -> bool:
-    """A hold may be ordered again: where the vehicle is by then, or where it was held."""
+def _repeats(it: Order, stop: Order | None, case: Case) -> bool:
+    """A hold may be ordered again: where it was held, or where the vehicle is by then, unless it has one place."""
     if stop is None or stop.kind is not Kind.HOLD:
         return False
-    again = it.place is not None and stop.place is not None and math.dist(it.place, stop.place) <= AT_PLACE_M
-    return it.kind is Kind.HOLD or again
+    far_m = math.inf if it.place is None or stop.place is None else math.dist(it.place, stop.place)
+    if case.one_place:
+        return far_m <= SAME_PLACE_M
+    return it.kind is Kind.HOLD or far_m <= AT_PLACE_M
 
 
 def _answers_silence(it: Order, beats: list[tuple[float, bool]]) -> bool:
@@ -449,7 +510,7 @@ def _followed(orders: list[Order], at_s: float) -> Order | None:
     return max(taken, key=lambda it: it.taken_s or 0.0, default=None)
 
 
-def _judge_told(verdict: Verdict, orders: list[Order], told: Told) -> None:
+def _judge_told(verdict: Verdict, orders: list[Order], told: Told, case: Case, track: Track) -> None:
     waited_s = round(told.answered_s - told.asked_s, 2)
     verdict.answer_s = max(waited_s, verdict.answer_s or 0.0)
     verdict.notes.append(f"{told.what}: exit {told.code} after {waited_s:.1f} s: {told.text.strip()[:160]}")
@@ -459,6 +520,71 @@ def _judge_told(verdict: Verdict, orders: list[Order], told: Told) -> None:
         verdict.failures.append(
             f"`{told.what}` said done, and the last order that the vehicle has taken is {last.what if last else 'none'}"
         )
+    elif told.says_taken and last is not None:
+        _judge_done(verdict, orders, told, last, case, track)
+
+
+def _judge_done(
+    verdict: Verdict, orders: list[Order], told: Told, last: Order, case: Case, track: Track
+) -> None:
+    """The hull slows by the time when somebody is told that a stop is done."""
+    stops = (it for it in orders if it.kind in (Kind.HOLD, Kind.OFF) and it.at_s >= told.asked_s)
+    taken_s = min((it.taken_s for it in stops if it.taken_s is not None), default=last.taken_s)
+    assert taken_s is not None
+    speed_m_s, before_m_s = (track.speed_m_s(it, case.current_m_s) for it in (told.answered_s, taken_s))
+    if speed_m_s >= SLOW_M_S and speed_m_s > SLOW_SHARE * before_m_s:
+        verdict.untaken += 1
+        verdict.failures.append(
+            f"`{told.what}` said done at {speed_m_s:.2f} m/s; the stop was taken at {before_m_s:.2f} m/s"
+        )
+
+
+def _judge_hull(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case, track: Track) -> None:
+    """What the hull truly did, and what the bench owes where it disobeys."""
+    if case.ends_at_rest and not track.ends_at_rest():
+        verdict.failures.append("the vehicle moves at the end")
+    if stop is not None and case.longest_way_m < math.inf:
+        places = [track.at(stop.at_s), *(place for _, place in track.since(stop.at_s))]
+        way_m = sum(math.dist(a, b) for a, b in pairwise(it for it in places if it is not None))
+        if way_m > case.longest_way_m:
+            verdict.failures.append(f"it went on for {way_m:.1f} m after the stop")
+    if not case.disobeys:
+        return
+    if stop is None or stop.taken_s is None:
+        verdict.failures.append("the hull took no stop that it could disobey")
+        return
+    due_s = stop.taken_s + OBEYS_S + LOOK_S
+    if not any(it.kind is Kind.OFF and stop.taken_s < it.at_s <= due_s for it in ours):
+        verdict.failures.append(
+            f"no OFF went out within {OBEYS_S + LOOK_S:g} s after a stop that it disobeys"
+        )
+    if missing := [it for it in ALARM if it not in case.said.lower()]:
+        verdict.failures.append(f"nobody was told that it `{'`, `'.join(missing)}`")
+    verdict.failures += [
+        f"`{it.what}` said done of a hull that disobeys" for it in case.told if it.says_taken
+    ]
+
+
+def _judge_others(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case) -> None:
+    """The stop that is owed again, arms that must not move, and a bench that must not order."""
+    if case.off_again is not None:
+        from_s, until_s = case.off_again
+        if not any(it.kind is Kind.OFF and from_s <= it.at_s <= until_s for it in ours):
+            verdict.failures.append("the OFF in force was not sent again")
+    if case.arms_rest and stop is not None:
+        moved = [it for it in ours if it.what.startswith("arm") and it.at_s > stop.at_s]
+        verdict.failures += [f"{_said(it, case)} while hands are at the docks" for it in moved[:3]]
+    first_s: dict[str, float] = {}
+    for it in ours:
+        first_s.setdefault(it.by, it.at_s)
+    late = sorted(it for it, at_s in first_s.items() if at_s > case.newcomers_s and "watchdog" not in it)
+    verdict.failures += [f"{it} orders, too" for it in late]
+    if case.later_fence is not None:
+        from_s, corners = case.later_fence
+        for it in ours:
+            if it.at_s > from_s and it.place is not None and out_m(it.place, corners) > FENCE_ERROR_M:
+                verdict.outside += 1
+                verdict.failures.append(f"{_said(it, case)} leads outside the fence of the time")
 
 
 def _judge_way(verdict: Verdict, case: Case, track: Track) -> None:

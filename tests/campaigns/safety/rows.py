@@ -7,13 +7,17 @@ vehicle that begins to move again by itself is as bad as one that never stopped.
 from __future__ import annotations
 
 import math
+import shutil
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from safety.flight import FENCE, IMC_PORT, SIDE_M, Flight, Setup
+from tries import NoFlight
+
+from safety.flight import FENCE, IMC_PORT, SIDE_M, START_M, Flight, Setup
 from safety.judge import LIMIT_S, Case, Kind, Told
 
 WATCHDOG_LIMIT_S = 12.0
@@ -26,6 +30,12 @@ LOSSY_LIMIT_S = 30.0
 SHOWN_S, AFTER_S = 12.0, 15.0
 """A fault that can heal does so after SHOWN_S, and the flight goes on for AFTER_S."""
 SERVO_S = 27.0
+MUX_LIMIT_S = 10.0
+AGAIN_S = 3.0
+"""An OFF goes out again so soon after a supervisor takes orders."""
+TOLD_S = 15.0
+IMC_GOAL_DEG = (43.9334, 15.4450)
+"""Some 40 m from the start, inside the fence."""
 IDLE_S = 1200.0
 """A healthy mission of four aMussels at theta 30 orders a way more often than that."""
 OUTSIDE_M = (SIDE_M + 15.0, SIDE_M / 2)
@@ -35,7 +45,7 @@ NURSERY = ("nursery",)
 PARENT = ("apad_bridge.commands.main run",)
 GATEWAYS = ("commands.main console", "commands.main imc")
 """Words in the command lines of the laptop's processes."""
-TABLE_TRIES, TRIES, SHORT_TRIES = 20, 5, 2
+TABLE_TRIES, TRIES, LATCH_TRIES, SHORT_TRIES = 20, 5, 3, 2
 
 
 @dataclass(slots=True)
@@ -52,7 +62,8 @@ class Try:
         return self.number % 2 == 0
 
     def case(self, begun_s: float, **how: Any) -> Case:
-        return Case(self.flight.generation, FENCE, begun_s, told=tuple(self.told), **how)
+        how |= {"told": tuple(self.told), "current_m_s": self.flight.setup.current_m_s}
+        return Case(self.flight.generation, FENCE, begun_s, **how)
 
     def order(self, *words: str) -> float:
         """A person's command and its answer; returns when it was given."""
@@ -63,6 +74,7 @@ class Try:
 
 
 Act = Callable[[Try], Case]
+Before = Callable[[Try], None]
 PLAIN = Setup()
 
 
@@ -192,10 +204,14 @@ def gateways_killed(it: Try) -> Case:
     return it.case(pressed.asked_s)
 
 
+def nothing(it: Try) -> None:
+    """Precedes a plain act."""
+
+
 def stopped(
     *words: str,
     must_be: Kind | None = None,
-    before: Callable[[Try], None] = lambda it: None,
+    before: Before = nothing,
     after_s: float = AFTER_S,
     **how: Any,
 ) -> Act:
@@ -252,7 +268,7 @@ def older_stop(it: Try) -> Case:
 def orders_at_once(it: Try) -> Case:
     flight = it.flight
     pressed = [flight.person("stop", "--by", f"judge{number}") for number in range(3)]
-    pressed += [flight.order_by_console("stop"), flight.stop_by_imc()]
+    pressed += [flight.order_by_console("stop"), flight.order_by_imc()]
     for one in pressed:
         one.press()
     it.told += [one.answer() for one in pressed]
@@ -290,7 +306,7 @@ def tethered(it: Try) -> Case:
     it.flight.falsify("rough", noise_m=0.05, gap_s=0.0, waves_m=0.0)
     it.flight.pause(SHOWN_S)
     begun_s = time.monotonic()
-    it.flight.tether()
+    it.flight.spoil(hull="tied")
     it.flight.pause(TETHER_LIMIT_S + AFTER_S)
     return it.case(begun_s, limit_s=TETHER_LIMIT_S + 2.0, must_be=Kind.HOLD)
 
@@ -368,6 +384,409 @@ def healthy(it: Try) -> Case:
         is_rest_due=False,
         goes_on_s=math.inf if it.flight.setup.rests else IDLE_S,
         other_faults=(*_unless(not early, "the run ended by itself"), *it.flight.guards()),
+    )
+
+
+# A vehicle that is late with its answers, and clients that go on ordering.
+
+
+def late_link(it: Try) -> None:
+    """1.2 s there and back."""
+    it.flight.link(0.0, 0.6)
+    it.flight.pause(5.0)
+
+
+def losing_link(it: Try) -> None:
+    it.flight.link(0.25)
+    it.flight.pause(5.0)
+
+
+def slow_answers(answer_s: float) -> Before:
+    """Even tries take an order before that time, and odd ones after it. Orders wait at the services by then."""
+
+    def before(it: Try) -> None:
+        it.flight.spoil(answer_s=answer_s, takes_first=it.heals)
+        it.flight.pause(3 * answer_s)
+
+    return before
+
+
+def stopped_for_good(
+    *words: str, before: Before = nothing, limit_s: float = LIMIT_S, after_s: float = 2 * AFTER_S, **how: Any
+) -> Act:
+    """A person's stop; nothing that was ordered before or after it moves the vehicle in the end."""
+    must_be = Kind.OFF if "--off" in words or words[0] == "hands" else None
+    how |= {"must_be": must_be, "limit_s": limit_s, "ends_at_rest": True, "one_place": True}
+    return stopped(*words, before=before, after_s=after_s, **how)
+
+
+def hung_for(seconds: float, *words: str) -> Act:
+    """The vehicle's node stands still when the stop comes. Its hull goes on meanwhile."""
+
+    def act(it: Try) -> Case:
+        it.flight.signal_vehicle(signal.SIGSTOP, "hull")
+        it.flight.pause(0.3)
+        pressed = it.flight.person(*words, "--by", "judge")
+        hung_s = time.monotonic()
+        pressed.press()
+        it.flight.pause(max(0.0, seconds - (time.monotonic() - hung_s)))
+        it.flight.signal_vehicle(signal.SIGCONT, "hull")
+        it.told.append(pressed.answer())
+        it.flight.pause(2 * AFTER_S)
+        return it.case(
+            pressed.asked_s,
+            limit_s=max(LIMIT_S, seconds),
+            must_take=False,
+            is_rest_due=False,
+            ends_at_rest=True,
+        )
+
+    return act
+
+
+def stop_and_hands(before: Before = nothing, limit_s: float = LIMIT_S, **how: Any) -> Act:
+    """Two people at one instant: after the OFF no hold arrives."""
+
+    def act(it: Try) -> Case:
+        before(it)
+        pressed = [it.flight.person(word, "--by", word) for word in ("stop", "hands")]
+        for one in pressed if it.heals else pressed[::-1]:
+            one.press()
+        it.told += [one.answer() for one in pressed]
+        it.flight.pause(AFTER_S)
+        begun_s = min(one.asked_s for one in pressed)
+        return it.case(begun_s, must_be=Kind.OFF, limit_s=limit_s, arms_rest=True, ends_at_rest=True, **how)
+
+    return act
+
+
+def busy(it: Try) -> None:
+    it.flight.spoil(busy_s=2.0)
+
+
+# A hull that does not do what its software has taken.
+
+
+def disobeyed(kind: str, *words: str) -> Act:
+    """OFF and an alarm are due, and nobody is told `done`."""
+
+    def act(it: Try) -> Case:
+        pressed = it.flight.person(*words, "--by", "judge")
+        it.flight.spoil(hull=kind)
+        pressed.press()
+        it.told.append(pressed.answer())
+        it.flight.pause(AFTER_S)
+        said = it.flight.said_by_bench() + it.told[-1].text
+        return it.case(
+            pressed.asked_s, must_take=False, is_rest_due=False, one_place=True, disobeys=True, said=said
+        )
+
+    return act
+
+
+def held_by_walking_position(it: Try) -> Case:
+    """Under a hold the position walks off; each hold that is ordered keeps the first one's place."""
+    begun_s = it.order("stop")
+    it.flight.pause(6.0)
+    it.flight.falsify("walks", speed_m_s=0.4)
+    it.flight.pause(2 * AFTER_S)
+    return it.case(begun_s, one_place=True)
+
+
+def held_by_deaf_hull(it: Try) -> Case:
+    """The hull is under way again after a hold that it had followed, as when a rope lets go."""
+    begun_s = it.order("stop")
+    it.flight.spoil(hull="deaf")
+    it.flight.pause(2 * AFTER_S)
+    return it.case(begun_s, must_take=False, is_rest_due=False, one_place=True)
+
+
+def two_places(it: Try) -> Case:
+    """One node publishes two places 3 m apart, in turns."""
+    begun_s = time.monotonic()
+    it.flight.falsify("mux", apart_m=3.0)
+    it.flight.pause(MUX_LIMIT_S + AFTER_S)
+    return it.case(
+        begun_s, lies=True, limit_s=MUX_LIMIT_S, must_be=Kind.OFF, longest_way_m=2.0, ends_at_rest=True
+    )
+
+
+# Who commands, and latches.
+
+
+def taken_over(it: Try) -> Case:
+    """A person who took over stops and continues: the person commands on, and the mission only after `give_back`."""
+    flight = it.flight
+    refused = [name for name in ("take_over", "hold_position") if not _accepted(flight, name)]
+    flight.pause(4.0)
+    begun_s = time.monotonic()
+    refused += [] if _accepted(flight, "stop") else ["stop"]
+    flight.pause(4.0)
+    refused += [] if _accepted(flight, "continue", stop=1) else ["continue"]
+    flight.pause(AFTER_S)
+    word_s = time.monotonic()
+    refused += [] if _accepted(flight, "give_back") else ["give_back"]
+    flight.pause(AFTER_S)
+    return it.case(
+        begun_s,
+        words_s=(word_s,),
+        must_move=True,
+        is_rest_due=False,
+        other_faults=tuple(f"`{name}` was refused" for name in refused),
+    )
+
+
+def _accepted(flight: Flight, name: str, **request: Any) -> bool:
+    request |= {"here": True} if name == "hold_position" else {}
+    return bool(flight.called(name, **request)["accepted"])
+
+
+def stopped_and_continued(it: Try) -> Case:
+    """Without a person who has taken over, `continue` is the mission's."""
+    begun_s = time.monotonic()
+    refused = [] if _accepted(it.flight, "stop") else ["`stop` was refused"]
+    it.flight.pause(6.0)
+    word_s = time.monotonic()
+    refused += [] if _accepted(it.flight, "continue", stop=1) else ["`continue` was refused"]
+    it.flight.pause(AFTER_S)
+    return it.case(begun_s, words_s=(word_s,), must_move=True, is_rest_due=False, other_faults=tuple(refused))
+
+
+Latch = Callable[[Try], tuple[float, dict[str, Any]]]
+"""Brings the vehicle under a stop; returns its beginning, and how it is judged."""
+Gap = Callable[[Try], tuple[float, float]]
+"""The bench is gone for a time; returns when it went and when it was back."""
+
+
+def by_person(*words: str) -> Latch:
+    def latch(it: Try) -> tuple[float, dict[str, Any]]:
+        begun_s = it.order(*words)
+        it.flight.pause(6.0)
+        return begun_s, {
+            "must_be": None if words == ("stop",) else Kind.OFF,
+            "arms_rest": words[0] == "hands",
+        }
+
+    return latch
+
+
+def off_by_guard(it: Try) -> tuple[float, dict[str, Any]]:
+    begun_s = time.monotonic()
+    it.flight.falsify("nan")
+    it.flight.pause(6.0)
+    it.flight.falsify("good")
+    it.flight.pause(6.0)
+    return begun_s, {"must_be": Kind.OFF}
+
+
+def hold_by_guard(it: Try) -> tuple[float, dict[str, Any]]:
+    it.flight.falsify("rough", noise_m=0.05, gap_s=0.0, waves_m=0.0)
+    it.flight.pause(SHOWN_S)
+    begun_s = time.monotonic()
+    it.flight.spoil(hull="tied")
+    it.flight.pause(TETHER_LIMIT_S + 6.0)
+    return begun_s, {"must_be": Kind.HOLD, "limit_s": TETHER_LIMIT_S + 2.0}
+
+
+def by_watchdog(kind: Kind) -> Latch:
+    """The cable is cut for 20 s; for an OFF the position is no number meanwhile."""
+
+    def latch(it: Try) -> tuple[float, dict[str, Any]]:
+        begun_s = time.monotonic()
+        it.flight.link(1.0)
+        it.flight.pause(2.0)
+        if kind is Kind.OFF:
+            it.flight.falsify("nan")
+        it.flight.pause(18.0)
+        it.flight.falsify("good")
+        it.flight.link(0.0)
+        it.flight.pause(12.0)
+        return begun_s, {"must_be": kind, "limit_s": WATCHDOG_LIMIT_S}
+
+    return latch
+
+
+def not_taken(it: Try) -> tuple[float, dict[str, Any]]:
+    """A hold that was sent, and whose answer the supervisor does not live to see."""
+    it.flight.spoil(answer_s=4.0, takes_first=it.heals)
+    pressed = it.flight.person("stop", "--by", "judge")
+    pressed.press()
+    it.flight.wait(
+        lambda: any(one["at_s"] > pressed.asked_s for one in it.flight.orders()), 10.0, "no stop went out"
+    )
+    return pressed.asked_s, {"one_place": True}
+
+
+def supervisor_dies(it: Try) -> tuple[float, float]:
+    gone_s = time.monotonic()
+    it.flight.signal_bench(signal.SIGKILL, *SUPERVISOR)
+    it.flight.pause(2.0)
+    return gone_s, it.flight.resume()
+
+
+def copied(it: Try) -> tuple[float, float]:
+    """All of the laptop's programs die, and the run's directory flies on at another place."""
+    gone_s = time.monotonic()
+    it.flight.signal_bench(signal.SIGKILL)
+    it.flight.pause(1.0)
+    other = it.flight.run.with_name("carried")
+    shutil.copytree(it.flight.run, other, ignore=lambda _, names: [it for it in names if ".sock" in it])
+    return gone_s, it.flight.resume(other)
+
+
+def asleep(it: Try) -> tuple[float, float]:
+    gone_s = time.monotonic()
+    it.flight.signal_bench(signal.SIGSTOP)
+    it.flight.pause(30.0)
+    it.flight.signal_bench(signal.SIGCONT)
+    return gone_s, time.monotonic()
+
+
+def latched(latch: Latch, gap: Gap = supervisor_dies, *, off_again: bool = False, holds: bool = False) -> Act:
+    """A stop outlives the bench's gap: an OFF goes out again at once, a taken hold does not, and a go-to is refused."""
+
+    def act(it: Try) -> Case:
+        begun_s, how = latch(it)
+        gone_s, back_s = gap(it)
+        it.flight.pause(6.0)
+        answer = it.flight.called("go_to_point", north_m=START_M[0], east_m=START_M[1])
+        it.flight.pause(AFTER_S)
+        if off_again:
+            how["off_again"] = (gone_s, back_s + AGAIN_S)
+        if not holds:
+            how["deaf"] = (gone_s, back_s)
+        return it.case(
+            begun_s,
+            is_rest_due=False,
+            ends_at_rest=True,
+            other_faults=_unless(not answer["accepted"], "a go-to was accepted after the gap"),
+            **how,
+        )
+
+    return act
+
+
+def fence_edited(it: Try) -> Case:
+    """Somebody draws the fence closer in the run's records while no supervisor lives: the way on stays inside it."""
+    begun_s = it.order("stop")
+    it.flight.pause(6.0)
+    it.flight.signal_bench(signal.SIGKILL, *SUPERVISOR)
+    here = it.flight.place()
+    corners = tuple((here[0] + n, here[1] + e) for n, e in ((-14, -14), (14, -14), (14, 14), (-14, 14)))
+    it.flight.draw_fence(corners)
+    edited_s = time.monotonic()
+    try:
+        it.flight.resume()
+    except NoFlight:
+        it.flight.pause(AFTER_S)
+        return it.case(begun_s, later_fence=(edited_s, corners))
+    it.flight.pause(4.0)
+    word_s = it.order("continue")
+    it.flight.pause(2 * AFTER_S)
+    return it.case(begun_s, words_s=(word_s,), later_fence=(edited_s, corners), is_rest_due=False)
+
+
+def ordered_by_imc(it: Try) -> Case:
+    """Under a guard's stop an IMC console starts a plan: it is refused."""
+    pressed = it.flight.order_by_imc(*IMC_GOAL_DEG)
+    begun_s = time.monotonic()
+    it.flight.falsify("nan")
+    it.flight.pause(4.0)
+    it.flight.falsify("good")
+    it.flight.pause(13.0)
+    pressed.press()
+    answer = pressed.answer()
+    it.flight.pause(AFTER_S)
+    return it.case(
+        begun_s,
+        lies=True,
+        must_be=Kind.OFF,
+        ends_at_rest=True,
+        other_faults=_unless(answer.code != 0, "an IMC console's plan was accepted under a guard's stop"),
+    )
+
+
+def console_frozen(it: Try) -> None:
+    it.flight.signal_bench(signal.SIGSTOP, "commands.main console")
+    it.flight.pause(3.0)
+
+
+def hands_at_arm(it: Try) -> Case:
+    """`hands` comes at any time of a docking whose arm stands open, or closes: it stays as it is."""
+    it.flight.wait(it.flight.arm_is_open, 120.0, "no arm was opened")
+    it.flight.pause(it.flight.rng.uniform(0.5, 14.0))
+    begun_s = it.order("hands")
+    it.flight.pause(2 * AFTER_S)
+    return it.case(begun_s, must_be=Kind.OFF, arms_rest=True, ends_at_rest=True)
+
+
+# The watchdog, and a second bench.
+
+
+def watchdog_dead(it: Try) -> Case:
+    """Nobody is left to stop it in a silence: the bench tells that, and orders nothing after the silence."""
+    begun_s = time.monotonic()
+    it.flight.signal_vehicle(signal.SIGKILL, "watchdog")
+    it.flight.pause(TOLD_S)
+    said = it.flight.said_by_bench().lower()
+    it.flight.link(1.0)
+    it.flight.pause(20.0)
+    healed_s = time.monotonic()
+    it.flight.link(0.0)
+    it.flight.pause(20.0)
+    told = _unless("watchdog" in said, f"nobody was told within {TOLD_S:g} s that the watchdog is dead")
+    return it.case(begun_s, is_stop_due=False, is_rest_due=False, deaf=(begun_s, healed_s), other_faults=told)
+
+
+def watchdog_deaf(it: Try) -> Case:
+    """The watchdog hangs, the cable is cut, and the watchdog wakes: it counts no old heartbeat, and stops the vehicle."""
+    it.flight.signal_vehicle(signal.SIGSTOP, "watchdog")
+    it.flight.pause(4.0)
+    cut_s = time.monotonic()
+    it.flight.link(1.0)
+    it.flight.pause(8.0)
+    it.flight.signal_vehicle(signal.SIGCONT, "watchdog")
+    awake_s = time.monotonic()
+    it.flight.pause(25.0)
+    healed_s = time.monotonic()
+    it.flight.link(0.0)
+    it.flight.pause(AFTER_S)
+    return it.case(
+        awake_s, limit_s=WATCHDOG_LIMIT_S + 2.0, deaf=(cut_s, healed_s), must_be=None, is_rest_due=False
+    )
+
+
+def watchdog_restarted(*words: str) -> Act:
+    """Under a latch the watchdog starts anew, and the cable is cut: neither it nor the bench moves the vehicle."""
+
+    def act(it: Try) -> Case:
+        begun_s = it.order(*words)
+        it.flight.pause(4.0)
+        it.flight.kill("watchdog")
+        it.flight.start_watchdog()
+        it.flight.pause(8.0)
+        cut_s = time.monotonic()
+        it.flight.link(1.0)
+        it.flight.pause(20.0)
+        healed_s = time.monotonic()
+        it.flight.link(0.0)
+        it.flight.pause(AFTER_S)
+        must_be = None if words == ("stop",) else Kind.OFF
+        return it.case(begun_s, must_be=must_be, deaf=(cut_s, healed_s), ends_at_rest=True)
+
+    return act
+
+
+def second_bench(it: Try) -> Case:
+    """A second command that flies is refused, and orders nothing."""
+    begun_s = time.monotonic()
+    other = it.flight.start_bench(it.flight.run.with_name("second"))
+    with suppress(TimeoutError):
+        it.flight.wait(lambda: other.poll() is not None, 60.0, "")
+    fault = _unless(other.poll() not in (None, 0), "the second bench was not refused")
+    it.flight.pause(AFTER_S)
+    return it.case(
+        begun_s, is_stop_due=False, is_rest_due=False, may_stop=False, newcomers_s=begun_s, other_faults=fault
     )
 
 
@@ -485,3 +904,121 @@ ROWS: dict[str, Row] = {
     "nuisance": Row("a healthy mission for --minutes", healthy, tries=1),
     "nuisance hold": Row("a healthy hold for --minutes", healthy, Setup(rests=True), tries=1),
 }
+SCRIPT, CALLS = Setup(flies="script"), Setup(flies="calls")
+CONSOLES = Setup(run_words=("--console", "--imc", "--neptus", f"0x4001@127.0.0.1:{IMC_PORT}"))
+_LATE = "generation A answers by its topics, and has no services that could answer late"
+for _answer_s in (1.5, 3.0):
+    for _flies in (SCRIPT, CALLS):
+        for _words in (("stop",), ("stop", "--off")):
+            ROWS[f"answers {_answer_s:g} s, {_flies.flies}, {' '.join(_words)}"] = Row(
+                f"`{' '.join(_words)}` where services answer after {_answer_s:g} s, and {_flies.flies} go on",
+                stopped_for_good(
+                    *_words,
+                    before=slow_answers(_answer_s),
+                    limit_s=LIMIT_S,
+                    must_take=False,
+                    is_rest_due=False,
+                ),
+                _flies,
+                generations=("b",),
+                why_not=_LATE,
+            )
+ROWS |= {
+    "late link": Row(
+        "`stop` over a round trip of 1.2 s, while a script goes on",
+        stopped_for_good("stop", before=late_link, limit_s=LIMIT_S + 1.2),
+        SCRIPT,
+    ),
+    "losing link": Row(
+        "`stop` over 25 % loss, while a script goes on",
+        stopped_for_good("stop", before=losing_link, limit_s=LOSSY_LIMIT_S, must_take=False, may_stand=True),
+        SCRIPT,
+    ),
+    "hung 2 s": Row("`stop` while the vehicle's node hangs for 2 s", hung_for(2.0, "stop"), SCRIPT),
+    "hung 20 s": Row("`stop` while the vehicle's node hangs for 20 s", hung_for(20.0, "stop"), SCRIPT),
+    "hung 20 s, off": Row(
+        "`stop --off` while the vehicle's node hangs for 20 s", hung_for(20.0, "stop", "--off"), CALLS
+    ),
+    "script goes on": Row("`stop` of a script that goes on", stopped_for_good("stop"), SCRIPT),
+    "calls go on": Row("`stop`, and calls by hand go on", stopped_for_good("stop"), CALLS),
+    "calls go on, off": Row(
+        "`stop --off`, and calls by hand go on", stopped_for_good("stop", "--off"), CALLS
+    ),
+    "stop and hands": Row("`stop` and `hands` at once", stop_and_hands()),
+    "stop and hands, busy": Row(
+        "`stop` and `hands` at once, while the vehicle takes nothing for 2 s",
+        stop_and_hands(busy, must_take=False),
+        generations=("b",),
+        why_not=_LATE,
+    ),
+    "stop and hands, losing": Row(
+        "`stop` and `hands` at once, over 25 % loss",
+        stop_and_hands(losing_link, LOSSY_LIMIT_S, must_take=False, is_rest_due=False),
+    ),
+    "deaf": Row("`stop` of a hull that goes on", disobeyed("deaf", "stop")),
+    "deaf, off": Row("`stop --off` of a hull that goes on", disobeyed("deaf", "stop", "--off")),
+    "reversed": Row("`stop` of a hull whose thrusters push the other way", disobeyed("reversed", "stop")),
+    "hold, walking": Row(
+        "the position walks off at 0.4 m/s under a hold",
+        held_by_walking_position,
+        generations=("b",),
+        why_not="generation A has no hold but a go-to",
+    ),
+    "hold, deaf": Row(
+        "a hull goes on under a hold",
+        held_by_deaf_hull,
+        generations=("b",),
+        why_not="generation A has no hold but a go-to",
+    ),
+    "mux": Row("one node with two places 3 m apart", two_places),
+    "taken over": Row("`take_over`, `hold_position`, `stop`, `continue`, `give_back`", taken_over),
+    "continue": Row("`stop` and `continue` by ROS", stopped_and_continued),
+    "arm": Row(
+        "`hands` while an arm is open or closes",
+        hands_at_arm,
+        Setup(near_m=8.0, ahead_m=2.0, arm_moves=True),
+        generations=("b",),
+        why_not="generation A moves its docks itself",
+    ),
+    "imc under a latch": Row("an IMC console's plan under a guard's OFF", ordered_by_imc, CONSOLES),
+    "console frozen": Row("`stop` with a frozen console", stopped("stop", before=console_frozen), CONSOLES),
+    "fence edited": Row("the fence is drawn closer between death and resume", fence_edited),
+    "watchdog dead": Row("watchdog killed, then the cable is cut", watchdog_dead),
+    "watchdog deaf": Row("watchdog hangs while the cable is cut", watchdog_deaf),
+    "watchdog anew, hold": Row("watchdog starts anew under a hold", watchdog_restarted("stop")),
+    "watchdog anew, off": Row("watchdog starts anew under an OFF", watchdog_restarted("stop", "--off")),
+    "second bench": Row("a second bench on the same vehicle", second_bench),
+}
+LATCHES: dict[str, tuple[Latch, bool]] = {
+    "hold": (by_person("stop"), False),
+    "off": (by_person("stop", "--off"), True),
+    "hands": (by_person("hands"), True),
+    "guard's hold": (hold_by_guard, False),
+    "guard's off": (off_by_guard, True),
+    "watchdog's hold": (by_watchdog(Kind.HOLD), False),
+    "watchdog's off": (by_watchdog(Kind.OFF), False),
+}
+"""Each with whether an OFF of the bench is in force, which goes out again."""
+for _name, (_latch, _off_again) in LATCHES.items():
+    ROWS[f"resumed, {_name}"] = Row(
+        f"supervisor killed and resumed under a {_name}",
+        latched(_latch, off_again=_off_again),
+        tries=LATCH_TRIES,
+    )
+for _name in ("hold", "off", "hands"):
+    _latch, _off_again = LATCHES[_name]
+    ROWS[f"asleep, {_name}"] = Row(
+        f"the laptop asleep for 30 s under a {_name}", latched(_latch, asleep), tries=LATCH_TRIES
+    )
+    ROWS[f"carried, {_name}"] = Row(
+        f"the run's directory carried elsewhere and resumed under a {_name}",
+        latched(_latch, copied, off_again=_off_again),
+        tries=LATCH_TRIES,
+    )
+ROWS["resumed, not taken"] = Row(
+    "supervisor killed and resumed after a hold whose answer it did not live to see",
+    latched(not_taken, holds=True),
+    generations=("b",),
+    why_not=_LATE,
+    tries=LATCH_TRIES,
+)

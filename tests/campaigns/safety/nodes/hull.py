@@ -1,23 +1,36 @@
 """The simulated aPad as a hull whose position and battery leave it on topics of their own, for a relay in between.
 
-    python -m safety.nodes.hull --scenario RESOLVED.yaml [--tether METRES]
+    python -m safety.nodes.hull --scenario RESOLVED.yaml [--tether METRES] [--orders SOCKET]
 
-The place that it publishes on /hull/position is the truth, whatever a relay makes of it on /apad1/position. SIGUSR1 ties it
-to where it is: from then on nothing takes it further from there than METRES.
+The place that it publishes on /hull/position is the truth, whatever a relay makes of it on /apad1/position. Orders are
+lines of JSON to the datagram socket; each has one or more of these keys:
+
+    {"hull": "obeys"}        it does what its software wants, as in the beginning
+    {"hull": "tied"}         nothing takes it further than METRES from where it is
+    {"hull": "deaf"}         it keeps its velocity over ground, whatever its software has taken and answered
+    {"hull": "reversed"}     its thrusters push the other way
+    {"answer_s": 1.5, "takes_first": true}    each service of generation B answers so late, one call after the other;
+                                              it takes the order before that time, or after it
+    {"busy_s": 2}            no service of generation B takes an order for so long
 """
 
 from __future__ import annotations
 
+import json
 import math
 import runpy
-import signal
+import socket
 import sys
+import threading
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import rosgraph.names
 
-from apad_bridge.vehicle.simulated import motion
+from apad_bridge.vehicle.simulated.kinematics import Pose, moved
+from apad_bridge.vehicle.simulated.motion import Motion
 
 REMAPPED = {f"/apad1/{leaf}": f"/hull/{leaf}" for leaf in ("position", "battery_level")}
 
@@ -28,27 +41,96 @@ def remap() -> None:
     rosgraph.names.load_mappings = lambda argv: known(argv) | REMAPPED
 
 
-def tie_on_signal(length_m: float) -> None:
-    free = motion.Motion.end_step
-    tied: list[tuple[float, float]] = []
-    is_asked: list[bool] = []
-    signal.signal(signal.SIGUSR1, lambda *_: is_asked.append(True))
+class Hull:
+    """The faults of a hull and of its services. Orders come in a thread of their own."""
 
-    def end_step(self: Any) -> None:
-        before = self.pose
-        free(self)
-        if is_asked and not tied:
-            tied.append((before.north_m, before.east_m))
-        if tied and math.dist(tied[0], (self.pose.north_m, self.pose.east_m)) > length_m:
-            self.pose = replace(before, north_m_s=0.0, east_m_s=0.0)
+    def __init__(self, tether_m: float) -> None:
+        self._tether_m = tether_m
+        self._kind = "obeys"
+        self._tied: tuple[float, float] | None = None
+        self._answer_s, self._takes_first = 0.0, False
+        self._busy_until_s = 0.0
 
-    motion.Motion.end_step = end_step  # type: ignore[method-assign]
+    def obey(self, order: dict[str, Any]) -> None:
+        self._tied = None if "hull" in order else self._tied
+        self._kind = order.get("hull", self._kind)
+        self._answer_s = order.get("answer_s", self._answer_s)
+        self._takes_first = order.get("takes_first", self._takes_first)
+        self._busy_until_s = time.monotonic() + order.get("busy_s", 0.0)
+
+    def spoil(self) -> None:
+        """From now on each hull and each service of this process has these faults."""
+        # Not before `remap`: rospy reads its names' mappings when it is imported.
+        from apad_bridge.ros.simulated_node import generation_b
+
+        end_step, offer = Motion.end_step, generation_b.Server._offer
+
+        def ends(motion: Motion) -> None:
+            before = motion.pose
+            end_step(motion)
+            motion.pose = self._pose(motion, before)
+
+        def offers(server: Any, apad: str, name: str, kind: Any, answer: Callable[[Any], Any]) -> None:
+            offer(server, apad, name, kind, lambda request: self._answered(answer, request))
+
+        Motion.end_step = ends  # type: ignore[method-assign, assignment]
+        generation_b.Server._offer = offers  # type: ignore[method-assign, assignment]
+
+    def _pose(self, motion: Motion, before: Pose) -> Pose:
+        after = motion.pose
+        match self._kind:
+            case "tied":
+                self._tied = self._tied or (before.north_m, before.east_m)
+                if math.dist(self._tied, (after.north_m, after.east_m)) > self._tether_m:
+                    return replace(before, north_m_s=0.0, east_m_s=0.0)
+            case "deaf":
+                return moved(before, (before.north_m_s, before.east_m_s), before.heading_rad)
+            case "reversed" if motion._goal is not None or motion._steering is not None:
+                north_m_s, east_m_s = (
+                    2 * before.north_m_s - after.north_m_s,
+                    2 * before.east_m_s - after.east_m_s,
+                )
+                slower = min(1.0, motion.top_speed_m_s / max(1e-9, math.hypot(north_m_s, east_m_s)))
+                return moved(before, (slower * north_m_s, slower * east_m_s), after.heading_rad)
+        return after
+
+    def _answered(self, answer: Callable[[Any], Any], request: Any) -> Any:
+        """The answer of a service, whose turn it has."""
+        time.sleep(max(0.0, self._busy_until_s - time.monotonic()))
+        late_s = self._answer_s
+        if not self._takes_first:
+            time.sleep(late_s)
+        answered = answer(request)
+        if self._takes_first:
+            time.sleep(late_s)
+        return answered
+
+
+def listen(path: str, hull: Hull) -> None:
+    orders = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    orders.bind(path)
+
+    def obey() -> None:
+        while True:
+            hull.obey(json.loads(orders.recv(4096)))
+
+    threading.Thread(target=obey, daemon=True).start()
+
+
+def taken(option: str) -> str | None:
+    """The option's value, which it takes off the command line."""
+    if option not in sys.argv:
+        return None
+    at = sys.argv.index(option)
+    _, value = sys.argv[at], sys.argv[at + 1]
+    del sys.argv[at : at + 2]
+    return value
 
 
 if __name__ == "__main__":
     remap()
-    if "--tether" in sys.argv:
-        at = sys.argv.index("--tether")
-        tie_on_signal(float(sys.argv[at + 1]))
-        del sys.argv[at : at + 2]
+    spoiled = Hull(float(taken("--tether") or math.inf))
+    if (orders_path := taken("--orders")) is not None:
+        listen(orders_path, spoiled)
+    spoiled.spoil()
     runpy.run_module("apad_bridge.ros.simulated_node.apad_node", run_name="__main__", alter_sys=True)

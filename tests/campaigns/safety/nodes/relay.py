@@ -55,6 +55,7 @@ class Falsifier:
         self._late: list[tuple[float, Any]] = []
         self._passed_s = -math.inf
         self._first_stamp_s: float | None = None
+        self._turns = 0
 
     def take(self, message: Any) -> list[Any]:
         kind = self._order["kind"]
@@ -100,6 +101,16 @@ class Falsifier:
     def _offset(self, it: Any) -> list[Any]:
         it.position.north += self._order["north_m"]
         it.position.east += self._order["east_m"]
+        return [it]
+
+    def _mux(self, it: Any) -> list[Any]:
+        """One node with two receivers, whose places lie apart, and who speak in turns."""
+        self._turns += 1
+        it.position.north += self._order["apart_m"] * (self._turns % 2)
+        return [it]
+
+    def _walks(self, it: Any) -> list[Any]:
+        it.position.north += self._order["speed_m_s"] * (self._clock() - self._begun_s)
         return [it]
 
     def _north_sign(self, it: Any) -> list[Any]:

@@ -18,7 +18,7 @@ from apad.msg import aPadActionGoal
 from auv_msgs.msg import NavSts
 from geometry_msgs.msg import Point
 from misc_msgs.srv import Go2pointPrimitiveService
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float32MultiArray
 
 from safety.nodes.ordered import serve
 
@@ -32,6 +32,8 @@ class Stranger:
         # Latched, as a joystick's node that knows its part: nobody has to guess from its silence.
         self._manual = rospy.Publisher("/apad1/manual", Bool, queue_size=1, latch=True)
         self._manual.publish(Bool(False))
+        # As the vehicle's own drivers of its arms.
+        rospy.Subscriber("/apad1/dock_out", Float32MultiArray, lambda arms: None)
         self._goals: Any = None
         self._steers: bool | None = None
         self._docked: Any = None
