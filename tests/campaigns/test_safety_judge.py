@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from safety.campaign import jobs
-from safety.judge import Case, Fact, Kind, Told, Verdict, is_inside, judge, out_m, way_out_m
+from safety.judge import Case, Fact, Kind, Told, Track, Verdict, is_inside, judge, out_m, way_out_m
 from safety.rows import ROWS
 from shapely import Point, Polygon
 
 FENCE = ((0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
 BENCH, WATCHDOG, STRANGER = "/musselbed_1", "/musselbed_watchdog_9", "/actor_stranger"
+HULL = "/apad1_simulated"
 BEGUN_S, STOPS_S = 10.0, 12.0
 SPEED_M_S = 0.5
 
@@ -239,13 +240,120 @@ def told(answered_s: float, *, code: int = 0) -> Told:
 
 def test_done_means_that_the_vehicle_has_taken_it() -> None:
     flight = [*sailing(STOPS_S), *go(), *off(STOPS_S)]
-    assert judged(flight, told=(told(12.2),)).failures == []
+    assert judged(flight, told=(told(14.7),)).failures == []
     assert judged(flight, told=(told(12.05),)).untaken == 1  # on the wire, and not answered yet
     assert judged(flight, told=(told(12.05, code=3),)).untaken == 0
     deaf = [*sailing(STOPS_S), *go(), *off(STOPS_S, took_s=None)]
     assert judged(deaf, told=(told(20.0),)).untaken == 1
     moved_on = [*flight, *go(13.0, by=STRANGER)]
     assert judged(moved_on, told=(told(14.0),)).untaken == 1
+
+
+def test_done_means_that_the_hull_truly_slows() -> None:
+    flight = [
+        *sailing(STOPS_S),
+        *go(),
+        *off(STOPS_S),
+    ]  # half a metre a second until 14 s, and none from then on
+    early = judged(flight, told=(told(13.0),))
+    assert early.failures == ["`stop` said done at 0.50 m/s; the stop was taken at 0.50 m/s"]
+    assert judged(flight, told=(told(13.0, code=3),)).untaken == 0
+    assert judged([*sailing(), *go(), *off(STOPS_S)], told=(told(30.0),), is_rest_due=False).untaken == 1
+    # Half of its speed is the water's, which carries it along for good.
+    carried = {"told": (told(30.0),), "is_rest_due": False, "current_m_s": (SPEED_M_S - 0.2, 0.0)}
+    assert judged([*sailing(), *go(), *off(STOPS_S)], **carried).failures == []
+
+
+def test_a_hung_node_tells_its_speed_afterwards() -> None:
+    """All that a node of a hull at half a metre a second tells of 10 to 30 s arrives at 30 s."""
+    facts = [dict(it, at_s=30.0) if 10 < it["at_s"] < 30 else it for it in sailing()]
+    track = Track(sorted(facts, key=lambda it: it["at_s"]))
+    assert track.speed_m_s(20.0) == pytest.approx(SPEED_M_S, abs=0.06)
+
+
+def test_a_hold_after_an_off_is_bad_though_a_hold_came_first() -> None:
+    here = (10 + SPEED_M_S * STOPS_S, 30.0)
+    held = [*sailing(STOPS_S), *go(), *hold(STOPS_S, here)]
+    assert judged([*held, *off(12.5)]).failures == []
+    late = judged([*held, *off(12.5), *hold(12.6, here)])
+    assert late.unasked == 1 and "after the OFF" in late.failures[0]
+    assert judged([*held, *off(12.5), *hold(20.0, here)], words_s=(19.0,)).failures == []
+    assert judged([*held, *hold(12.4, here), *off(12.5)]).failures == []
+
+
+def test_a_hold_that_has_one_place_is_not_ordered_elsewhere() -> None:
+    here = (10 + SPEED_M_S * STOPS_S, 30.0)
+    held = [*sailing(STOPS_S), *go(), *hold(STOPS_S, here)]
+    walked = [*held, *hold(20.0, (here[0] + 0.5, 30.0))]
+    assert judged(walked).failures == []
+    assert judged(walked, one_place=True).unasked == 1
+    assert judged([*held, *hold(20.0, here)], one_place=True).failures == []
+
+
+def test_a_hull_that_moves_at_the_end_is_bad_where_it_has_to_rest() -> None:
+    again = sailing(STOPS_S)
+    for it in again:
+        it["north"] += max(0.0, it["at_s"] - 30.0)
+    how = {"ends_at_rest": True, "is_rest_due": False}
+    assert judged([*again, *off(STOPS_S)], **how).failures == ["the vehicle moves at the end"]
+    assert judged([*sailing(STOPS_S), *off(STOPS_S)], **how).failures == []
+
+
+def test_a_hull_that_disobeys_has_to_be_switched_off_and_told() -> None:
+    here = (10 + SPEED_M_S * STOPS_S, 30.0)
+    on = [*sailing(), *go(), *hold(STOPS_S, here)]
+    how = {"disobeys": True, "is_rest_due": False, "must_take": False}
+    how["said"] = "ALARM: the aPad does not obey its stop: Cut its power by hand"
+    refused = (told(17.0, code=3),)
+    assert judged([*on, *off(16.0)], told=refused, **how).failures == []
+    assert len(judged([*on, *off(17.0)], told=refused, **how).failures) == 1  # it came too late
+    assert judged(on, told=refused, **how).failures == [
+        "no OFF went out within 4.5 s after a stop that it disobeys"
+    ]
+    quiet = judged([*on, *off(16.0)], told=refused, **(how | {"said": "it does not obey"}))
+    assert quiet.failures == ["nobody was told that it `cut its power by hand`"]
+    lied = judged([*on, *off(16.0)], told=(told(17.0),), **how)
+    assert "`stop` said done of a hull that disobeys" in lied.failures
+
+
+def test_an_off_in_force_is_owed_again() -> None:
+    flight = [*sailing(STOPS_S), *go(), *off(STOPS_S)]
+    how: dict[str, Any] = {"deaf": (20.0, 24.0), "off_again": (20.0, 27.0)}
+    assert judged(flight, **how).failures == ["the OFF in force was not sent again"]
+    assert judged([*flight, *off(28.0)], **how).failures == ["the OFF in force was not sent again"]
+    assert judged([*flight, *off(25.0)], **how).failures == []
+
+
+def test_no_arm_moves_while_hands_are_at_the_docks() -> None:
+    flight = [*sailing(STOPS_S), *go(), *off(STOPS_S)]
+    arm = {"fact": "arms", "at_s": 13.0, "by": BENCH, "open": -1}
+    assert len(judged([*flight, arm], arms_rest=True).failures) == 1
+    assert judged([*flight, arm]).failures == []
+    assert judged([*flight, arm | {"at_s": 11.0}, arm | {"by": HULL}], arms_rest=True).failures == []
+
+
+def test_the_way_after_a_stop_has_a_length() -> None:
+    flight = [*sailing(STOPS_S), *go(), *off(STOPS_S)]  # a metre
+    assert judged(flight, longest_way_m=1.2).failures == []
+    assert judged(flight, longest_way_m=0.8).failures == ["it went on for 1.0 m after the stop"]
+
+
+def test_a_second_bench_may_not_order() -> None:
+    flight = [*sailing(STOPS_S), *go(), *off(STOPS_S), *off(20.0)]
+    assert judged(flight, newcomers_s=BEGUN_S).failures == []
+    assert judged([*flight, *off(25.0, WATCHDOG)], newcomers_s=BEGUN_S).failures == []
+    assert judged([*flight, *off(25.0, "/musselbed_5")], newcomers_s=BEGUN_S).failures == [
+        "/musselbed_5 orders, too"
+    ]
+
+
+def test_a_fence_that_is_drawn_closer_holds_from_then_on() -> None:
+    flight = [*sailing(STOPS_S), *go(), *off(STOPS_S), *go(30.0, (50.0, 30.0))]
+    how = {"words_s": (29.0,)}
+    closer = ((0.0, 0.0), (40.0, 0.0), (40.0, 60.0), (0.0, 60.0))
+    assert judged(flight, **how).failures == []
+    assert judged(flight, later_fence=(20.0, closer), **how).outside == 1
+    assert judged(flight, later_fence=(31.0, closer), **how).failures == []
 
 
 def test_a_healthy_vehicle_may_not_be_stopped() -> None:

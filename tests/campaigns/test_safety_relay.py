@@ -66,6 +66,16 @@ def test_places_that_are_shifted_or_mirrored() -> None:
     assert places("north_sign")[10] == pytest.approx((-0.5, 30.0))
 
 
+def test_two_receivers_of_one_node_speak_in_turns() -> None:
+    turns = [north - it / 20 for it, (north, _) in enumerate(places("mux", apart_m=3.0))]
+    assert turns[:4] == pytest.approx([3.0, 0.0, 3.0, 0.0])
+
+
+def test_a_position_walks_off() -> None:
+    north = [north for north, _ in places("walks", speed_m_s=0.4)]
+    assert north[100] - 0.5 * 10 == pytest.approx(4.0)
+
+
 def test_lag_grows_to_eight_seconds_and_keeps_the_order() -> None:
     late = passed("late_more")
     lags_s = [at_s - (it.header.stamp.to_sec() - 1000) for at_s, it in late]
