@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from safety.campaign import jobs
-from safety.judge import Case, Fact, Kind, Told, Track, Verdict, is_inside, judge, out_m, way_out_m
+from safety.judge import Case, Fact, Kind, Told, Track, Verdict, is_inside, joined, judge, out_m, way_out_m
 from safety.rows import ROWS
 from shapely import Point, Polygon
 
@@ -365,6 +365,15 @@ def test_a_healthy_vehicle_may_not_be_stopped() -> None:
     assert judged([*sailing(), *go()], goes_on_s=25.0, **how).failures == [
         "no way was ordered in the last 39 s"
     ]
+
+
+def test_several_apads_have_one_verdict() -> None:
+    good = judged([*sailing(STOPS_S), *go(), *off(STOPS_S)])
+    late = judged([*sailing(14.0), *go(), *off(14.0)])
+    whole = joined({"apad1": good, "apad2": late})
+    assert whole.failures == ["apad2: the first stop came after 4.0 s, more than 3"]
+    assert (whole.stop_s, whole.stop_by, whole.orders) == (4.0, BENCH, 4)
+    assert joined({"apad1": good}) is good
 
 
 CORNERS = st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), min_size=3, max_size=7, unique=True)

@@ -24,7 +24,7 @@ from tries import Job, Kept, NoFlight, Result, fly_all, in_cells, in_turns
 from two_machines import why_no_two_machines
 
 from safety.flight import Flight
-from safety.judge import judge
+from safety.judge import Case, joined, judge
 from safety.rows import BOTH, ROWS, SHORT_TRIES, Try
 
 SEED = 20261124
@@ -90,8 +90,9 @@ def flown(job: Job, attempt: int, kept: Kept, minutes: float) -> Result:
             flight = Flight(home, job.generation, rng, row.setup, stack, 60 * minutes + LONGER_S, kept.ended)
             flight.begin()
             flight.pause(rng.uniform(0.0, 3.0))
-            case = row.act(Try(flight, job.number, minutes))
-            verdict = judge(flight.look(), case)
+            judged = row.act(Try(flight, job.number, minutes))
+            cases = {"apad1": judged} if isinstance(judged, Case) else judged
+            verdict = joined({apad: judge(flight.look(apad), case) for apad, case in cases.items()})
             despite = flight.despite
         if verdict.failures:
             _keep(home, kept.folder / "failed" / job.name)

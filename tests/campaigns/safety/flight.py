@@ -41,7 +41,9 @@ START_M: Place = (40.0, 40.0)
 CORNERS: tuple[Place, ...] = ((59.0, 57.0), (56.0, 22.0), (23.0, 24.0), (24.0, 58.0))
 """The aMussels' places: a leg of 23 m takes the vehicle 45 s."""
 SHIFT_M = 2.0
-HULL = "/apad1_simulated"
+LANES_M = (12.0, 26.0, 40.0, 54.0, 68.0)
+LANE_ENDS_M = (62.0, 18.0)
+"""Several aPads start side by side, each with an aMussel ahead and one behind."""
 TRUTH = "/hull/position"
 UNDER_WAY_M = 2.0
 NEVER_OVERRIDDEN = ("bench", "fence", "position", "pilot", "stop")
@@ -115,6 +117,10 @@ class Setup:
     """`script`: a script orders a go-to each second, for ever. `calls`: a program calls for one each 0.4 s."""
     arm_moves: bool = False
     """The arm stands open in a docking of generation B."""
+    apads: int = 1
+    """Several aPads have neither relay nor watchdog: their hulls publish the truth themselves."""
+    is_our_own: bool = False
+    """The bench starts master and simulated vehicle itself, on the laptop, and restarts a supervisor that died."""
     run_words: tuple[str, ...] = ()
 
 
@@ -182,11 +188,28 @@ class Flight:
         self._write_fleet()
         if self.setup.full:
             self._mount_small_disk()
-        self._on_vehicle("wire", sys.executable, "-m", "safety.wire", "/apad1", HULL, TRUTH)
-        self._wait_for("wire", "wire", "reading")
-        self.boot(self._write_scenario("hull", START_M, self.setup.fault))
-        self.actor("stranger")
+        self._watch()
+        if not self.setup.is_our_own:
+            self.boot(self._write_scenario("hull", START_M, self.setup.fault))
+            self.actor("stranger")
         self._fly()
+
+    @property
+    def names(self) -> list[str]:
+        """The aPads'."""
+        return [f"apad{number}" for number in range(1, self.setup.apads + 1)]
+
+    def _watch(self) -> None:
+        """Reads the wire where the vehicle is."""
+        words = [sys.executable, "-m", "safety.wire"]
+        is_relayed = self.setup.apads == 1 and not self.setup.is_our_own
+        for name in self.names:
+            words += [f"/{name}", f"/{name}_simulated", TRUTH if is_relayed else f"/{name}/position"]
+        machine = self.bench if self.setup.is_our_own else self.vehicle
+        self._processes["wire"] = self.programs.start(
+            machine, "wire", *words, environment={"PYTHONPATH": PATH}
+        )
+        self._wait_for("wire", "wire", "reading")
 
     # What flies.
 
@@ -207,19 +230,15 @@ class Flight:
             environment=environment,
         )
         self.programs.wait_until(self._master_answers, "the master does not answer")
-        hull = [
-            *clock,
-            sys.executable,
-            "-m",
-            "safety.nodes.hull",
-            "--scenario",
-            str(scenario),
-            "--time",
-            "wall",
-        ]
-        self._start(
-            "hull", *hull, "--tether", "1.0", "--orders", str(self._socket("hull")), environment=environment
-        )
+        hull = [*clock, sys.executable, "-m", "safety.nodes.hull", "--scenario", str(scenario)]
+        hull += ["--time", "wall", "--tether", "1.0"]
+        if self.setup.apads > 1:
+            for name in self.names:
+                self._start(name, *hull, "--direct", "--apad", name, environment=environment)
+            for name in self.names:
+                self._wait_ready(name)
+            return
+        self._start("hull", *hull, "--orders", str(self._socket("hull")), environment=environment)
         self._wait_ready("hull")
         workspace = environment | self._workspace(environment["PYTHONPATH"])
         self._start("relay", *clock, *self._node("relay"), environment=workspace)
@@ -261,11 +280,6 @@ class Flight:
             self.vehicle, f"{name}-{self._starts}", *words, environment=environment
         )
 
-    def _on_vehicle(self, name: str, *words: str) -> None:
-        self._processes[name] = self.programs.start(
-            self.vehicle, name, *words, environment={"PYTHONPATH": PATH}
-        )
-
     def _wait_ready(self, name: str) -> None:
         self._wait_for(name, f"{name}-{self._starts}", "ready")
 
@@ -304,7 +318,7 @@ class Flight:
         raise NoFlight(self.programs.said(f"run-{number}")[-1500:])
 
     def _has_begun(self) -> bool:
-        return bool(self.orders()) if self.setup.rests else self.is_under_way()
+        return bool(self.orders()) if self.setup.rests else all(map(self.is_under_way, self.names))
 
     def _start_run(self, number: int) -> subprocess.Popen[bytes]:
         self.run = self.programs.folder(self.bench) / f"run-{number}"
@@ -321,7 +335,9 @@ class Flight:
                 words = ["run", str(self.scenario), "--manual"]
             case _:
                 words = ["run", str(self.scenario)]
-        words += ["--apad", "ros", "--out", str(directory), *self.setup.run_words]
+        own = ["--generation", self.generation, "--on-supervisor-death", "resume", "--speed", "1"]
+        words += own if self.setup.is_our_own else ["--apad", "ros"]
+        words += ["--out", str(directory), *self.setup.run_words]
         words += [word for it in self.despite for word in it.split()]
         return self._on_laptop(directory.name, *words)
 
@@ -371,13 +387,19 @@ class Flight:
         data = yaml.safe_load(SCENARIO.read_text())
         corners = [list(it) for it in FENCE]
         data["area"] |= {"polygon_m": corners, "fence": corners, "home_m": list(START_M)}
-        data["fleet"] |= {"count": len(CORNERS), "start": str(self.home / "fleet.csv")}
+        data["fleet"] |= {"count": len(self._corners()), "start": str(self.home / "fleet.csv")}
         data["apad"] |= {
             "start_m": list(start_m),
             "generation": self.generation,
             "drift_m_s": list(self.setup.current_m_s),
             "battery": {"capacity_wh": BATTERY_WH},
         }
+        if self.setup.apads > 1:
+            data["apad"]["start_m"] = [start_m[0], LANES_M[0]]
+            data["apads"] = [
+                {"name": name, "start_m": [start_m[0], east_m]}
+                for name, east_m in zip(self.names[1:], LANES_M[1:], strict=True)
+            ]
         if fault is not None:
             data["apad"]["fault"] = fault
         if self.setup.arm_moves:
@@ -391,10 +413,15 @@ class Flight:
         path.write_text(yaml.safe_dump(data, sort_keys=False))
         return path
 
+    def _corners(self) -> tuple[Place, ...]:
+        if self.setup.apads == 1:
+            return CORNERS
+        return tuple((north_m, east_m) for east_m in LANES_M[: self.setup.apads] for north_m in LANE_ENDS_M)
+
     def _write_fleet(self) -> None:
         places = [
             (n + self.rng.uniform(-SHIFT_M, SHIFT_M), e + self.rng.uniform(-SHIFT_M, SHIFT_M))
-            for n, e in CORNERS
+            for n, e in self._corners()
         ]
         if self.setup.near_m is not None:
             angle = self.rng.uniform(0, 2 * math.pi)
@@ -504,10 +531,10 @@ class Flight:
 
     # A person.
 
-    def person(self, *words: str) -> Pressed:
-        """`musselbed WORDS[0] RUN WORDS[1:]` on the laptop, which waits to be pressed."""
+    def person(self, *words: str, one: str = "") -> Pressed:
+        """`musselbed WORDS[0] RUN WORDS[1:]` on the laptop, which waits to be pressed. `one`: RUN is that aPad's."""
         command = self.bench.command(
-            sys.executable, "-c", _PRESSED, "musselbed", words[0], str(self.run), *words[1:]
+            sys.executable, "-c", _PRESSED, "musselbed", words[0], str(self.run / one), *words[1:]
         )
         return self._waiting(words, command)
 
@@ -542,8 +569,8 @@ class Flight:
 
     # The wire.
 
-    def look(self) -> list[Fact]:
-        """All facts until now."""
+    def look(self, apad: str = "apad1") -> list[Fact]:
+        """All facts of this aPad until now."""
         if self._processes["wire"].poll() is not None:
             raise NoFlight(f"the observer ended: {self.programs.said('wire')[-300:]}")
         with (self.home / "wire.out").open("rb") as said:
@@ -552,26 +579,28 @@ class Flight:
         whole = new[: new.rfind(b"\n") + 1]
         self._read_bytes += len(whole)
         self.facts += [json.loads(it) for it in whole.splitlines() if it.startswith(b"{")]
-        return self.facts
+        return [it for it in self.facts if it["apad"] == f"/{apad}"]
 
     def place(self) -> Place:
         last = next(it for it in reversed(self.look()) if it["fact"] == "truth")
         return last["north"], last["east"]
 
-    def orders(self) -> list[Fact]:
+    def orders(self, apad: str = "apad1") -> list[Fact]:
         """The bench's orders until now."""
         return [
-            it for it in self.look() if it["fact"] in ("call", "goal") and it["by"].startswith("/musselbed")
+            it
+            for it in self.look(apad)
+            if it["fact"] in ("call", "goal") and it["by"].startswith("/musselbed")
         ]
 
     def ordered(self, order: str) -> bool:
         """The bench has called this service of the vehicle."""
         return any(it.get("order") == order for it in self.orders())
 
-    def is_under_way(self) -> bool:
+    def is_under_way(self, apad: str) -> bool:
         """The bench's newest order is a way, and a good part of it lies ahead."""
-        orders = self.orders()
-        places = [(it["north"], it["east"]) for it in self.facts if it["fact"] == "truth"]
+        orders = self.orders(apad)
+        places = [(it["north"], it["east"]) for it in self.look(apad) if it["fact"] == "truth"]
         if not orders or not places or orders[-1].get("place") is None:
             return False
         gone_m, ahead_m = (math.dist(places[-1], it) for it in (places[0], orders[-1]["place"]))

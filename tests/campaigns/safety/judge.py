@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 from typing import Any
@@ -381,6 +381,25 @@ def _is_left_at_rest(facts: list[Fact], case: Case, track: Track) -> bool:
     says = [it["at_s"] for it in facts if it["fact"] == "watchdog" and it["state"] == "LEFT"]
     left_s = next((it for it in says if case.begun_s <= it <= case.begun_s + case.limit_s), None)
     return case.deaf is not None and left_s is not None and track.rest(left_s) is not None
+
+
+def joined(verdicts: dict[str, Verdict]) -> Verdict:
+    """One verdict of all aPads of a flight: the longest times and ways, the sums of counts, and each one's failures."""
+    if len(verdicts) == 1:
+        return next(iter(verdicts.values()))
+    whole = Verdict()
+    for it in fields(Verdict):
+        values = [value for one in verdicts.values() if (value := getattr(one, it.name)) is not None]
+        if not values:
+            continue
+        if it.name in ("failures", "notes"):
+            said = [f"{apad}: {text}" for apad, one in verdicts.items() for text in getattr(one, it.name)]
+            setattr(whole, it.name, said)
+        elif isinstance(values[0], str):
+            setattr(whole, it.name, ", ".join(sorted(set(values))))
+        else:
+            setattr(whole, it.name, sum(values) if isinstance(values[0], int) else max(values))
+    return whole
 
 
 def _judge_stop(verdict: Verdict, stop: Order | None, case: Case, track: Track) -> None:

@@ -73,7 +73,8 @@ class Try:
         return pressed.asked_s
 
 
-Act = Callable[[Try], Case]
+Act = Callable[[Try], Case | dict[str, Case]]
+"""One case, or one for each of several aPads."""
 Before = Callable[[Try], None]
 PLAIN = Setup()
 
@@ -790,6 +791,71 @@ def second_bench(it: Try) -> Case:
     )
 
 
+# Several aPads, and a bench that restarts its supervisor.
+
+
+def stop_all(*words: str, one: str = "", hangs: str = "") -> Act:
+    """`stop RUN` stops each aPad and tells of each; that of `one` stops it alone; the node of `hangs` hangs meanwhile."""
+
+    def act(it: Try) -> dict[str, Case]:
+        flight = it.flight
+        pressed = flight.person(*words, "--by", "judge", one=one)
+        if hangs:
+            flight.signal_vehicle(signal.SIGSTOP, hangs)
+        flight.pause(0.3)
+        pressed.press()
+        told = pressed.answer()
+        flight.pause(AFTER_S)
+        if hangs:
+            flight.signal_vehicle(signal.SIGCONT, hangs)
+            flight.pause(AFTER_S)
+        untold = [] if one else [name for name in flight.names if f"{name}:" not in told.text]
+        cases = {}
+        for name in flight.names:
+            is_asked = name == (one or name)
+            is_heard = is_asked and name != hangs
+            cases[name] = Case(
+                flight.generation,
+                FENCE,
+                pressed.asked_s,
+                is_stop_due=is_heard,
+                is_rest_due=is_heard,
+                ends_at_rest=is_asked,
+                may_stop=is_asked,
+                goes_on_s=math.inf if is_asked else 2 * AFTER_S,
+                must_take=is_heard and not hangs,
+                told=(told,) if is_heard else (),
+                other_faults=_unless(name not in untold, "the answer does not tell of it"),
+            )
+        return cases
+
+    return act
+
+
+def restarted_by_parent(*words: str) -> Act:
+    """The run's own parent starts another supervisor under the stop, and nothing moves before `continue`."""
+
+    def act(it: Try) -> Case:
+        begun_s = it.order(*words)
+        it.flight.pause(6.0)
+        gone_s = time.monotonic()
+        it.flight.signal_bench(signal.SIGKILL, *SUPERVISOR)
+        it.flight.wait(lambda: not it.flight.takes_orders(), 10.0, "the supervisor lives")
+        it.flight.wait(it.flight.takes_orders, 60.0, "the parent starts no other supervisor")
+        back_s = time.monotonic()
+        it.flight.pause(2 * AFTER_S)
+        off = "--off" in words or words[0] == "hands"
+        return it.case(
+            begun_s,
+            must_be=Kind.OFF if off else None,
+            off_again=(gone_s, back_s + AGAIN_S) if off else None,
+            deaf=(gone_s, back_s),
+            ends_at_rest=True,
+        )
+
+    return act
+
+
 def _unless(good: bool, fault: str) -> tuple[str, ...]:
     return () if good else (fault,)
 
@@ -1022,3 +1088,20 @@ ROWS["resumed, not taken"] = Row(
     why_not=_LATE,
     tries=LATCH_TRIES,
 )
+FIVE = Setup(apads=5, watchdog=False)
+ROWS |= {
+    "five": Row("`stop RUN` of five aPads", stop_all("stop"), FIVE),
+    "five, off": Row("`stop RUN --off` of five aPads", stop_all("stop", "--off"), FIVE),
+    "five, one": Row("`stop RUN/apad3` of five aPads", stop_all("stop", one="apad3"), FIVE),
+    "five, one hangs": Row(
+        "`stop RUN` of five aPads, one of whose nodes hangs", stop_all("stop", hangs="apad2"), FIVE
+    ),
+}
+OWN = Setup(is_our_own=True)
+for _name, _order in (("hold", "stop"), ("off", "stop --off"), ("hands", "hands")):
+    ROWS[f"parent, {_name}"] = Row(
+        f"the run's parent restarts a killed supervisor under a {_name}",
+        restarted_by_parent(*_order.split()),
+        OWN,
+        tries=LATCH_TRIES,
+    )

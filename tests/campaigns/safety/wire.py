@@ -1,11 +1,12 @@
 """Watches an aPad's computer: every order that arrives there, whether the vehicle took it, and where the vehicle truly is.
 
-    python -m safety.wire APAD HULL TRUTH
-        (on that computer, as its root, before any node starts. APAD is the vehicle's namespace, HULL the name of its node,
+    python -m safety.wire APAD HULL TRUTH [APAD HULL TRUTH ...]
+        (on that computer, as its root, before any node starts. APAD is a vehicle's namespace, HULL the name of its node,
         TRUTH the topic on which the hull publishes its place before anything falsifies it)
 
-It is no node, and nobody knows of it. It prints `reading`, then a line of JSON for each fact; `at_s` is the monotonic
-clock's, which all processes of a machine share. Exit code 1: packets were lost to it, and nothing is known from then on.
+It is no node, and nobody knows of it. It prints `reading`, then a line of JSON for each fact. `apad` is the vehicle, and
+`at_s` the time by the monotonic clock, which all processes of a machine share. Exit code 1: packets were lost to it, and
+nothing is known from then on.
 
     truth   north, east, yaw, stamp           the hull's own position
     call    number, order, by, place, enable  a service's request at the vehicle; `order` is the service below APAD
@@ -223,7 +224,8 @@ class Wire:
 
 
 def main() -> int:
-    wire, reader = Wire(*sys.argv[1:4]), Reader()
+    reader = Reader()
+    wires = {sys.argv[at]: Wire(*sys.argv[at : at + 3]) for at in range(1, len(sys.argv), 3)}
     # SOCK_DGRAM: without the link's own header, which differs between the loopback and a TUN device.
     with socket.socket(socket.AF_PACKET, socket.SOCK_DGRAM, socket.htons(_ALL_PACKETS)) as packets:
         packets.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
@@ -238,8 +240,9 @@ def main() -> int:
             except PacketsMissed as why:
                 print(f"wire: {why}", file=sys.stderr)
                 return 1
-            for fact in filter(None, map(wire.take, said)):
-                print(json.dumps({"at_s": round(at_s, 4), **fact}), flush=True)
+            for apad, wire in wires.items():
+                for fact in filter(None, map(wire.take, said)):
+                    print(json.dumps({"at_s": round(at_s, 4), "apad": apad, **fact}), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
 """The simulated aPad as a hull whose position and battery leave it on topics of their own, for a relay in between.
 
-    python -m safety.nodes.hull --scenario RESOLVED.yaml [--tether METRES] [--orders SOCKET]
+    python -m safety.nodes.hull --scenario RESOLVED.yaml [--apad NAME] [--tether METRES] [--orders SOCKET] [--direct]
 
-The place that it publishes on /hull/position is the truth, whatever a relay makes of it on /apad1/position. Orders are
-lines of JSON to the datagram socket; each has one or more of these keys:
+The place that it publishes on /hull/position is the truth, whatever a relay makes of it on /apad1/position. With
+--direct its topics have their own names, and no relay is there. Orders are lines of JSON to the datagram socket; each has
+one or more of these keys:
 
     {"hull": "obeys"}        it does what its software wants, as in the beginning
     {"hull": "tied"}         nothing takes it further than METRES from where it is
@@ -128,7 +129,10 @@ def taken(option: str) -> str | None:
 
 
 if __name__ == "__main__":
-    remap()
+    if "--direct" in sys.argv:
+        sys.argv.remove("--direct")
+    else:
+        remap()
     spoiled = Hull(float(taken("--tether") or math.inf))
     if (orders_path := taken("--orders")) is not None:
         listen(orders_path, spoiled)
