@@ -88,6 +88,10 @@ def test_a_hold_is_a_stop_where_the_vehicle_truly_is_and_while_it_was_told_so() 
     assert judged([*sailing(STOPS_S), *go(), *hold(STOPS_S, here)]).stop_kind == "hold"
     far = judged([*sailing(STOPS_S), *go(), *hold(STOPS_S, (here[0] + 1.2, 30.0))])
     assert far.stop_s is None
+    assert (
+        judged([*sailing(STOPS_S), *go(), *hold(STOPS_S, (here[0] + 1.2, 30.0))], at_place_m=2.0).stop_s
+        == 2.0
+    )
     lied = judged([*sailing(STOPS_S), *go(), *hold(STOPS_S, here)], lies=True)
     assert lied.stop_s is None and "no stop on the wire" in lied.failures
     must = judged([*sailing(STOPS_S), *go(), *off(STOPS_S)], must_be=Kind.HOLD)

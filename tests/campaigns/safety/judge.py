@@ -124,6 +124,8 @@ class Case:
     """A healthy mission orders a way, or a dock, at least that often, until the last fact."""
     must_move: bool = False
     """After the last word the bench orders a way again."""
+    at_place_m: float = AT_PLACE_M
+    """A hold so near to the true place is a stop: a late link has the bench know of an older place."""
     current_m_s: Place = (0.0, 0.0)
     """The water's velocity over ground."""
     one_place: bool = False
@@ -331,7 +333,7 @@ def _kind_of_call(order: Order, enable: bool | None, case: Case, track: Track) -
 def _kind_of_place(at_s: float, place: Place | None, case: Case, track: Track) -> Kind:
     here = track.at(at_s)
     is_told_truly = not case.lies or at_s < case.begun_s
-    if is_told_truly and here is not None and place is not None and math.dist(here, place) <= AT_PLACE_M:
+    if is_told_truly and here is not None and place is not None and math.dist(here, place) <= case.at_place_m:
         return Kind.HOLD
     return Kind.MOVE
 

@@ -992,7 +992,7 @@ for _answer_s in (1.5, 3.0):
 ROWS |= {
     "late link": Row(
         "`stop` over a round trip of 1.2 s, while a script goes on",
-        stopped_for_good("stop", before=late_link, limit_s=LIMIT_S + 1.2),
+        stopped_for_good("stop", before=late_link, limit_s=LIMIT_S + 1.2, at_place_m=2.0),
         SCRIPT,
     ),
     "losing link": Row(
