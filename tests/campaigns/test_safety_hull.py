@@ -62,6 +62,13 @@ def test_a_deaf_hull_goes_on(holds: bool) -> None:
     assert sailed("deaf", holds=holds)[-1] == pytest.approx((5.0, 0.5), abs=0.05)
 
 
+def test_a_deaf_hull_may_have_a_velocity() -> None:
+    hull, motion = Hull(math.inf), Motion(load(REAL_APAD).apad)
+    hull.obey({"hull": "deaf", "velocity_m_s": [0.3, -0.2]})
+    pose = hull._pose(motion, motion.pose)
+    assert (pose.north_m_s, pose.east_m_s) == (0.3, -0.2)
+
+
 def test_a_reversed_hull_goes_away_from_the_place_that_it_should_hold_and_coasts_without_thrust() -> None:
     way = sailed("reversed")
     assert way[-1][0] > 5.5 and all(speed_m_s > 0.5 for _, speed_m_s in way)

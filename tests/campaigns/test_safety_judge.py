@@ -320,6 +320,14 @@ def test_a_hull_that_disobeys_has_to_be_switched_off_and_told() -> None:
     assert "`stop` said done of a hull that disobeys" in lied.failures
 
 
+def test_a_hull_that_leaves_its_place_has_to_be_switched_off_once_it_is_farther_than_it_coasts() -> None:
+    here = (10 + SPEED_M_S * STOPS_S, 30.0)
+    on = [*sailing(), *go(), *hold(STOPS_S, here)]  # it is 4.2 m away at 20.5 s
+    how = {"strays": True, "is_rest_due": False, "said": "it does not obey; cut its power by hand"}
+    assert judged([*on, *off(24.9)], **how).failures == []
+    assert len(judged([*on, *off(25.2)], **how).failures) == 1
+
+
 def test_an_off_in_force_is_owed_again() -> None:
     flight = [*sailing(STOPS_S), *go(), *off(STOPS_S)]
     how: dict[str, Any] = {"deaf": (20.0, 24.0), "off_again": (20.0, 27.0)}

@@ -131,28 +131,37 @@ def says_done(text: str) -> bool:
 
 @dataclass
 class Pressed:
-    """A person's command that waits for its moment, and its answer."""
+    """A person's command that waits for its moment, and its answer, with the time at which it came."""
 
     words: tuple[str, ...]
     process: subprocess.Popen[str]
     asked_s: float = math.nan
+    _text: str = ""
+    _answered_s: float = math.nan
+    _reader: threading.Thread = field(init=False)
 
     def press(self) -> None:
         assert self.process.stdin is not None
+        self._reader = threading.Thread(target=self._read, daemon=True)
         self.asked_s = time.monotonic()
         self.process.stdin.write("\n")
         self.process.stdin.flush()
+        self._reader.start()
+
+    def _read(self) -> None:
+        self._text, _ = self.process.communicate()
+        self._answered_s = time.monotonic()
 
     def answer(self) -> Told:
-        code: int | None
-        try:
-            text, _ = self.process.communicate(timeout=ANSWER_S)
-            code = self.process.returncode
-        except subprocess.TimeoutExpired:
+        self._reader.join(max(0.0, self.asked_s + ANSWER_S - time.monotonic()))
+        code = self.process.returncode
+        if self._reader.is_alive():
             self.process.kill()
-            text, code = "no answer", None
-        says_taken = self.words[0] != "continue" and (code == 0 or says_done(text))
-        return Told(" ".join(self.words), self.asked_s, time.monotonic(), code, says_taken, text)
+            self._reader.join()
+            self._text, code = "no answer", None
+        says_taken = self.words[0] != "continue" and (code == 0 or says_done(self._text))
+        words = " ".join(self.words)
+        return Told(words, self.asked_s, self._answered_s, code, says_taken, self._text)
 
 
 @dataclass
@@ -655,5 +664,8 @@ MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
 
 def _end(process: subprocess.Popen[str]) -> None:
     process.kill()
-    with suppress(ValueError):
-        process.communicate()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        with suppress(OSError, ValueError):
+            assert pipe is not None
+            pipe.close()

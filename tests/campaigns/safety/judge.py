@@ -45,6 +45,8 @@ SLOW_M_S, SLOW_SHARE = 0.3, 0.7
 """A stop is done when the true speed through water is below the one, or that share of the speed when it was taken."""
 SPEED_S = 0.5
 """A speed is that of the way from so long before to so long after."""
+COASTING_M = 4.2
+"""`guards.coasting_m` of the scenario that flies."""
 OBEYS_S, LOOK_S = 3.0, 1.5
 """The speed of a hull that obeys has fallen so long after it took the stop; the bench looks and orders within the other."""
 ALARM = ("does not obey", "cut its power by hand")
@@ -134,6 +136,8 @@ class Case:
     """The hull truly rests at the end, whatever waited at its services."""
     disobeys: bool = False
     """The hull takes a stop and does not follow it: OFF and an alarm are due, and nobody may be told `done`."""
+    strays: bool = False
+    """The hull leaves the place that it holds: OFF and an alarm are due when it is farther than it coasts, and goes on."""
     said: str = ""
     """All that the bench has told, for an alarm that is due."""
     off_again: tuple[float, float] | None = None
@@ -251,6 +255,14 @@ class Track:
     def _stamp_at(self, at_s: float) -> tuple[float, Place]:
         number = bisect_right(self._stamped, at_s, key=lambda it: it[0]) - 1
         return self._stamped[max(0, number)] if self._stamped else (at_s, (0.0, 0.0))
+
+    def leaves_s(self, at_s: float, radius_m: float) -> float:
+        """The time at which it is so far from where it was at `at_s`; infinite if it never is."""
+        begin = self.at(at_s)
+        far = (
+            it for it, place in self.since(at_s) if begin is not None and math.dist(begin, place) > radius_m
+        )
+        return next(far, math.inf)
 
     def ends_at_rest(self) -> bool:
         ends_s = self.times_s[-1] if self.times_s else 0.0
@@ -569,20 +581,23 @@ def _judge_hull(verdict: Verdict, ours: list[Order], stop: Order | None, case: C
         way_m = sum(math.dist(a, b) for a, b in pairwise(it for it in places if it is not None))
         if way_m > case.longest_way_m:
             verdict.failures.append(f"it went on for {way_m:.1f} m after the stop")
-    if not case.disobeys:
+    if not (case.disobeys or case.strays):
         return
     if stop is None or stop.taken_s is None:
         verdict.failures.append("the hull took no stop that it could disobey")
         return
-    due_s = stop.taken_s + OBEYS_S + LOOK_S
+    since_s = stop.taken_s if case.disobeys else track.leaves_s(stop.taken_s, COASTING_M)
+    due_s = since_s + OBEYS_S + LOOK_S
     if not any(it.kind is Kind.OFF and stop.taken_s < it.at_s <= due_s for it in ours):
         verdict.failures.append(
-            f"no OFF went out within {OBEYS_S + LOOK_S:g} s after a stop that it disobeys"
+            f"no OFF went out within {due_s - stop.taken_s:.1f} s after a stop that it disobeys"
         )
     if missing := [it for it in ALARM if it not in case.said.lower()]:
         verdict.failures.append(f"nobody was told that it `{'`, `'.join(missing)}`")
     verdict.failures += [
-        f"`{it.what}` said done of a hull that disobeys" for it in case.told if it.says_taken
+        f"`{it.what}` said done of a hull that disobeys"
+        for it in case.told
+        if it.says_taken and case.disobeys
     ]
 
 

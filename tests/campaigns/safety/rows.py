@@ -495,11 +495,13 @@ def held_by_walking_position(it: Try) -> Case:
 
 
 def held_by_deaf_hull(it: Try) -> Case:
-    """The hull is under way again after a hold that it had followed, as when a rope lets go."""
+    """The hull leaves a place that it had held."""
     begun_s = it.order("stop")
-    it.flight.spoil(hull="deaf")
+    it.flight.pause(4.0)
+    it.flight.spoil(hull="deaf", velocity_m_s=[0.3, -0.2])
     it.flight.pause(2 * AFTER_S)
-    return it.case(begun_s, must_take=False, is_rest_due=False, one_place=True)
+    said = it.flight.said_by_bench()
+    return it.case(begun_s, is_rest_due=False, one_place=True, strays=True, said=said)
 
 
 def two_places(it: Try) -> Case:

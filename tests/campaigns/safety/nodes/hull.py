@@ -8,7 +8,8 @@ one or more of these keys:
 
     {"hull": "obeys"}        it does what its software wants, as in the beginning
     {"hull": "tied"}         nothing takes it further than METRES from where it is
-    {"hull": "deaf"}         it keeps its velocity over ground, whatever its software has taken and answered
+    {"hull": "deaf"}         it keeps its velocity over ground, whatever its software has taken and answered; with
+                             "velocity_m_s": [NORTH, EAST] it has that one
     {"hull": "reversed"}     its thrusters push the other way
     {"answer_s": 1.5, "takes_first": true}    each service of generation B answers so late, one call after the other;
                                               it takes the order before that time, or after it
@@ -49,12 +50,14 @@ class Hull:
         self._tether_m = tether_m
         self._kind = "obeys"
         self._tied: tuple[float, float] | None = None
+        self._velocity_m_s: tuple[float, float] | None = None
         self._answer_s, self._takes_first = 0.0, False
         self._busy_until_s = 0.0
 
     def obey(self, order: dict[str, Any]) -> None:
         self._tied = None if "hull" in order else self._tied
         self._kind = order.get("hull", self._kind)
+        self._velocity_m_s = order.get("velocity_m_s")
         self._answer_s = order.get("answer_s", self._answer_s)
         self._takes_first = order.get("takes_first", self._takes_first)
         self._busy_until_s = time.monotonic() + order.get("busy_s", 0.0)
@@ -85,7 +88,8 @@ class Hull:
                 if math.dist(self._tied, (after.north_m, after.east_m)) > self._tether_m:
                     return replace(before, north_m_s=0.0, east_m_s=0.0)
             case "deaf":
-                return moved(before, (before.north_m_s, before.east_m_s), before.heading_rad)
+                north_m_s, east_m_s = self._velocity_m_s or (before.north_m_s, before.east_m_s)
+                return moved(before, (north_m_s, east_m_s), before.heading_rad)
             case "reversed" if motion._goal is not None or motion._steering is not None:
                 north_m_s, east_m_s = (
                     2 * before.north_m_s - after.north_m_s,
