@@ -446,16 +446,17 @@ def hung_for(seconds: float, *words: str) -> Act:
 
 
 def stop_and_hands(before: Before = nothing, limit_s: float = LIMIT_S, **how: Any) -> Act:
-    """Two people at one instant: after the OFF no hold arrives."""
+    """Two people at one instant, or in odd tries with a tick between them: after the OFF no hold arrives."""
 
     def act(it: Try) -> Case:
         before(it)
         pressed = [it.flight.person(word, "--by", word) for word in ("stop", "hands")]
-        for one in pressed if it.heals else pressed[::-1]:
+        for one in pressed:
             one.press()
+            it.flight.pause(0.0 if it.heals else it.flight.rng.uniform(0.5, 1.5))
         it.told += [one.answer() for one in pressed]
         it.flight.pause(AFTER_S)
-        begun_s = min(one.asked_s for one in pressed)
+        begun_s = pressed[-1].asked_s
         return it.case(begun_s, must_be=Kind.OFF, limit_s=limit_s, arms_rest=True, ends_at_rest=True, **how)
 
     return act
@@ -1019,9 +1020,13 @@ ROWS |= {
         generations=("b",),
         why_not=_LATE,
     ),
+    "stop and hands, late": Row(
+        "`stop` and `hands` at once, over a round trip of 1.2 s",
+        stop_and_hands(late_link, LIMIT_S + 1.2, must_take=False),
+    ),
     "stop and hands, losing": Row(
         "`stop` and `hands` at once, over 25 % loss",
-        stop_and_hands(losing_link, LOSSY_LIMIT_S, must_take=False, is_rest_due=False),
+        stop_and_hands(losing_link, LOSSY_LIMIT_S, must_take=False, is_rest_due=False, may_stand=True),
     ),
     "deaf": Row("`stop` of a hull that goes on", disobeyed("deaf", "stop")),
     "deaf, off": Row("`stop --off` of a hull that goes on", disobeyed("deaf", "stop", "--off")),
