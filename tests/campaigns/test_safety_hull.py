@@ -9,11 +9,12 @@ from typing import Any
 
 import imcpy
 import pytest
-from safety.flight import FENCE, says_done
-from safety.judge import is_inside
+from safety.command import IMC_GOAL_DEG
+from safety.flight import FENCE
 from safety.nodes.hull import Hull
 from safety.nodes.imc_order import plan_control
-from safety.rows import IMC_GOAL_DEG
+from safety.person import says_done
+from safety.track import is_inside
 
 from apad_bridge.imc.orders import ConsoleOrders, Order
 from apad_bridge.scenario.area.local_frame import LocalFrame

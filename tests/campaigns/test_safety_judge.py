@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from safety.campaign import jobs
-from safety.judge import Case, Fact, Kind, Told, Track, Verdict, is_inside, joined, judge, out_m, way_out_m
+from safety.judge import Case, Kind, Told, Verdict, joined, judge
 from safety.rows import ROWS
+from safety.track import Fact, Track, is_inside, out_m, way_out_m
 from shapely import Point, Polygon
 
 FENCE = ((0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0))

@@ -25,7 +25,8 @@ from two_machines import why_no_two_machines
 
 from safety.flight import Flight
 from safety.judge import Case, joined, judge
-from safety.rows import BOTH, ROWS, SHORT_TRIES, Try
+from safety.row import BOTH, SHORT_TRIES, Try
+from safety.rows import ROWS
 
 SEED = 20261124
 MINUTES = 300.0

@@ -27,7 +27,9 @@ import yaml
 from tries import NoFlight
 from two_machines import Link, Lose, Machine, Programs, linked_machines, master_uri
 
-from safety.judge import PERCH, Fact, Place, Told
+from safety.judge import PERCH
+from safety.person import ANSWER_S, COMMAND, PAGE, Pressed
+from safety.track import Fact, Place
 
 ROOT = Path(__file__).parents[3]
 NODES = Path(__file__).with_name("nodes")
@@ -47,7 +49,6 @@ LANE_ENDS_M = (62.0, 18.0)
 TRUTH = "/hull/position"
 UNDER_WAY_M = 2.0
 NEVER_OVERRIDDEN = ("bench", "fence", "position", "pilot", "stop")
-ANSWER_S = 30.0
 CALL_S = 0.4
 _ENDS = ((61.0, 58.0), (61.0, 56.0))
 """Two places near each other: the way to either is long, and each order is a new one."""
@@ -67,29 +68,6 @@ BEGIN_S = 180.0
 IMC_PORT = 16_001
 BATTERY_WH = 50_000.0
 """Hours of flight must not depend on the vehicle's charge; rows that are about it falsify what it tells."""
-_PRESSED = """
-import sys
-from apad_bridge.commands.main import main, parser
-parser(sys.argv[2:])
-print("warm", flush=True)
-sys.stdin.readline()
-sys.argv[1:] = sys.argv[2:]
-sys.exit(main())
-"""
-"""`musselbed` with all of it loaded before: the time of an order is not that of an interpreter's start."""
-
-_PAGE = """
-import http.cookiejar, json, sys, urllib.request
-base, token, act = sys.argv[1:]
-opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(http.cookiejar.CookieJar()))
-opener.open(f"{base}/?token={token}", timeout=20).read()
-print("warm", flush=True)
-sys.stdin.readline()
-body = json.dumps({"act": act, "by": "judge on the page"}).encode()
-answer = json.load(opener.open(urllib.request.Request(f"{base}/orders", body), timeout=20))
-print(answer)
-sys.exit(0 if answer["accepted"] else 3)
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,46 +100,6 @@ class Setup:
     is_our_own: bool = False
     """The bench starts master and simulated vehicle itself, on the laptop, and restarts a supervisor that died."""
     run_words: tuple[str, ...] = ()
-
-
-def says_done(text: str) -> bool:
-    """A line of it says that a stop is done."""
-    return re.search(r"^(\w+: )?done\b", text, re.M) is not None
-
-
-@dataclass
-class Pressed:
-    """A person's command that waits for its moment, and its answer, with the time at which it came."""
-
-    words: tuple[str, ...]
-    process: subprocess.Popen[str]
-    asked_s: float = math.nan
-    _text: str = ""
-    _answered_s: float = math.nan
-    _reader: threading.Thread = field(init=False)
-
-    def press(self) -> None:
-        assert self.process.stdin is not None
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self.asked_s = time.monotonic()
-        self.process.stdin.write("\n")
-        self.process.stdin.flush()
-        self._reader.start()
-
-    def _read(self) -> None:
-        self._text, _ = self.process.communicate()
-        self._answered_s = time.monotonic()
-
-    def answer(self) -> Told:
-        self._reader.join(max(0.0, self.asked_s + ANSWER_S - time.monotonic()))
-        code = self.process.returncode
-        if self._reader.is_alive():
-            self.process.kill()
-            self._reader.join()
-            self._text, code = "no answer", None
-        says_taken = self.words[0] != "continue" and (code == 0 or says_done(self._text))
-        words = " ".join(self.words)
-        return Told(words, self.asked_s, self._answered_s, code, says_taken, self._text)
 
 
 @dataclass
@@ -543,7 +481,7 @@ class Flight:
     def person(self, *words: str, one: str = "") -> Pressed:
         """`musselbed WORDS[0] RUN WORDS[1:]` on the laptop, which waits to be pressed. `one`: RUN is that aPad's."""
         command = self.bench.command(
-            sys.executable, "-c", _PRESSED, "musselbed", words[0], str(self.run / one), *words[1:]
+            sys.executable, "-c", COMMAND, "musselbed", words[0], str(self.run / one), *words[1:]
         )
         return self._waiting(words, command)
 
@@ -552,7 +490,7 @@ class Flight:
         found = re.search(r"(http://127\.0\.0\.1:\d+)/\?token=(\S+)", self.programs.said(self.run.name))
         if found is None:
             raise NoFlight("the run printed no address of its console")
-        command = self.bench.command(sys.executable, "-c", _PAGE, *found.groups(), act)
+        command = self.bench.command(sys.executable, "-c", PAGE, *found.groups(), act)
         return self._waiting(("console", act), command)
 
     def order_by_imc(self, *place_deg: float) -> Pressed:

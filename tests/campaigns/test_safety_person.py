@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from safety.flight import Pressed
+from safety.person import Pressed
 
 
 def pressed(program: str) -> Pressed:
