@@ -114,7 +114,11 @@ def test_no_road_to_a_vehicle_goes_around_its_guards() -> None:
 
 def test_only_what_the_gate_let_out_goes_on_the_wire() -> None:
     """A link's ways out take what the gate has cleared, as the type check proves; nothing else has these ways."""
-    assert callers_of("publish", {"goals"}) == {("apad_bridge/ros/links/generation_a.py", "self._goals")}
+    assert callers_of("publish", {"goals", "cancels"}) == set()
+    assert callers_of("send", {"sender"}) == {
+        ("apad_bridge/ros/links/generation_a.py", "self._sender"),
+        ("apad_bridge/ros/links/generation_b.py", "self._sender"),
+    }
     assert callers_of("take", {"calls"}) <= {
         ("apad_bridge/vehicle/generation_b/core.py", "self._tasks.calls"),
         ("apad_bridge/supervisor/loop.py", "self._serial_lines"),
