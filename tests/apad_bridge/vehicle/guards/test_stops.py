@@ -1,0 +1,209 @@
+"""A stop outlives its supervisor: the journal gives back what was in force, and what goes out again because of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.events.event import Event
+from apad_bridge.events.guards import HoldRepeated, StopChanged, StopEnded
+from apad_bridge.vehicle.commands import (
+    CommandFailed,
+    GoTo,
+    Hold,
+    HoldWanted,
+    OrderCut,
+    Stop,
+    VehicleCommand,
+)
+from apad_bridge.vehicle.guards.guarded_vehicle import AFTER_CUT_MS, HOLD_AGAIN_MS, REPEAT_MS
+from apad_bridge.vehicle.guards.stops import RestoredStops, StopsEnded
+from apad_bridge.vehicle.link import LinkFact
+from tests.apad_bridge.vehicle.guards.test_gate import Guarded
+
+
+class Journaled(Guarded):
+    """Keeps the lines of stops with their times, as the journal does."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[int, Event]] = []
+        super().__init__(is_real=True)
+        self.at(5.0, 5.0)
+
+    def note(self) -> None:
+        self.lines += [(self.now_ms, it) for it in self.vehicle.gate.take_events()]
+
+    def at(self, north_m: float, east_m: float, *, after_ms: int = 1_000) -> list[LinkFact]:
+        facts = super().at(north_m, east_m, after_ms=after_ms)
+        self.note()
+        return facts
+
+    def silent(self, ticks: int) -> list[LinkFact]:
+        facts: list[LinkFact] = []
+        for _ in range(ticks):
+            facts += super().silent(1)
+            self.note()
+        return facts
+
+    def stop(self, *, off: bool = False, hands: bool = False) -> list[VehicleCommand]:
+        sent = super().stop(off=off, hands=hands)
+        self.note()
+        return sent
+
+    @property
+    def restored(self) -> RestoredStops:
+        kinds = (StopChanged, StopEnded)
+        return RestoredStops.of((at_ms, it) for at_ms, it in self.lines if isinstance(it, kinds))
+
+
+def resumed(restored: RestoredStops) -> Guarded:
+    """A new supervisor, which has heard nothing yet."""
+    bench = Guarded(is_real=True)
+    bench.vehicle.gate.stops.restore(restored)
+    vehicle = type(bench.vehicle)(bench.wire, bench.vehicle._safety)
+    bench.vehicle = vehicle
+    return bench
+
+
+acts = st.lists(
+    st.sampled_from(["stop", "off", "hands", "continue", "tick", "drift", "deaf", "hears", "nan"]),
+    max_size=12,
+)
+
+
+@given(acts)
+def test_the_journal_gives_back_the_stop_that_was_in_force(names: list[str]) -> None:
+    bench, north_m = Journaled(), 5.0
+    for name in names:
+        match name:
+            case "stop" | "off" | "hands":
+                bench.stop(off=name == "off", hands=name == "hands")
+            case "continue":
+                bench.vehicle.allow_motion("Anna", bench.now_ms)
+            case "deaf" | "hears":
+                bench.wire.takes = name == "hears"
+            case "drift":
+                north_m += 0.7
+                bench.at(north_m, 5.0)
+            case "nan":
+                bench.silent(4)
+            case _:
+                bench.at(north_m, 5.0)
+    bench.note()
+    live, again = bench.vehicle.gate.stops.in_force, bench.restored.in_force
+    if live is None:
+        assert again is None
+        return
+    assert again is not None
+    wanted = ("number", "kind", "by", "is_persons", "stills_arms", "ordered_ms", "place_m", "not_obeyed")
+    assert {it: getattr(again, it) for it in wanted} == {it: getattr(live, it) for it in wanted}
+    assert (again.taken_ms is None) == (live.taken_ms is None)
+
+
+def crashed(*, off: bool = False, hands: bool = False, takes: bool = True) -> RestoredStops:
+    """What a supervisor left that died some seconds after a person's stop, or before the vehicle had taken it."""
+    bench = Journaled()
+    bench.wire.takes = takes
+    bench.stop(off=off, hands=hands)
+    if takes:
+        for _ in range(4):
+            bench.at(5.0, 5.0)
+    return bench.restored
+
+
+@pytest.mark.parametrize(
+    ("how", "sent"),
+    [
+        ({"off": True}, [Stop]),
+        ({"hands": True}, [Stop]),
+        ({}, []),
+        ({"takes": False}, [Hold]),
+        ({"off": True, "takes": False}, [Stop]),
+    ],
+    ids=["off", "hands", "hold", "hold, not taken", "off, not taken"],
+)
+def test_a_resumed_run_sends_an_off_again_a_hold_that_was_not_taken_and_nothing_else(
+    how: dict[str, bool], sent: list[type]
+) -> None:
+    bench = resumed(crashed(**how))
+    for _ in range(3):
+        bench.at(5.0, 5.0)
+    assert [type(it) for it in bench.wire.out[:1]] == sent
+    bench.wire.out = []
+    for order in (GoTo(1, 9.0, 5.0, 0.5, 0.5), Hold(2, 5.0, 5.0)):
+        bench.vehicle.command(order, bench.now_ms)
+    bench.wire.facts.append(HoldWanted(bench.now_ms, 9.0, 5.0))
+    bench.at(5.0, 5.0)
+    assert not any(isinstance(it, GoTo | Hold) for it in bench.wire.out)
+    bench.vehicle.allow_motion("Anna", bench.now_ms, ends=StopsEnded.PERSONS_HOLD)
+    assert bench.vehicle.gate.awaits_person, "another order of a person is no word to continue after a crash"
+    bench.vehicle.allow_motion("Anna", bench.now_ms)
+    go = GoTo(3, 9.0, 5.0, 0.5, 0.5)
+    assert go in bench.command(go)
+
+
+def test_a_restored_hold_waits_for_a_position_and_becomes_off_without_one() -> None:
+    bench = resumed(crashed(takes=False))
+    bench.silent(2)
+    assert bench.wire.out == []
+    bench.silent(3)
+    assert {type(it) for it in bench.wire.out} == {Stop}
+
+
+@pytest.mark.parametrize("how", [{"hands": True}, {}])
+def test_the_person_who_resumes_is_told(how: dict[str, bool]) -> None:
+    what = "hands at the docks" if how else "stopped (hold)"
+    assert crashed(**how).text() == (
+        f"{what}, by Anna, since 0:00:01 of mission time: nothing moves until `musselbed continue`"
+    )
+    assert replace(crashed(), in_force=None).text() == ""
+
+
+def test_a_stop_is_repeated_until_the_newest_order_that_it_cut_lies_back() -> None:
+    bench = Journaled()
+    bench.command(GoTo(1, 30.0, 5.0, 0.5, 0.5))
+    bench.stop(off=True)
+    bench.wire.facts.append(OrderCut(bench.now_ms))
+    begun_ms, sent = bench.now_ms, []
+    for _ in range(12):
+        bench.wire.out = []
+        bench.at(5.0, 5.0, after_ms=REPEAT_MS)
+        sent.append(bool(bench.wire.out))
+    assert sent[: AFTER_CUT_MS // REPEAT_MS - 1] == [True] * (AFTER_CUT_MS // REPEAT_MS - 1)
+    assert not any(sent[AFTER_CUT_MS // REPEAT_MS + 1 :]) and bench.now_ms > begun_ms
+
+
+def test_a_deaf_hull_gets_off_in_place_of_a_hold_and_the_alarm() -> None:
+    bench, north_m = Journaled(), 5.0
+    for _ in range(5):
+        north_m += 0.6
+        bench.at(north_m, 5.0)
+    bench.stop()
+    while len(bench.wire.out) < 2:
+        north_m += 0.6
+        bench.at(north_m, 5.0)
+        assert north_m < 15.0
+    assert [type(it) for it in bench.wire.out] == [Hold, Stop]
+    bench.note()
+    alarm = next(it for _, it in bench.lines if isinstance(it, StopChanged) and it.state == "not obeyed")
+    assert alarm.text().startswith("the aPad does not obey: cut its power by hand: stop 1")
+    stop = bench.vehicle.gate.stops.in_force
+    assert stop is not None and stop.state.value == "not obeyed"
+
+
+def test_a_hold_that_was_not_taken_is_ordered_again_and_told() -> None:
+    bench = Journaled()
+    bench.wire.takes = False
+    bench.command(Hold(1, 5.0, 5.0))
+    bench.wire.facts.append(CommandFailed(bench.now_ms, 1, "no action server took the goal within 5 s"))
+    bench.wire.out = []
+    for _ in range(HOLD_AGAIN_MS // 1_000 + 1):
+        assert bench.wire.out == []
+        bench.at(5.0, 5.0)
+    (again,) = bench.wire.out
+    assert isinstance(again, Hold) and (again.north_m, again.east_m) == (5.0, 5.0)
+    bench.note()
+    assert [type(it) for _, it in bench.lines if isinstance(it, HoldRepeated)] == [HoldRepeated]
