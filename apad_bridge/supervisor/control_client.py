@@ -98,7 +98,7 @@ class Answer:
     after_s: dict[str, float] = field(default_factory=dict)
     """Mission seconds from the order of a stop to each state that it reached."""
     steers: str = ""
-    """Who steers the aPad now, for a person."""
+    """The party that steers the aPad now, for a person."""
 
 
 class NobodyListens(Exception):

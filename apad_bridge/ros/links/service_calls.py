@@ -36,7 +36,7 @@ class CallFailed(Exception):
 
 
 class ServiceAddress:
-    """Where a service is found: by the address that the master named last, and by asking it again where nobody is there."""
+    """Finds a service at the address that the master named last, and asks the master again where nobody is there."""
 
     def __init__(self, name: str, kind: Any) -> None:
         self.name: str = rospy.resolve_name(name)

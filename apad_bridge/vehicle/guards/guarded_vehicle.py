@@ -66,7 +66,7 @@ carry such an order out late: a connection's end does not end what its server ha
 HOLD_AGAIN_MS = 10_000
 """A real vehicle that did not take a hold, and has no other order, gets the hold again so often."""
 BLIND_MS = 10_000
-"""Where no position tells if the hull obeys, a stop that was taken is repeated for so long."""
+"""A stop that was taken is repeated for so long where no position tells if the hull obeys."""
 
 
 class GuardedVehicle:

@@ -43,8 +43,8 @@ class Obeys(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What is known of the hull at a time: its place (m), velocity over ground (m/s), the known flow (m/s), and the error
-    of a way between two positions (m)."""
+    """The hull at a time: place (m), velocity over ground (m/s), known flow (m/s), and the error of a way between two
+    positions (m)."""
 
     at_ms: int
     place_m: Point

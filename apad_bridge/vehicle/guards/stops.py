@@ -64,7 +64,7 @@ class StopRecord:
     obeyed_ms: int | None = None
     rest_ms: int | None = None
     not_obeyed: str = ""
-    """How the hull goes on in spite of the stop; empty while it obeys, or nobody can tell yet."""
+    """The reason to say that the hull goes on in spite of the stop; empty while it obeys, or nobody can tell yet."""
     untold: str = ""
     """The reason why nobody can tell if the hull obeys a stop that was taken; empty where somebody can."""
     place_m: Point | None = None

@@ -465,7 +465,7 @@ def _judge_done(
 
 
 def _judge_hull(verdict: Verdict, ours: list[Order], stop: Order | None, case: Case, track: Track) -> None:
-    """What the hull truly did, and what the bench owes where it disobeys."""
+    """Judges the hull's true motion, and the debts of the bench where it disobeys."""
     if case.ends_at_rest and not track.ends_at_rest():
         verdict.failures.append("the vehicle moves at the end")
     if stop is not None and case.longest_way_m < math.inf:
