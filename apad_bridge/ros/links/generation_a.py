@@ -212,8 +212,15 @@ class GenerationALink(LegacyLink[GenerationACore]):
         request = EnableControl._request_class(enable=False)
         thrust, controller = _SWITCHES
 
+        unread: list[str | None] = []
+        """The answer of the cancel, which comes first: a server whose goal goes on has not taken the OFF."""
+
         def controller_is_off(_: Any, refused: str | None, was_cut: bool) -> None:
-            self._inbox.put(OffAnswered(UNSTAMPED, cleared.order.number, refused), always=True)
+            why_not = refused or next(filter(None, unread), None)
+            self._inbox.put(OffAnswered(UNSTAMPED, cleared.order.number, why_not), always=True)
+
+        def goals_are_cancelled(_: Any, refused: str | None, was_cut: bool) -> None:
+            unread.append(refused)
 
         def thrust_is_off(_: Any, refused: str | None, was_cut: bool) -> None:
             if refused is not None:
@@ -221,7 +228,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
             else:
                 self._sender.send(controller, Rank.OFF, cleared, request, controller_is_off)
 
-        self._sender.send(_CANCELS, Rank.OFF, cleared, GoalID(), _not_awaited)
+        self._sender.send(_CANCELS, Rank.OFF, cleared, GoalID(), goals_are_cancelled)
         self._sender.send(thrust, Rank.OFF, cleared, request, thrust_is_off)
 
     def advance(self, now_ms: int) -> list[LinkFact]:

@@ -87,6 +87,8 @@ class OrderSender:
         self._orders: dict[Outgoing, _Order] = {}
         self._responses: dict[str, Any] = {}
         """The newest response that came by each line."""
+        self._unread: set[Outgoing] = set()
+        """Orders that nobody was there to read."""
         self._open = frozenset[str]()
         self._changed = threading.Condition()
         """Guards `_open` and `_whys` for those who wait."""
@@ -210,6 +212,9 @@ class OrderSender:
             case Write(outgoing):
                 self._write(outgoing)
             case Ended(outgoing, refused):
+                if outgoing in self._unread:
+                    self._unread.discard(outgoing)
+                    refused = f"nobody reads {self._topics[outgoing.line].resolved_name}"
                 response = self._responses.pop(outgoing.line, None) if refused is None else None
                 self._orders.pop(outgoing).answered(response, refused, refused == CUT)
 
@@ -222,7 +227,10 @@ class OrderSender:
     def _write(self, outgoing: Outgoing) -> None:
         message = self._orders[outgoing].message
         if outgoing.line in self._topics:
-            self._topics[outgoing.line].publish(message)
+            publisher = self._topics[outgoing.line]
+            if publisher.get_num_connections() == 0:
+                self._unread.add(outgoing)
+            publisher.publish(message)
             return
         sock = self._services[outgoing.line].socket
         assert sock is not None, "the road writes to open lines"

@@ -490,7 +490,7 @@ class GuardedVehicle:
             obeys = self._obedience.look(self._sight(place_m, now_ms))
         stop = self._stops.in_force
         assert stop is not None
-        if obeys is Obeys.YES:
+        if obeys is Obeys.YES and not self._may_act_late(now_ms):
             self._stops.obeyed(now_ms)
         elif obeys is Obeys.NO and self._obedience is not None:
             reason = self._obedience.reason
@@ -507,11 +507,15 @@ class GuardedVehicle:
             return False  # one call at a time: a vehicle that is busy carries out no backlog
         if self._way_back is not None:
             return False
-        if self._cut_ms is not None and now_ms - self._cut_ms < AFTER_CUT_MS:
+        if self._may_act_late(now_ms):
             return True
         if stop.kind is StopKind.HOLD or obeys is Obeys.YES:
             return False
         return stop.taken_ms is None or bool(stop.not_obeyed) or now_ms - stop.taken_ms < BLIND_MS
+
+    def _may_act_late(self, now_ms: int) -> bool:
+        """The vehicle may still begin with an order that was cut, so that a hull at rest tells nothing."""
+        return self._cut_ms is not None and now_ms - self._cut_ms < AFTER_CUT_MS
 
     def _stop_overdue(self, kind: StopKind, now_ms: int) -> None:
         reason = "the vehicle has not answered"
