@@ -5,7 +5,6 @@ The checker takes the lines in order and knows nothing of the flight but these l
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
@@ -23,7 +22,7 @@ from apad_bridge.events.run import RunBegan, RunResumed
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.line_file import Line, read_lines
-from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import Water
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.scenario.firmware_config import board_config
@@ -310,14 +309,22 @@ def _of_belief(line: Line) -> Iterator[tuple[str, str]]:
 
 
 def check_run(directory: RunDirectory) -> list[Broken]:
-    """The rules that an aPad's run broke. OSError, JournalDamaged or ScenarioError for a directory that cannot be read.
+    """The rules that an aPad's run broke.
+
+    OSError, RunDirectoryError, JournalDamaged or ScenarioError for a directory that cannot be read.
 
     A run that has not ended yet is checked as far as its journal goes.
     """
     checker = Invariants(load(directory.scenario))
     broken = [it for line in read_journal(directory.journal).lines for it in checker.take(line)]
-    if directory.summary.exists():
-        broken += checker.end(json.loads(directory.summary.read_text()), kept_samples(directory.samples))
+    if (summary := directory.read_summary()) is not None:
+        kept = kept_samples(directory.samples)
+        try:
+            broken += checker.end(summary, kept)
+        except (KeyError, TypeError) as error:
+            raise RunDirectoryError(
+                f"{directory.summary} is damaged, or of another version: {error}"
+            ) from error
     return broken
 
 

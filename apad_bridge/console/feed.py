@@ -5,7 +5,6 @@ The journal has all that the page needs, so a console takes nothing from the sup
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -111,8 +110,8 @@ class Feed:
         """Tells whether a supervisor takes orders, why the mission ended, and its summary; null while it flies."""
         summary: dict[str, Any] | None = None
         try:
-            if self._view.ended_by is not None and self._directory.summary.is_file():
-                summary = json.loads(self._directory.summary.read_text(encoding="utf-8"))
+            if self._view.ended_by is not None:
+                summary = self._directory.read_summary()
             supervisor = listens(self._directory.path)
         except OSError as error:
             if error.errno not in SHORT_OF_FILES:

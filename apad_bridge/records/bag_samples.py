@@ -98,7 +98,7 @@ def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
         store = definitions_in(path, wanted)
         truths: tuple[int, tuple[TruthSample, ...]] | None = None
         try:
-            for connection, stamp_ns, data in reader.messages(wanted) if wanted else ():
+            for connection, stamp_ns, data in messages_in(path, reader, wanted):
                 # The earliest stamp is a nanosecond, as ROS reads 0 as no time. A message that is not due is not unpacked.
                 if not grid.is_due(stamp_ns // 1_000_000):
                     continue
@@ -109,8 +109,20 @@ def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
                 elif truths is not None and truths[0] == at_ms and grid.accept(at_ms):
                     beliefs = tuple(_belief(row) for row in message.agents)
                     yield Instant(at_ms, message.agent_time_ms, truths[1], beliefs)
-        except Exception as error:  # of a damaged chunk the library may raise anything
+        except BagUnreadable:
+            raise
+        except Exception as error:  # of a damaged message the library may raise anything
             raise BagUnreadable(f"{path}: damaged: {error or type(error).__name__}") from error
+
+
+def messages_in(
+    path: Path, reader: Reader, wanted: list[Connection]
+) -> Iterator[tuple[Connection, int, bytes]]:
+    """Yields (connection, stamp in ns, bytes) of the messages of these connections. BagUnreadable at a damaged chunk."""
+    try:
+        yield from reader.messages(wanted) if wanted else ()
+    except Exception as error:  # of a damaged chunk the library may raise anything
+        raise BagUnreadable(f"{path}: damaged: {error or type(error).__name__}") from error
 
 
 @contextmanager

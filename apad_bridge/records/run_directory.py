@@ -130,6 +130,18 @@ class RunDirectory:
     def next_bag(self) -> Path:
         return self._bag(len(self.bags))
 
+    def read_summary(self) -> dict[str, Any] | None:
+        """The run's summary; None before its end. RunDirectoryError for a damaged one, OSError for one nobody may read."""
+        try:
+            summary = json.loads(self.summary.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+        except (ValueError, RecursionError) as error:
+            raise RunDirectoryError(f"{self.summary} is damaged: {error}") from error
+        if not isinstance(summary, dict):
+            raise RunDirectoryError(f"{self.summary} is damaged: it is no mapping")
+        return summary
+
     def scenario_as_flown(self) -> Scenario:
         """The run's scenario; starts from a file are those of the run, because that file may have changed since.
 

@@ -14,7 +14,7 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from apad_bridge.analysis.export.tables import closed_bags
-from apad_bridge.records.bag_samples import BagUnreadable, open_bag
+from apad_bridge.records.bag_samples import BagUnreadable, messages_in, open_bag
 from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory
 
@@ -41,7 +41,7 @@ def write_mcap(directory: RunDirectory, path: Path) -> dict[str, int]:
     with _open(path, "ros1") as file, closed_bags(directory) as bags:
         for bag in bags:
             with open_bag(bag) as reader:
-                for connection, at_ns, data in reader.messages():
+                for connection, at_ns, data in messages_in(bag, reader, reader.connections):
                     name = connection.msgtype.replace("/msg/", "/")
                     file.add(connection.topic, (name, "ros1msg", connection.msgdef.data, "ros1"), at_ns, data)
         if directory.samples.is_file():
@@ -63,7 +63,7 @@ def write_ros2_mcap(directory: RunDirectory, path: Path) -> dict[str, int]:
         for bag in bags:
             converters: dict[int, tuple[_Schema, Callable[[bytes], memoryview]]] = {}
             with open_bag(bag) as reader:
-                for connection, at_ns, data in reader.messages():
+                for connection, at_ns, data in messages_in(bag, reader, reader.connections):
                     if connection.id not in converters:
                         converters[connection.id] = _ros2_of(bag, connection)
                     schema, convert = converters[connection.id]

@@ -21,7 +21,7 @@ from apad_bridge.events.sound import PacketPassed
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.bag import is_closed, repair_bag
 from apad_bridge.records.bag_messages import APAD, BELIEFS, TRUTH
-from apad_bridge.records.bag_samples import definitions_in, open_bag
+from apad_bridge.records.bag_samples import BagUnreadable, definitions_in, messages_in, open_bag
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.line_file import read_lines
 from apad_bridge.records.run_directory import RunDirectory
@@ -77,8 +77,8 @@ def tables_of(directory: RunDirectory) -> Iterator[SeriesTable]:
             if line is not None:
                 samples.add(_flat(line))
         yield samples.table()
-    if directory.summary.is_file():
-        yield from _figures(json.loads(directory.summary.read_text(encoding="utf-8")))
+    if (summary := directory.read_summary()) is not None:
+        yield from _figures(summary)
 
 
 @contextmanager
@@ -102,9 +102,12 @@ def _sampled(bags: list[Path]) -> list[SeriesTable]:
         with open_bag(bag) as reader:
             wanted = [it for it in reader.connections if it.msgtype in tables]
             store = definitions_in(bag, wanted)
-            for connection, _, data in reader.messages(wanted) if wanted else ():
+            for connection, _, data in messages_in(bag, reader, wanted):
                 kind = connection.msgtype
-                message: Any = store.deserialize_ros1(data, kind)
+                try:
+                    message: Any = store.deserialize_ros1(data, kind)
+                except Exception as error:  # of a damaged message the library may raise anything
+                    raise BagUnreadable(f"{bag}: a message of {connection.topic} is damaged") from error
                 rows = tables[kind]
                 stamp = message.header.stamp
                 head = {"stamp_s": stamp.sec + stamp.nanosec / 1e9} | _of_message(message, store)

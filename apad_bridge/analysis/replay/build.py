@@ -108,7 +108,7 @@ def read_run(directory: RunDirectory) -> ShownRun:
     """RunDirectoryError, one line, when the directory holds no run that can be shown."""
     try:
         scenario, journal = load(directory.scenario), read_journal(directory.journal)
-        summary = _summary(directory)
+        summary = directory.read_summary()
         return ShownRun(scenario, journal, summary, page_data(scenario, journal, summary))
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
@@ -135,14 +135,6 @@ def render(runs: list[dict[str, Any]]) -> str:
         before, after = page.split(f"<!--{name}-->")
         page = before + text + after
     return page
-
-
-def _summary(directory: RunDirectory) -> dict[str, Any] | None:
-    """The run's summary; None for a run that has not ended."""
-    if not directory.summary.is_file():
-        return None
-    summary: dict[str, Any] = json.loads(directory.summary.read_text(encoding="utf-8"))
-    return summary
 
 
 def _resource(name: str) -> str:

@@ -205,3 +205,31 @@ def test_the_command(pool_run, tmp_path, capsys):
     assert re.search("File exists|Not a directory", capsys.readouterr().err)
     with pytest.raises(SystemExit):
         main(["export", str(pool_run.path), "--to", "xls"])
+
+
+@pytest.mark.parametrize("to", list(Format))
+def test_a_damaged_chunk_of_a_bag_is_one_line(pool_run, tmp_path, capsys, to):
+    damaged = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+    data = bytearray(damaged.bags[0].read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 3000] = bytes(3000)
+    damaged.bags[0].write_bytes(data)
+    assert main(["export", "--to", to, str(damaged.path), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert f"{damaged.bags[0]}: " in told and "damaged" in told and len(told.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", [["check"], ["export", "--to", "csv"], ["report"], ["replay"]])
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"services": '])
+def test_a_damaged_summary_is_one_line(pool_run, tmp_path, capsys, command, text):
+    damaged = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+    damaged.summary.write_text(text)
+    assert main([*command, str(damaged.path)]) == 2
+    told = capsys.readouterr().err
+    assert f"{damaged.summary} is damaged" in told and len(told.splitlines()) == 1
+
+
+def test_a_summary_of_another_version_is_one_line_of_the_check(pool_run, tmp_path, capsys):
+    other = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
+    other.summary.write_text("{}")
+    assert main(["check", str(other.path)]) == 2
+    assert f"{other.summary} is damaged, or of another version: 'cost_m'" in capsys.readouterr().err
