@@ -10,7 +10,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from math import isfinite
 
-from agents.water.table import read_rows
+from agents.water.table import number_of, read_rows
 
 COLUMNS = ("north_m", "east_m", "north_m_s", "east_m_s")
 MAX_M = 1e6
@@ -111,7 +111,7 @@ def _check_header(cells: list[str]) -> None:
 
 def _millionths(name: str, text: str, limit: float) -> int:
     try:
-        number = float(text)
+        number = number_of(text)
     except ValueError:
         raise ValueError(f"{name}: must be a number, not {text!r}") from None
     if not isfinite(number) or abs(number) > limit:

@@ -12,6 +12,7 @@ from math import pi, sin
 from typing import Any
 
 from agents.water.current import STILL_WATER, CurrentField, between
+from agents.water.table import number_of
 
 _UNIT = 1_000_000
 
@@ -128,7 +129,7 @@ def parse_stream(text: str) -> Stream:
             raise ValueError(f"line {number}: {len(cells)} values for {len(names)} columns")
         try:
             time_s, depth_um = (
-                0 if key is None else round(float(cells[key]) * unit)
+                0 if key is None else round(number_of(cells[key]) * unit)
                 for key, unit in zip(keys, (1, _UNIT), strict=True)
             )
         except (ValueError, OverflowError):

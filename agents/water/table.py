@@ -5,6 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 
+def number_of(cell: str) -> float:
+    """The number in a cell. ValueError for any other text, and for one that Python alone reads as a number, as 24_0."""
+    if "_" in cell or not cell.isascii():
+        raise ValueError(f"no number: {cell!r}")
+    return float(cell)
+
+
 def read_rows(
     text: str, check_header: Callable[[list[str]], None], take: Callable[[dict[str, str]], None]
 ) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agents.water.table import read_rows
+from agents.water.table import number_of, read_rows
 
 COLUMNS = ("from", "to", "loss", "since_s", "until_s")
 ANY = "*"
@@ -96,14 +96,14 @@ def _node(text: str, nodes: dict[str, int]) -> int | None:
         return None
     if text in nodes:
         return nodes[text]
-    if not text.isdecimal() or int(text) < 1:
+    if not (text.isascii() and text.isdecimal()) or int(text) < 1:
         raise ValueError(f"{text!r} is no aMussel's id, {', '.join(sorted(nodes))} or {ANY}")
     return int(text)
 
 
 def _number(name: str, text: str) -> float:
     try:
-        number = float(text)
+        number = number_of(text)
     except ValueError:
         raise ValueError(f"{name}: must be a number, not {text!r}") from None
     if not 0 <= number < 1e9:

@@ -14,6 +14,7 @@ from difflib import get_close_matches
 from math import hypot, isfinite
 from pathlib import Path
 
+from agents.water.table import number_of
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.text_file import read_text
@@ -197,7 +198,7 @@ def _charge(column: str, text: str) -> float:
 
 def _number(column: str, text: str) -> float:
     try:
-        number = float(text)
+        number = number_of(text)
     except ValueError:
         raise ValueError(f"{column}: must be a number, not {text!r}") from None
     if not isfinite(number):

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from agents.water.table import number_of
 from apad_bridge.scenario.text_file import read_text
 
 Floats = npt.NDArray[np.float64]
@@ -160,7 +161,7 @@ def _cells(
         if not _is_number(cell):
             raise LogError(f"line {number}: {cell!r} is no number")
         times.append(cells[time_at])
-        values.append(float(cell))
+        values.append(number_of(cell))
         line_numbers.append(number)
     return times, np.array(values), line_numbers, left_out
 
@@ -183,7 +184,7 @@ def _minutes(times: list[str], line_numbers: list[int], unit: str | None) -> Flo
                 raise LogError(f"line {number}: {cell!r}: stamps with and without a time zone in one log")
             at = (stamp - first).total_seconds() / 60
         elif _is_number(cell):
-            at = (float(cell) - float(times[0])) * MINUTES_IN[unit or ""]
+            at = (number_of(cell) - number_of(times[0])) * MINUTES_IN[unit or ""]
         else:
             raise LogError(f"line {number}: {cell!r} is no number")
         if found and at < found[-1]:
@@ -230,7 +231,7 @@ def _unit_by_size(values: Floats) -> str:
 
 def _is_number(cell: str) -> bool:
     try:
-        return math.isfinite(float(cell))
+        return math.isfinite(number_of(cell))
     except ValueError:
         return False
 

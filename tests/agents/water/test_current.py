@@ -85,6 +85,7 @@ def test_order_of_rows_and_columns_and_comments_do_not_matter() -> None:
         ("0,0,0.1,0.1\n", r"^line 1: the columns must be"),
         (f"{HEADER}0,0,0\n", r"^line 2: 3 values for 4 columns$"),
         (f"{HEADER}0,0,0,0\n\n1,0,x,0\n", r"^line 4: north_m_s: must be a number, not 'x'$"),
+        (f"{HEADER}0,1_0,0,0\n", r"^line 2: east_m: must be a number, not '1_0'$"),
         (f"{HEADER}0,0,nan,0\n", r"^line 2: north_m_s: must be a number within \+-20, not nan$"),
         (f"{HEADER}0,inf,0,0\n", r"^line 2: east_m: must be a number within \+-1e\+06, not inf$"),
         (f"{HEADER}0,0,0,50\n", r"^line 2: east_m_s: must be a number within \+-20, not 50$"),

@@ -45,6 +45,7 @@ def test_seconds_are_mission_time() -> None:
         ("from,to,loss\nboat,2,1", "line 2: 'boat' is no aMussel's id, apad or \\*"),
         ("from,to,loss\n1,2,1.5", "line 2: loss must lie in 0 to 1"),
         ("from,to,loss\n1,2,much", "line 2: loss: must be a number, not 'much'"),
+        ("from,to,loss,since_s\n1,2,1,24_0", "line 2: since_s: must be a number, not '24_0'"),
         ("from,to,loss,since_s,until_s\n1,2,1,5,5", "line 2: until_s must be after since_s"),
         ("from,to,loss,since_s\n1,2,1,-5", "line 2: since_s: must be a number from 0 on"),
     ],

@@ -95,6 +95,8 @@ def test_other_names_of_columns(tmp_path: Path, header: str) -> None:
         ("1,nan,3,0.5", "north: must be a finite number, not nan"),
         ("1,2,inf,0.5", "east: must be a finite number, not inf"),
         ("1,2,x,0.5", "east: must be a number, not 'x'"),
+        ("1,24_0,2,0.5", "north: must be a number, not '24_0'"),
+        ("1,2,\u0663,0.5", "east: must be a number, not '\u0663'"),
         ("1,2,,0.5", "east: must be a number, not ''"),
         ("1,2,3,1.01", "battery: must be a charge in [0, 1], not 1.01"),
         ("1,2,3,-0.1", "battery: must be a charge in [0, 1], not -0.1"),
