@@ -21,6 +21,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.flight_mission import FlightMission
 from apad_bridge.mission.home_stays import HomeStays
 from apad_bridge.mission.manual import CommandSource, ManualMission
+from apad_bridge.mission.plans import Planning, untold
 from apad_bridge.mission.role import MissionRole
 from apad_bridge.mission.sources import Allocation, BeliefSource
 from apad_bridge.mission.state import MissionState
@@ -191,7 +192,8 @@ def supervisor(
     beliefs, allocation = learned.beliefs, learned.allocation
 
     def planned(mission_state: MissionState | None) -> EnergyExchange:
-        return _energy_exchange(config, allocation, mission_state)
+        planning = untold if context is None else context.planning
+        return _energy_exchange(config, allocation, mission_state, planning)
 
     def by_hand(mission_state: MissionState) -> ManualMission:
         return ManualMission(
@@ -232,7 +234,7 @@ def _knows_no_distance(agent_id: int, north_m: float, east_m: float) -> None:
 
 
 def _energy_exchange(
-    config: FlightConfig, beliefs: BeliefSource, state: MissionState | None
+    config: FlightConfig, beliefs: BeliefSource, state: MissionState | None, planning: Planning
 ) -> EnergyExchange:
     scenario = config.scenario
     return EnergyExchange(
@@ -247,6 +249,7 @@ def _energy_exchange(
         _known_end(scenario),
         LegForecast(scenario.apad, surface_of(scenario)),
         needs_battery=scenario.guards is not None and scenario.guards.battery_reserve is not None,
+        planning=planning,
     )
 
 

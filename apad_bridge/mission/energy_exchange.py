@@ -39,7 +39,7 @@ from apad_bridge.mission.home_places import HomePlaces
 from apad_bridge.mission.home_stays import NO_HOME, HomeStays
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
-from apad_bridge.mission.plans import plan_event, plan_or_reason, refuses_or_reason
+from apad_bridge.mission.plans import Planning, plan_event, plan_or_reason, refuses_or_reason, untold
 from apad_bridge.mission.pool import ChargingPool, floats, placeholder_belief, situation_of
 from apad_bridge.mission.service_tries import ServiceTries
 from apad_bridge.mission.sink_reminders import SinkReminders
@@ -101,14 +101,17 @@ class EnergyExchange(OrderBook):
         legs: LegForecast | None = None,
         *,
         needs_battery: bool = False,
+        planning: Planning = untold,
     ) -> None:
         """`model` is for strategies that look ahead; `home` says when the aPad goes home, `end_by` when for good.
 
         A mission with a `known_end` charges nobody for longer. With `legs` it serves nobody to whom the sea bars the way.
         One that `needs_battery` does nothing before the aPad's battery was heard: a guard would refuse its go-tos.
+        `planning` is entered while a strategy, by its name, plans.
         """
         super().__init__(state or MissionState())
         self._needs_battery = needs_battery
+        self._planning = planning
         self._tells_battery_ms: float | None = None
         """The time at which it tells that it waits for the battery; None before it waits."""
         self._model = model
@@ -406,9 +409,10 @@ class EnergyExchange(OrderBook):
         """
         situation = self._situation(pool, {}, now_ms, self._others_than([*pool, *leaving]), leaving)
         name = self._config.collection
-        solution = plan_or_reason(
-            name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT
-        )
+        with self._planning(name):
+            solution = plan_or_reason(
+                name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT
+            )
         if isinstance(solution, str):
             self._end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return False
@@ -549,9 +553,10 @@ class EnergyExchange(OrderBook):
         taken = self._take_nearest_places([it.agent_id for it in fullest_first(known)], self._here)
         situation = self._situation(known, self._to_release, now_ms)
         name = self._config.redeployment
-        solution = plan_or_reason(
-            name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY
-        )
+        with self._planning(name):
+            solution = plan_or_reason(
+                name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY
+            )
         if isinstance(solution, str):
             self._end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return

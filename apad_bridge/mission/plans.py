@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
 from typing import Any
 
@@ -10,8 +11,16 @@ from apad_bridge.events.mission import PlanMade
 from apad_bridge.events.run import EndReason
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
-from apad_bridge.planning.registry import label
+from apad_bridge.planning.registry import A_USERS_ERROR, label
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
+
+Planning = Callable[[str], AbstractContextManager[None]]
+"""Makes, of a strategy's name, what is entered while that strategy plans."""
+
+
+def untold(name: str) -> AbstractContextManager[None]:
+    """Plans take their time, and nobody is told."""
+    return nullcontext()
 
 
 def plan_or_reason(
@@ -21,7 +30,7 @@ def plan_or_reason(
     try:
         solution = plan()
         check_solution(solution, situation, kind)
-    except Exception as error:
+    except A_USERS_ERROR as error:
         return _failure(name, error)
     return solution
 
@@ -30,11 +39,11 @@ def refuses_or_reason(name: str, strategy: object, situation: Situation) -> bool
     """True if the strategy refuses this pool for the present (`CollectionStrategy`); a user's error is a reason to end."""
     try:
         return bool(getattr(strategy, "refuses", lambda _: False)(situation))
-    except Exception as error:
+    except A_USERS_ERROR as error:
         return _failure(name, error)
 
 
-def _failure(name: str, error: Exception) -> str:
+def _failure(name: str, error: BaseException) -> str:
     return f"{EndReason.STRATEGY_FAILED} {label(name)!r}: {type(error).__name__}: {error}"
 
 
@@ -98,5 +107,5 @@ def _reasons(strategy: object, situation: Situation, solution: Solution) -> dict
                 for option in options
             ]
         }
-    except Exception as error:
+    except A_USERS_ERROR as error:
         return {"unexplained": f"{type(error).__name__}: {error}"}

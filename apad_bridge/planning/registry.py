@@ -32,6 +32,8 @@ from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrate
 from apad_bridge.planning.triage import ByLoad, Core, Triage
 
 GROUP = "musselbed.strategies"
+A_USERS_ERROR = (Exception, SystemExit)
+"""The errors that a strategy of a user may raise: `sys.exit` in it would end the command without a word."""
 
 _BUILT_IN: dict[str, Callable[[], Any]] = {
     "best-of-pool": BestOfPool,
@@ -186,7 +188,7 @@ def _load_file(in_file: InFile, _: Trust) -> object:
         module = _module(path, path.read_bytes())
     except OSError as error:
         raise ValueError(f"strategy {name}: {path}: {error.strerror}") from error
-    except Exception as error:  # the file is a user's, and may raise anything
+    except A_USERS_ERROR as error:  # the file is a user's
         raise ValueError(f"strategy {name} cannot be loaded: {_where(error, path)}") from error
     factory = vars(module).get(in_file.factory)
     if not callable(factory):
@@ -199,7 +201,7 @@ def _load_file(in_file: InFile, _: Trust) -> object:
         raise ValueError(f"strategy {name} {wrong}: {meant}")
     try:
         strategy: object = factory()
-    except Exception as error:  # as above
+    except A_USERS_ERROR as error:
         raise ValueError(
             f"strategy {name} cannot be made without arguments: {_where(error, path)}"
         ) from error
@@ -216,7 +218,7 @@ def _module(path: Path, source: bytes) -> ModuleType:
     return module
 
 
-def _where(error: Exception, path: Path) -> str:
+def _where(error: BaseException, path: Path) -> str:
     """The error in one line, with the file's line that led to it."""
     if isinstance(error, SyntaxError) and error.lineno:
         return f"line {error.lineno}: {error.msg}"
@@ -247,7 +249,7 @@ def _entries_on(path: tuple[str, ...]) -> EntryPoints:
 def _load(entry: EntryPoint) -> object:
     try:
         return entry.load()()
-    except Exception as error:  # a package's import or constructor may raise anything
+    except A_USERS_ERROR as error:
         raise ValueError(
             f"strategy {entry.name!r} (from {_package(entry)}, {entry.value}) cannot be loaded: "
             f"{type(error).__name__}: {error}"

@@ -6,9 +6,12 @@
 from __future__ import annotations
 
 import gc
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +32,7 @@ from apad_bridge.events.run import EndReason, RunBegan, RunEnded
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionEnd, MissionState
-from apad_bridge.planning.registry import Trust
+from apad_bridge.planning.registry import Trust, label
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
@@ -56,6 +59,8 @@ from apad_bridge.vehicle.primitives import PrimitiveFailed
 _COMMAND_IDS_PER_EPOCH = 1_000_000
 _EPOCH = 1
 """The number of a fleet's first supervisor."""
+SLOW_PLAN_S = 10.0
+"""The wall time after which a strategy that still plans is told."""
 _YOUNG_OBJECTS = 50_000
 """The number of new objects after which this process looks for garbage cycles. A tick of a large fleet makes thousands of
 objects and no cycle. Python's own 700 cost a tenth of a flight."""
@@ -249,6 +254,7 @@ def prepare(
 ) -> PreparedFlight:
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
     gc.set_threshold(max(_YOUNG_OBJECTS, gc.get_threshold()[0]))
+    context = replace(context, planning=partial(told_when_slow, tell=progress.print_message))
     forecaster = Forecaster(config.scenario.mission, config.scenario.duration_ms)
     latest_tick_s: float | None = None if isinstance(context.pace, AsFastAsPossible) else 0.0
 
@@ -285,6 +291,22 @@ def prepare(
         return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point, latest_tick_s))
 
     return PreparedFlight(flight, recorder, finish)
+
+
+@contextmanager
+def told_when_slow(name: str, tell: Callable[[str], None]) -> Iterator[None]:
+    """While a strategy plans, mission time waits: `tell` takes a line about one that takes long, and one at its end."""
+    begun_s = time.monotonic()
+    line = f"strategy {label(name)} has planned for {SLOW_PLAN_S:g} s by now: mission time waits for it"
+    timer = threading.Timer(SLOW_PLAN_S, tell, (line,))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+    if (took_s := time.monotonic() - begun_s) >= SLOW_PLAN_S:
+        tell(f"strategy {label(name)} planned for {took_s:.0f} s")
 
 
 def _flight(

@@ -11,6 +11,7 @@ from agents.time_scale import MissionMs
 from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
+from apad_bridge.mission.plans import Planning, untold
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.core import Supervisor
@@ -60,6 +61,8 @@ class FlightContext:
     """The counts of messages that the context dropped, by reason."""
     show_forecast: Callable[[int, Callable[[], Forecast]], None] = lambda now_ms, forecast: None
     """Receives the forecast of each tick."""
+    planning: Planning = untold
+    """Entered while a strategy plans: mission time waits for it."""
     take_events: Callable[[int], Sequence[Event]] = lambda now_ms: []
     """Returns the context's new events: a master that is gone, a vehicle that is silent."""
     serial_lines: SerialLines = field(default_factory=SerialLines)

@@ -1,6 +1,7 @@
 """The energy-exchange mission, with beliefs and port answers set by the test."""
 
 import json
+import sys
 from dataclasses import replace
 from typing import Any
 
@@ -736,6 +737,13 @@ class Raises:
         raise RuntimeError("no idea")
 
 
+class Leaves:
+    plans = "collect"
+
+    def plan(self, situation: object, batch: int) -> Solution:
+        sys.exit(0)
+
+
 class Foreign:
     plans = "collect"
 
@@ -765,6 +773,7 @@ class FailsToRefuse:
     ("strategy", "why"),
     [
         (Raises(), "no idea"),
+        (Leaves(), "SystemExit: 0"),
         (Foreign(), "99"),
         (FailsToRefuse(0), "RuntimeError: cannot tell"),
         (FailsToRefuse(1), "RuntimeError: cannot tell"),

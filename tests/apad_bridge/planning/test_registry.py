@@ -173,11 +173,17 @@ def test_a_class_of_a_file_is_a_strategy_and_a_changed_file_is_read_again(file: 
             "raises.py:Mine",
             "strategy raises.py:Mine cannot be loaded: line 3: ZeroDivisionError: division by zero",
         ),
+        ("leaves.py:Mine", "strategy leaves.py:Mine cannot be loaded: line 1: SystemExit: 0"),
         ("empty.py:Mine", "strategy empty.py:Mine has no class Mine: it defines no class"),
     ],
 )
 def test_a_wrong_file_is_told_in_one_line_with_what_it_lacks(file: Path, name: str, message: str) -> None:
-    for other, text in (("wrong", "x = 1\nclass 5:\n"), ("raises", "\n\n1 / 0\n"), ("empty", "")):
+    for other, text in (
+        ("wrong", "x = 1\nclass 5:\n"),
+        ("raises", "\n\n1 / 0\n"),
+        ("empty", ""),
+        ("leaves", "raise SystemExit(0)\n"),
+    ):
         (file.parent / f"{other}.py").write_text(text)
     with pytest.raises(ValueError, match=message) as told:
         collection(str(file.parent / name), trust=Trust())
