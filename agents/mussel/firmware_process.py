@@ -49,8 +49,11 @@ class Program(Protocol):
     @property
     def link(self) -> StreamEnd: ...
 
+    @property
+    def has_ended(self) -> bool: ...
+
     def awaits(self, timeout_s: float, *, writes: bool) -> bool:
-        """Waits until the link can be read, or with `writes` written; False after so long.
+        """Waits until the link can be read, or with `writes` written, or the program has ended; False after so long.
 
         Meanwhile it passes on what the program says to people.
         """
@@ -115,6 +118,8 @@ class FirmwareProcess:
             try:
                 return os.read(self._child.link.fileno(), _AT_ONCE)
             except BlockingIOError:
+                if self._child.has_ended:
+                    return b""  # a process that it left behind may hold the link open
                 self._flush()
             except OSError:
                 return b""
@@ -141,7 +146,7 @@ class FirmwareChild:
         link, theirs = socket.socketpair()
         link.setblocking(False)
         self.link, self._close = link, link.close
-        self._words = _Words(link.fileno())
+        self._words = _Words()
         with theirs:
             try:
                 self.pid = _spawned(command, theirs.fileno(), self._words.writing)
@@ -150,24 +155,28 @@ class FirmwareChild:
                 self._words.close()
                 raise FirmwareFailed(f"no process: {error.strerror}") from None
         os.close(self._words.writing)
+        self._process = os.pidfd_open(self.pid)
         self._owner = os.getpid()
         self._is_over = False
 
+    @property
+    def has_ended(self) -> bool:
+        return readable(self._process, 0.0)
+
     def awaits(self, timeout_s: float, *, writes: bool) -> bool:
-        return self._words.pass_on_until_link(timeout_s, writes=writes)
+        return self._words.pass_on_until((self.link.fileno(), self._process), timeout_s, writes=writes)
 
     def end(self, patience_s: float = 0.0) -> int | None:
         if self._is_over or os.getpid() != self._owner:
             return None
         self._is_over = True
         self._close()
-        descriptor = os.pidfd_open(self.pid)
         try:
-            if not readable(descriptor, patience_s):
+            if not readable(self._process, patience_s):
                 os.kill(self.pid, signal.SIGKILL)
             return os.waitpid(self.pid, 0)[1]
         finally:
-            os.close(descriptor)
+            os.close(self._process)
             self._words.pass_on()
             os.close(self._words.reading)
 
@@ -175,10 +184,9 @@ class FirmwareChild:
 class _Words:
     """The stderr of a program, passed on to ours: bounded, and with its control characters shown."""
 
-    def __init__(self, link: int) -> None:
+    def __init__(self) -> None:
         self.reading, self.writing = os.pipe()
         os.set_blocking(self.reading, False)
-        self._link = link
         self._room = _MOST_TOLD
         self._is_open = True
 
@@ -186,22 +194,26 @@ class _Words:
         os.close(self.reading)
         os.close(self.writing)
 
-    def pass_on_until_link(self, timeout_s: float, *, writes: bool) -> bool:
-        """Until the link can be read, or with `writes` written, or for so long; False for the latter."""
+    def pass_on_until(self, awaited: Sequence[int], timeout_s: float, *, writes: bool) -> bool:
+        """Until one of these can be read, or with `writes` written, or for so long; False for the latter."""
         deadline_s = time.monotonic() + max(0.0, timeout_s)
         poll = select.poll()
-        poll.register(self._link, select.POLLIN | (select.POLLOUT if writes else 0))
-        if self._is_open:
-            poll.register(self.reading, select.POLLIN)
-        while found := poll.poll(max(0.0, deadline_s - time.monotonic()) * 1000):
-            ready = [descriptor for descriptor, _ in found]
+        for descriptor in awaited:
+            poll.register(descriptor, select.POLLIN | (select.POLLOUT if writes else 0))
+        while True:
+            if self._is_open:
+                poll.register(self.reading, select.POLLIN)
+            left_s = deadline_s - time.monotonic()
+            ready = {descriptor for descriptor, _ in poll.poll(max(0.0, left_s) * 1000)}
             if self.reading in ready:
                 self.pass_on()
                 if not self._is_open:
                     poll.unregister(self.reading)
-            if self._link in ready:
+            if not ready.isdisjoint(awaited):
                 return True
-        return False
+            # A program that only writes here does not end its turn by that.
+            if left_s <= 0:
+                return False
 
     def pass_on(self) -> None:
         """Takes what is there: not more than a pipe holds, however fast the program writes."""

@@ -42,6 +42,8 @@ class AnsweringBoard:
     def fileno(self) -> int:
         return self._bench.fileno()
 
+    has_ended = False
+
     def awaits(self, timeout_s: float, *, writes: bool) -> bool:
         return readable(self.fileno(), timeout_s)
 

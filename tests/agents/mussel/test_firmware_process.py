@@ -119,6 +119,10 @@ FAILURES: dict[str, tuple[str, str]] = {
     "speaks nonsense": ("port.sendall(b'hello\\0'); time.sleep(60)", "it sent "),
     "never ends a frame": ("port.sendall(b'x' * 5000); time.sleep(60)", "without an end"),
     "sends zeros": ("while True: port.sendall(bytes(65536))", "zeros without an end"),
+    "only writes to its stderr, so it hangs": (
+        "while True: os.write(2, bytes(65536))",
+        "did not end its turn within 0.5 s",
+    ),
     "hangs": ("time.sleep(60)", "did not end its turn within 0.5 s"),
     "hangs after a part of a frame": ("port.sendall(b'\\x05abc'); time.sleep(60)", "did not end its turn"),
 }
@@ -173,6 +177,18 @@ def test_a_flood_of_a_program_that_never_reads_is_judged_by_its_frames(tmp_path:
     with pytest.raises(FirmwareFailed, match="10000 frames at one time") as failed:
         on.run(ms=1)
     assert failed.value.by_watchdog and not failed.value.hung
+
+
+def test_a_program_has_ended_though_a_child_of_its_holds_its_port(tmp_path: Path) -> None:
+    left = tmp_path / "left"
+    text = f"child = os.fork() or time.sleep(60)\nopen({str(left)!r}, 'w').write(str(child))\nsys.exit(3)"
+    on = bench(CONFIG, script(tmp_path, text))
+    try:
+        with pytest.raises(FirmwareFailed, match="it ended with exit status 3") as failed:
+            on.run(ms=1)
+        assert not failed.value.hung
+    finally:
+        os.kill(int(left.read_text()), signal.SIGKILL)
 
 
 def test_what_a_program_says_is_passed_on_up_to_a_bound(
