@@ -33,13 +33,16 @@ def code_of(directory: RunDirectory) -> list[str]:
 
 
 def mark(directory: RunDirectory) -> None:
-    """Marks a run that begins, if it names code, and removes the marks of directories that are gone. OSError."""
+    """Marks a run that begins, if it names code, and removes the marks of directories that are gone.
+
+    OSError where nothing can be kept; RuntimeError for a user without a home.
+    """
     if not code_of(directory):
         return
     folder = _folder()
     folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
     for old in folder.glob("*.json"):
-        if not Path(json.loads(old.read_text())["run"]).exists():
+        if not _is_of_a_run(old):
             old.unlink(missing_ok=True)
     data = {"run": os.path.realpath(directory.path), "digest": _digest(directory)}
     write_atomically(_mark_of(directory), json.dumps(data) + "\n")
@@ -54,6 +57,13 @@ def is_own(directory: RunDirectory) -> bool:
             None,
             _commands(load(directory.scenario)),
         )
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError):
+        return False
+
+
+def _is_of_a_run(kept: Path) -> bool:
+    try:
+        return Path(json.loads(kept.read_text())["run"]).exists()
     except (OSError, ValueError, KeyError, TypeError):
         return False
 

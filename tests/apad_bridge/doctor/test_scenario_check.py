@@ -9,6 +9,7 @@ from scenario_files import POOL_FILE
 
 from apad_bridge.doctor import scenario_check
 from apad_bridge.doctor.finding import CheckStatus
+from apad_bridge.planning.registry import Trust
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 
@@ -47,3 +48,26 @@ def test_a_codec_that_nobody_brings(tmp_path: Path) -> None:
     _, findings = scenario_check.read(path)
     (failed,) = [finding for finding in findings if finding.status is CheckStatus.FAIL]
     assert failed.check == "codec" and "ours-9" in failed.found and "musselbed-1" in failed.found
+
+
+def test_a_strategy_in_a_file_is_left_out_and_told_and_the_others_are_checked(tmp_path: Path) -> None:
+    marks = tmp_path / "executed"
+    (tmp_path / "mine.py").write_text(
+        f"open({str(marks)!r}, 'w').close()\n"
+        "from apad_bridge.planning.paper_strategies import Greedy as Mine\n"
+    )
+    path = changed(tmp_path, "collection: cautious", "collection: mine.py:Mine")
+    scenario, findings = scenario_check.read(path)
+    assert scenario is not None and not marks.exists()
+    (told,) = [it for it in findings if it.status is CheckStatus.WARN]
+    assert (
+        "mission.collection was left out: strategy mine.py:Mine is code in a file: add --trust" in told.found
+    )
+    path.write_text(path.read_text().replace("greedy-redeploy", "home"))
+    _, findings = scenario_check.read(path)
+    assert next(it.found for it in findings if it.status is CheckStatus.FAIL).startswith(
+        "mission.redeployment: unknown strategy 'home'"
+    )
+    assert not marks.exists()
+    scenario_check.read(path, Trust())
+    assert marks.exists()

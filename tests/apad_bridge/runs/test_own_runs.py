@@ -115,6 +115,7 @@ def test_marks_are_the_users_alone_and_those_of_runs_that_are_gone_go(
     folder = state / "musselbed" / "runs"
     assert folder.stat().st_mode & 0o077 == 0
     (first,) = folder.iterdir()
+    (folder / "damaged.json").write_text("{")
     assert json.loads(first.read_text())["run"] == str(begun.path)
     shutil.rmtree(begun.path)
     begin(tmp_path, tmp_path / "next")
