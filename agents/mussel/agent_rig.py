@@ -13,7 +13,7 @@ from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.board_link import BENCH_TIMEOUT_S, BoardLink
 from agents.mussel.body import BodyConfig
 from agents.mussel.defects import BoardPart
-from agents.mussel.outputs import Output, SoundSent, WifiSent
+from agents.mussel.outputs import Output, SoundSent, StimulusDropped, WifiSent
 from agents.mussel.port_firmware import link_to
 from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import (
@@ -277,6 +277,7 @@ class AgentRig(Rig):
             secondary=secondary,
             secondary_flowed=flowed(courses[1], secondary),
             ends=tuple(sorted(over, key=lambda it: it.at_ms)),
+            refused=sum(isinstance(it, StimulusDropped) for it in self.outputs),
             states=tuple(states((it.at_ms, it.state) for it in truths)),
         )
 

@@ -54,6 +54,7 @@ class RequirementSource(StrEnum):
     PAPER = "paper"
     PACKETS = "docs/packets.md"
     STATES = "docs/firmware-states.md"
+    PORT = "docs/firmware-port.md"
     CHOICE = "our choice"
     CAPTURED = "a captured trace"
     SCRIPT = "our firmware"
@@ -128,6 +129,8 @@ class Case:
     """Milliseconds decide it, so firmware that takes time may rightly decide otherwise."""
     agent_id: int = 1
     """The board's id. The commands by name are for aMussel 1."""
+    counts_refusals: bool = False
+    """Its board refuses as many inputs as ours."""
     shows: str | Callable[[Any], bool] | None = None
     """Without it the expected history would show nothing of the requirement: the begin of an event or of a state, or a
     test of a packet that is sent. None for a case in which nothing is to happen."""
@@ -280,6 +283,8 @@ def _difference(case: Case, ours: RigHistory, theirs: RigHistory, late_ms: int) 
             return f"expected {expected}, found it at {found.at_ms / 1000:.3f} s"
     if (difference := _state_difference(case, ours, theirs, late_ms)) is not None:
         return difference
+    if case.counts_refusals and ours.refused is not None and ours.refused != theirs.refused:
+        return f"expected {ours.refused} refused inputs, found {theirs.refused}"
     count = len(ours.events) + 1
     fastest = _FASTEST if case.whole is None else _WHOLE_FASTEST
     late = fastest * (case.tolerance_ms + late_ms * (count + 1)) * count

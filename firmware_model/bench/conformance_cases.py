@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource
 from firmware_model.bench.wrong_packets import UNKNOWN_LAYOUTS, by_sound, damages
 from firmware_model.packets import (
@@ -254,6 +256,12 @@ _PACKETS = [
         "the CRC detects every single bit error",
         f"{_UP} {by_sound(damages(_RELEASE))} 3min",
     ),
+    Case(
+        "every-layout-afloat",
+        RequirementSource.PACKETS,
+        "version, kind and size belong together",
+        f"{_UP} {by_sound(UNKNOWN_LAYOUTS)} 3min",
+    ),
     Case("a-status", RequirementSource.PACKETS, "a status is no command", f"3s sound:{_STATUS.hex()} 3min"),
     Case(
         "another-version",
@@ -475,6 +483,13 @@ _STATES = [
         is_near_tie=True,
     ),
     Case(
+        "two-spells-of-chatter",
+        RequirementSource.STATES,
+        "a level that held ends a chatter, and its time counts no more",
+        f"{_UP} chatter:30:10:40 1s chatter:20:28:50 3min",
+        0.4,
+    ),
+    Case(
         "a-fall-missed-in-a-rise",
         RequirementSource.STATES,
         "a level that did not hold for 50 ms counts for nothing",
@@ -681,4 +696,23 @@ _TABLE = [
         for state, (primary, script) in WAYS_INTO.items()
     ),
 ]
-CASES = (*_PAPER, *_PACKETS, *_STATES, *_TABLE)
+_COUNTER = [
+    Case(
+        f"the-counter-wraps-{name}",
+        RequirementSource.PORT,
+        "the counter wraps after 36 hours",
+        script,
+        shows="motors sink",
+    )
+    for name, script in (
+        ("afloat", "30h permission 13h"),
+        ("before-a-release", "36h 20min permission 70s rises 130s falls 10min"),
+    )
+]
+CASES = (
+    *_PAPER,
+    *(replace(it, counts_refusals=it.source is RequirementSource.PACKETS) for it in _PACKETS),
+    *_STATES,
+    *_COUNTER,
+    *_TABLE,
+)

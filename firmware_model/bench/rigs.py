@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from firmware_model.actions import RunBuoyancy, SendBytes, StateChanged, StateReported
+from firmware_model.actions import Dropped, RunBuoyancy, SendBytes, StateChanged, StateReported
 from firmware_model.bench.bench import Bench
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
@@ -66,6 +66,8 @@ class RigHistory:
     secondary_flowed: int = 0
     ends: tuple[RigEvent, ...] = ()
     """When its batteries became full or empty."""
+    refused: int | None = None
+    """The inputs that its hardware or its firmware refused. None in a captured trace."""
     states: tuple[RigEvent, ...] | None = None
     """The states that it told, and since when. None in a trace that has none."""
 
@@ -172,6 +174,7 @@ class BenchRig(Rig):
             bench.primary,
             flowed(course, bench.primary),
             ends=tuple(ends("the primary", course, model, now_ms)),
+            refused=len(bench.did(Dropped)),
             states=tuple(
                 states(
                     (it.at_ms, it.new) for it in bench.trace if isinstance(it, StateChanged | StateReported)

@@ -213,6 +213,41 @@ _SLEEP = [
         f"3s {_EACH_MINUTE} 1h permission 70s rises 10min",
     ),
     _case(
+        "each-minute-told-in-its-sleep",
+        RequirementSource.PACKETS,
+        "a schedule counts from now on",
+        f"10min {_EACH_MINUTE} 30min permission 70s rises 10min",
+        shows=_sends(LogRecords),
+    ),
+    _case(
+        "in-slot-7-told-in-its-sleep",
+        RequirementSource.PACKETS,
+        "an assigned timeslot counts from now on",
+        f"10min {_SLOT_7} 3h",
+        _FIELD,
+        tolerance_ms=_SLOT_MS,
+        shows=_sends(AcousticStatus),
+    ),
+    *(
+        _case(
+            f"the-counter-wraps-{name}",
+            RequirementSource.PORT,
+            "the counter wraps after 36 hours",
+            script,
+            Whole(float_min=480),
+            shows=shows,
+        )
+        for name, script, shows in (
+            ("afloat", "30h permission 9h", "motors sink"),
+            ("before-a-release", "36h 20min permission 70s rises 130s falls 10min", "motors sink"),
+            (
+                "before-an-answer",
+                f"131071s 700ms ping 10s {_EACH_MINUTE} 5min ping 1min",
+                _sends(ShortStatus),
+            ),
+        )
+    ),
+    _case(
         "a-longer-wake",
         RequirementSource.PACKETS,
         "a schedule sets the length of a wake",
@@ -978,6 +1013,12 @@ _PACKETS = [
         _FIELD,
     ),
     _case(
+        "every-layout-afloat",
+        RequirementSource.PACKETS,
+        "version, kind and size belong together",
+        f"{_UP} {by_sound(UNKNOWN_LAYOUTS).replace('sound:', 'wifi:')} 3min",
+    ),
+    _case(
         "for-all",
         RequirementSource.PACKETS,
         "id 0 addresses all",
@@ -1161,6 +1202,13 @@ _ROUND = [
             primary=0.4,
         )
         for percent, high_ms in ((40, 20), (60, 30))
+    ),
+    _case(
+        "two-spells-of-chatter",
+        RequirementSource.STATES,
+        "a level that held ends a chatter, and its time counts no more",
+        f"{_UP} chatter:30:10:40 1s chatter:20:28:50 3min",
+        primary=0.4,
     ),
     _case(
         "a-fall-missed-in-a-rise",
@@ -1438,7 +1486,7 @@ WHOLE_CASES = (
     *_EMERGENCY,
     *_TIMES,
     *_TOLD,
-    *_PACKETS,
+    *(replace(it, counts_refusals=it.source is RequirementSource.PACKETS) for it in _PACKETS),
     *_ROUND,
     *_TABLE,
 )

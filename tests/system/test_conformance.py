@@ -183,6 +183,22 @@ MUTANTS = {
         "IN(ACTIVE) | IN(SINKING), SURFACING",
         "empty-and-fetched",
     ),
+    "a counter that never wraps": (
+        "(int32_t)(board.deadline - at) < 0",
+        "board.deadline < at",
+        "the-counter-wraps-afloat",
+    ),
+    "a chatter summed over its spells": (
+        "        pin.high_ticks = 0;\n    }\n",
+        "    }\n",
+        "two-spells-of-chatter",
+    ),
+    "a refusal that is not counted": ('mu_refuse("for another aMussel");', ";", "for-another"),
+    "a release of any length": (
+        "size != COMMANDS[n].size || ",
+        "(size != COMMANDS[n].size && COMMANDS[n].kind != 3) || ",
+        "every-layout-afloat",
+    ),
     "an id of one byte": ("(uint16_t)(data[2] | data[3] << 8)", "(uint16_t)data[2]", "for-257"),
     "no check of the CRC": (
         "mu_crc(data, size - 2) != (data[size - 2] | data[size - 1] << 8)",
@@ -221,6 +237,30 @@ def test_a_mutant_of_the_c_board_is_caught(
 
 
 WHOLE_MUTANTS = {
+    "a timeslot that is 15 ms late": (
+        "state_task.c",
+        "ends_at_reading(reading, SLOT_OPENED)",
+        "ends_at_reading(reading + 15, SLOT_OPENED)",
+        "in-slot-7",
+    ),
+    "an offset of the other sign": (
+        "clock.c",
+        "(int32_t)corrected;",
+        "-(int32_t)corrected;",
+        "reports-a-clock-ahead",
+    ),
+    "a schedule that a sleeping board does not take": (
+        "command_task.c",
+        "case SLEEP_SCHEDULE:",
+        "case SLEEP_SCHEDULE:\n        if (board.state == SLEEPING)\n            return;",
+        "each-minute-told-in-its-sleep",
+    ),
+    "a sample that is never marked as saturated": (
+        "sample_log.c",
+        "put_bytes(&at, saturated, 1);",
+        "put_bytes(&at, 0, 1);",
+        "beyond-a-sensor-s-range",
+    ),
     "a torn record that is not counted": (
         "sample_log.c",
         "log_state.torn = torn + unwritable;",
