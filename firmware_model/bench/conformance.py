@@ -141,6 +141,8 @@ class Reading:
     """Another way to read the paper than ours. A board that is right by it differs, and does not fail."""
 
     requirement: str
+    script: str
+    """Every board that follows this reading plays it so, and no other one."""
     ours: Callable[[Case], Rig]
     """Makes a board of ours that follows it."""
 
@@ -177,7 +179,7 @@ def judged(
     reason = _difference(case, expected, found, late_ms)
     if reason is None:
         verdict = Verdict.PASSED
-    elif (reading := _reading(case, found, readings, failures, late_ms)) is not None:
+    elif (reading := _reading(case, theirs, found, readings, failures, late_ms)) is not None:
         verdict, reason = Verdict.DIFFERS, f"{reading} ({reason})"
     elif case.name in waivers:
         verdict, reason = Verdict.WAIVED, f"{waivers[case.name]} ({reason})"
@@ -191,11 +193,22 @@ def judged(
 
 
 def _reading(
-    case: Case, found: RigHistory, readings: Sequence[Reading], failures: type[Exception], late_ms: int
+    case: Case,
+    theirs: Callable[[Case], Rig],
+    found: RigHistory,
+    readings: Sequence[Reading],
+    failures: type[Exception],
+    late_ms: int,
 ) -> str | None:
     """The other reading of the paper by which the board is right; None for none."""
     for reading in readings:
-        if _difference(case, history(case, reading.ours, failures), found, late_ms) is None:
+        whole = None if case.whole is None else Whole()
+        sign = Case("the reading's sign", case.source, reading.requirement, reading.script, whole=whole)
+        judges = ((case, found), (sign, history(sign, theirs, failures)))
+        if all(
+            _difference(it, history(it, reading.ours, failures), shown, late_ms) is None
+            for it, shown in judges
+        ):
             return reading.requirement
     return None
 

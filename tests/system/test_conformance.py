@@ -184,8 +184,8 @@ MUTANTS = {
         "empty-and-fetched",
     ),
     "a counter that never wraps": (
-        "(int32_t)(board.deadline - at) < 0",
-        "board.deadline < at",
+        "mu_reached(board.deadline)",
+        "mu_now() >= board.deadline",
         "the-counter-wraps-afloat",
     ),
     "a chatter summed over its spells": (

@@ -103,6 +103,7 @@ def our_rig(case: Case, release_wait_ms: int | None = None) -> Rig:
 
 AT_THE_EDGE = Reading(
     "V-A can be read so: it sinks at the falling edge, and waits for no packet",
+    "3s permission 70s rises 1min falls 1s",
     lambda case: our_rig(case, release_wait_ms=0),
 )
 

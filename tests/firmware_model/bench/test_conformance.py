@@ -123,11 +123,12 @@ def test_our_own_choice_differs_and_a_waived_case_names_its_reason() -> None:
 
 def test_another_reading_of_the_paper_differs() -> None:
     """V-A: "detects a falling edge [...] and reacts to this by using its buoyancy motors": before any packet."""
-    at_once = Reading("at the edge", board(replace(worst_case_board(), release_wait_ms=0)))
+    at_the_edge = board(replace(worst_case_board(), release_wait_ms=0))
+    at_once = Reading("at the edge", "3s permission 70s rises 1min falls 1s", at_the_edge)
     sinks = board(replace(worst_case_board(), release_wait_ms=0))
     result = judged(DIVE, OURS, sinks, Died, {}, readings=[at_once])
     assert result.verdict is Verdict.DIFFERS
-    assert result.reason.startswith("at the edge (expected 3674.000 s motors sink")
+    assert result.reason.startswith("at the edge (expected 3674.000 s motors sink, found it at 3673.050 s")
     waits = board(replace(worst_case_board(), release_wait_ms=500))
     assert judged(DIVE, OURS, waits, Died, {}, readings=[at_once]).verdict is Verdict.FAILED
 
