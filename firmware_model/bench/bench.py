@@ -93,9 +93,10 @@ class Bench:
         """The actions of one kind from `since_ms` on."""
         return [action for action in self.trace if isinstance(action, kind) and action.at_ms >= since_ms]
 
-    def run(self, *, hours: float = 0, minutes: float = 0, ms: int = 0) -> list[Action]:
+    def run(self, *, hours: float = 0, minutes: float = 0, seconds: float = 0, ms: int = 0) -> list[Action]:
         """Lets time pass; returns the board's actions meanwhile."""
-        return self.run_until(self.now_ms + round(hours * MS_PER_HOUR + minutes * MS_PER_MIN) + ms)
+        passing_ms = round(hours * MS_PER_HOUR + minutes * MS_PER_MIN + seconds * 1000)
+        return self.run_until(self.now_ms + passing_ms + ms)
 
     def run_until(self, until_ms: int) -> list[Action]:
         """Runs up to a time; an arrival precedes a timer of the board that is due at the same time."""

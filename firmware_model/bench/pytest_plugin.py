@@ -2,13 +2,16 @@
 
 The fixture `mu` is a `Bench`: a board with Table I's loads that wakes every hour for 10 s. `@pytest.mark.mu(...)` makes
 another: sleep "never", "hourly" or "field"; primary, secondary in [0, 1]; docked; kept_on, names of rails; last_resort
-"wait", "call" or "surface"; metered, for batteries whose voltage sags and lifts; low_level in [0, 1]. The report of a
-failed test shows the last actions of the board. Another plugin may put other firmware on these boards, by `MuHooks`.
+"wait", "call" or "surface"; metered, for batteries whose voltage sags and lifts; low_level in [0, 1]; secondary_in_use;
+drift_ppm of its clock; timeslot, its (frame, length and guard in s, index); boot_s. The fixture `make_mu` makes a fresh
+board by the same words with each call, as each example of a property needs. The report of a failed test shows the last
+actions of the newest board. Another plugin may put other firmware on these boards, by `MuHooks`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -16,7 +19,7 @@ import pytest
 from firmware_model.bench.bench import Bench
 from firmware_model.bench.trace import clock, line
 from firmware_model.board import MakeFirmware
-from firmware_model.config import BoardConfig, LastResort
+from firmware_model.config import BoardConfig, LastResort, Timeslots
 from firmware_model.power.charge import grains
 from firmware_model.power.rails import Rail, bits
 from firmware_model.table_one import CYCLES, METERING, board, power
@@ -39,7 +42,8 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
-        "mu(sleep, primary, secondary, docked, kept_on, last_resort, metered, low_level): the board of `mu`",
+        "mu(sleep, primary, secondary, docked, kept_on, last_resort, metered, low_level, secondary_in_use, drift_ppm, "
+        "timeslot, boot_s): the board of `mu`",
     )
 
 
@@ -53,6 +57,10 @@ def make_bench(
     last_resort: str = "wait",
     metered: bool = False,
     low_level: float = 0.0,
+    secondary_in_use: bool = False,
+    drift_ppm: float = 0.0,
+    timeslot: tuple[float, float, float, int] | None = None,
+    boot_s: float = 2.0,
     firmware: Callable[[BoardConfig], MakeFirmware | None] = lambda board: None,
 ) -> Bench:
     """The bench for the arguments of a mark. ValueError for an unknown name lists the known ones.
@@ -70,28 +78,57 @@ def make_bench(
         )
     rails = bits(*{Rail[name.upper()] for name in kept_on})
     metering = METERING if metered else None
-    config = board(CYCLES[sleep], power(LastResort[last_resort.upper()], rails, metering, grains(low_level)))
+    fed = power(LastResort[last_resort.upper()], rails, metering, grains(low_level), secondary_in_use)
+    cycle = CYCLES[sleep]
+    if timeslot is not None:
+        if cycle is None:
+            raise ValueError("timeslot: a board that never sleeps has none")
+        frame_s, slot_s, guard_s, index = timeslot
+        cycle = replace(cycle, slots=Timeslots(*(round(it * 1000) for it in (frame_s, slot_s, guard_s))))
+    config = replace(
+        board(cycle, fed),
+        slot=0 if timeslot is None else index,
+        drift_ppb=round(drift_ppm * 1000),
+        boot_ms=round(boot_s * 1000),
+    )
     return Bench(config, primary=primary, secondary=secondary, docked=docked, firmware=firmware(config))
 
 
-@pytest.fixture
-def mu(request: pytest.FixtureRequest) -> Bench:
-    """One board, powered up at 0."""
-    mark = request.node.get_closest_marker("mu")
-    config = request.config
+class BoardMaker:
+    """Makes a fresh board with each call, powered up at 0, by the words of the mark."""
 
-    def firmware(board: BoardConfig) -> MakeFirmware | None:
-        made: MakeFirmware | None = config.hook.pytest_mu_firmware(config=config, board=board)
+    def __init__(self, config: pytest.Config) -> None:
+        self._config = config
+        self.newest: Bench | None = None
+
+    def __call__(self, **words: Any) -> Bench:
+        self.newest = bench = make_bench(**words, firmware=self._firmware)
+        return bench
+
+    def _firmware(self, board: BoardConfig) -> MakeFirmware | None:
+        made: MakeFirmware | None = self._config.hook.pytest_mu_firmware(config=self._config, board=board)
         return made
 
-    return make_bench(**(mark.kwargs if mark is not None else {}), firmware=firmware)
+
+@pytest.fixture(scope="session")
+def make_mu(request: pytest.FixtureRequest) -> BoardMaker:
+    """Makes boards. It lives as long as the session, so a property of hypothesis may use it."""
+    return BoardMaker(request.config)
+
+
+@pytest.fixture
+def mu(request: pytest.FixtureRequest, make_mu: BoardMaker) -> Bench:
+    """One board, powered up at 0."""
+    mark = request.node.get_closest_marker("mu")
+    return make_mu(**(mark.kwargs if mark is not None else {}))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
     report = yield
-    bench = getattr(item, "funcargs", {}).get("mu")
-    if report.when == "call" and report.failed and isinstance(bench, Bench):
+    maker = getattr(item, "funcargs", {}).get("make_mu")
+    bench = maker.newest if isinstance(maker, BoardMaker) else None
+    if report.when == "call" and report.failed and bench is not None:
         lines = [line(action) for action in bench.trace]
         left_out = [f"... {len(lines) - _SHOWN} lines before"] if len(lines) > _SHOWN else []
         now = (

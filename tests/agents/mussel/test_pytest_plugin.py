@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from native_boards import compiled
 
+from firmware_model.actions import SendStatus, StateChanged
 from firmware_model.bench.pytest_plugin import make_bench
 from firmware_model.states import State
 
@@ -41,28 +42,29 @@ def run_pytest(folder: Path, text: str, *more: str) -> subprocess.CompletedProce
     )
 
 
+def of_the_page() -> str:
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs/mu-scripts.md").read_text(), re.DOTALL)
+    return "from hypothesis import settings\n" + "".join(blocks)
+
+
 def test_the_tests_on_the_page_pass(tmp_path: Path) -> None:
-    found = re.search(r"```python\n(.*?)```", (ROOT / "docs/mu-scripts.md").read_text(), re.DOTALL)
-    assert found is not None
-    done = run_pytest(tmp_path, found[1])
+    done = run_pytest(tmp_path, of_the_page())
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "2 passed" in done.stdout
+    assert "4 passed" in done.stdout
 
 
 def test_the_tests_on_the_page_pass_with_a_board_in_c(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    found = re.search(r"```python\n(.*?)```", (ROOT / "docs/mu-scripts.md").read_text(), re.DOTALL)
-    assert found is not None
     program = compiled(tmp_path_factory, "whole_board")
-    text = found[1] + (
+    text = of_the_page().replace("@given(", "@settings(max_examples=10, deadline=None)\n@given(") + (
         "\n\ndef test_it_has_a_process(mu):\n"
         "    mu.run(hours=1.5)\n"
         "    assert open(f'/proc/{mu.board.firmware.pid}/comm').read() == 'whole_board\\n'\n"
     )
     done = run_pytest(tmp_path, text, "--mu-firmware", str(program))
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "3 passed" in done.stdout
+    assert "5 passed" in done.stdout
 
 
 def test_a_program_that_is_none_is_told(tmp_path: Path) -> None:
@@ -79,6 +81,34 @@ def test_a_failure_shows_the_trace(tmp_path: Path) -> None:
     assert " 30:00:00.000  SLEEPING -ALARM_RANG-> SAMPLING" in done.stdout
     assert "lines before" in done.stdout
     assert "now: SAMPLING, primary 0.8" in done.stdout
+
+
+def test_each_board_of_a_property_is_fresh_and_the_newest_is_told(tmp_path: Path) -> None:
+    text = (
+        "from hypothesis import given, strategies as st\n\n"
+        "@given(hours=st.integers(1, 30))\n"
+        "def test_it(make_mu, hours):\n"
+        "    board = make_mu(primary=0.5)\n"
+        "    assert board.now_ms == 0\n"
+        "    board.run(hours=hours)\n"
+        "    assert hours < 7\n"
+    )
+    done = run_pytest(tmp_path, text)
+    assert done.returncode == 1
+    assert "FailedHealthCheck" not in done.stdout
+    assert "  7:00:00.000  now: SAMPLING, primary 0.4" in done.stdout, done.stdout
+
+
+def test_words_of_the_clock_the_slot_and_the_boot_make_the_board() -> None:
+    """By hand: slot 3 of 5 s begins 15 s into its frame, and the guard is half a second."""
+    bench = make_bench(sleep="field", timeslot=(300, 5, 0.5, 3), drift_ppm=100, boot_s=5)
+    assert [it.at_ms for it in bench.run(seconds=6) if isinstance(it, StateChanged)] == [5000]
+    bench.run(hours=1.2)
+    (sent,) = bench.did(SendStatus)
+    assert bench.board.clock_ms(sent.at_ms) == 3_915_500
+    assert sent.at_ms < 3_915_500
+    with pytest.raises(ValueError, match="timeslot: a board that never sleeps has none"):
+        make_bench(sleep="never", timeslot=(300, 5, 0.5, 3))
 
 
 @pytest.mark.parametrize(
