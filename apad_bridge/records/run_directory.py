@@ -5,6 +5,7 @@ Every file appears whole or not at all, except the journal and the bags, which g
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 import shutil
@@ -164,7 +165,8 @@ class RunDirectory:
             if (digest := digest_of_file(it))
         }
         write_resolved(self.scenario, with_strategy_copies(scenario, self.path) if digests else scenario)
-        self.write_json(self.versions, {**versions(), **({"strategy_files": digests} if digests else {})})
+        files = {"strategy_files": digests, "firmware_files": firmware_digests(scenario)}
+        self.write_json(self.versions, {**versions(), **{name: it for name, it in files.items() if it}})
 
     def reduced_to_bags(self, apads: Sequence[str]) -> list[Path]:
         """Moves the bag of each of the aPads' runs beside this directory, as its name and .bag, and removes the rest.
@@ -187,6 +189,12 @@ class RunDirectory:
 
     def _bag(self, n: int) -> Path:
         return self.path / ("run.bag" if n == 0 else f"run-{n}.bag")
+
+
+def firmware_digests(scenario: Scenario) -> dict[str, str]:
+    """The SHA-256 of each program on boards, by its path. A real board on a serial line is no file, and has none."""
+    programs = {it.executable for it in scenario.fleet.firmware if Path(it.executable).is_file()}
+    return {it: hashlib.sha256(Path(it).read_bytes()).hexdigest() for it in sorted(programs)}
 
 
 def versions() -> dict[str, str | None]:

@@ -48,6 +48,8 @@ class Bench:
         self._firmware = firmware
         self.now_ms = 0
         self.trace: list[Action] = []
+        self.told: list[tuple[int, Stimulus]] = []
+        """The stimuli of the board, each with its time."""
         self.travel_ms = travel_ms
         self._arrival: tuple[int, Stimulus] | None = None
         self._docked = docked
@@ -126,6 +128,7 @@ class Bench:
     def tell(self, stimulus: Stimulus) -> list[Action]:
         """Gives the board a stimulus now."""
         done = len(self.trace)
+        self.told.append((self.now_ms, stimulus))
         self._note(self.board.receive(stimulus, self.now_ms))
         self._reset_if_due()
         return self.trace[done:]

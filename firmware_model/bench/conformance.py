@@ -373,8 +373,10 @@ def _other_values(expected: RigEvent | None, found: RigEvent | None) -> str:
 def _differing(ours: Any, theirs: Any) -> Iterator[str]:
     for name in (it.name for it in fields(ours) if it.name != "data"):
         one, other = getattr(ours, name), getattr(theirs, name)
-        if one != other:
-            yield f"; its {name} is {other} and not {one}"
+        if is_dataclass(one) and type(one) is type(other):
+            yield from _differing(one, other)
+        elif one != other:
+            yield f"; its {name} is {getattr(other, 'name', other)} and not {getattr(one, 'name', one)}"
 
 
 def _packet_of(what: str) -> Any:
@@ -434,6 +436,8 @@ def side_by_side(result: Result) -> Iterator[str]:
     yield f"   {'expected':{width}}  found"
     for (left, right), (expected, found) in zip(lines, pairs, strict=True):
         yield f" {' ' if expected == found else '!'} {left:{width}}  {right}"
+        if values := _other_values(expected, found):
+            yield f"     {values.removeprefix('; ')}"
     if theirs.failure is not None:
         yield f" ! {'':{width}}  {theirs.failure}"
 

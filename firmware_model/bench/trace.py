@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from firmware_model.actions import (
     Action,
@@ -24,6 +24,16 @@ from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Battery, ChargeModel, fraction
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
+from firmware_model.stimuli import (
+    BottomReached,
+    ChargePinFell,
+    ChargePinRose,
+    PacketHeard,
+    PowerCameOn,
+    Stimulus,
+    SurfaceReached,
+    WifiReceived,
+)
 
 
 def clock(at_ms: int) -> str:
@@ -70,13 +80,14 @@ def vcd(
     model: ChargeModel,
     until_ms: int,
     sample_ms: int = 60_000,
+    told: Iterable[tuple[int, Stimulus]] = (),
 ) -> str:
-    """A VCD of states, rails, feed and both batteries up to `until_ms`, in steps of a millisecond of agent time.
+    """A VCD of states, rails, feed, batteries, pins and packets up to `until_ms`, in steps of a millisecond of agent time.
 
     `courses` are (from ms, primary, secondary), as `Bench.courses` keeps them; charges are sampled every `sample_ms` and at
-    the start of each course.
+    the start of each course. `told` are the stimuli, as `Bench.told` keeps them.
     """
-    changes: list[tuple[int, str]] = []
+    changes = [change for at_ms, stimulus in told for change in _inputs(at_ms, stimulus)]
     for action in trace:
         match action:
             case StateChanged(at_ms, _, _, new) | StateReported(at_ms, _, new):
@@ -85,9 +96,19 @@ def vcd(
                 changes.append((at_ms, f"{int(on)}{_rail_id(rail)}"))
             case FeedFrom(at_ms, feed):
                 changes.append((at_ms, f"s{feed.name} F"))
+            case RunBuoyancy(at_ms, to, _):
+                changes.append((at_ms, f"s{to.name} M"))
+            case SendBytes(at_ms, by, data):
+                changes.append((at_ms, f"s{by.name}:{data.hex()} T"))
+            case SendStatus(at_ms, by):
+                changes.append((at_ms, f"s{by.name}:status T"))
+            case SendAnswer(at_ms):
+                changes.append((at_ms, f"s{Rail.MODEM_TRANSMITTING.name}:answer T"))
+            case SendLog(at_ms):
+                changes.append((at_ms, f"s{Rail.WIFI.name}:log T"))
     changes += _charges(courses, model, until_ms, sample_ms)
     lines = [*_header(), "$dumpvars", f"s{State.OFF.name} S", f"s{ActiveBattery.PRIMARY.name} F"]
-    lines += [f"0{_rail_id(rail)}" for rail in Rail] + ["$end"]
+    lines += [f"0{_rail_id(rail)}" for rail in Rail] + ["0C", "0U", "$end"]
     now_ms = -1
     for at_ms, change in sorted(changes, key=lambda it: it[0]):
         if at_ms != now_ms:
@@ -97,6 +118,21 @@ def vcd(
     if now_ms < until_ms:
         lines.append(f"#{until_ms}")
     return "\n".join(lines) + "\n"
+
+
+def _inputs(at_ms: int, stimulus: Stimulus) -> Iterator[tuple[int, str]]:
+    """The changes of the charger's pin, of the surface and of the packets that reach the board."""
+    match stimulus:
+        case ChargePinRose() | ChargePinFell():
+            yield at_ms, f"{int(isinstance(stimulus, ChargePinRose))}C"
+        case SurfaceReached() | BottomReached():
+            yield at_ms, f"{int(isinstance(stimulus, SurfaceReached))}U"
+        case PowerCameOn(_, at_surface, pin_high):
+            yield from ((at_ms, f"{int(pin_high)}C"), (at_ms, f"{int(at_surface)}U"))
+        case PacketHeard(data):
+            yield at_ms, f"sMODEM:{data.hex()} R"
+        case WifiReceived(data):
+            yield at_ms, f"sWIFI:{data.hex()} R"
 
 
 def _rail_id(rail: Rail) -> str:
@@ -112,6 +148,11 @@ def _header() -> list[str]:
         "$var string 1 F feed $end",
         "$var real 64 P primary $end",
         "$var real 64 Q secondary $end",
+        "$var wire 1 C charger $end",
+        "$var wire 1 U surface $end",
+        "$var string 1 M motors $end",
+        "$var string 1 T sent $end",
+        "$var string 1 R received $end",
         *variables,
         "$upscope $end",
         "$enddefinitions $end",

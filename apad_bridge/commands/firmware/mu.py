@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from apad_bridge.commands.firmware.mu_conform import add_conform
-from apad_bridge.commands.firmware.mu_program import BOARDS, WORST_CASE, is_program, run_program
+from apad_bridge.commands.firmware.mu_program import BOARDS, WORST_CASE, is_program, run_program, write_vcd
 from apad_bridge.commands.firmware.mu_script import Budget, MuScriptError, budget_of, play, read_script
 from apad_bridge.commands.help_text import ending
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -22,7 +22,7 @@ from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.rich_console import Console
 from firmware_model.bench.state_diagram import blocks
 from firmware_model.bench.table_one_runs import ROWS, rows
-from firmware_model.bench.trace import line, vcd
+from firmware_model.bench.trace import line
 from firmware_model.table_one import ASSUMED, FITTED, METERED, METERING, TAKEN
 
 if TYPE_CHECKING:
@@ -62,7 +62,10 @@ def add_parser(commands: Any) -> None:
     budget.add_argument("script", type=Path, metavar="SCRIPT.yaml|PROGRAM", help="a script, or firmware")
     budget.add_argument("--json", action="store_true", help="print the budget as JSON on stdout")
     budget.add_argument(
-        "--vcd", type=Path, metavar="FILE", help="write states, rails and batteries for GTKWave"
+        "--vcd",
+        type=Path,
+        metavar="FILE",
+        help="write states, rails, batteries, pins and packets for GTKWave",
     )
     budget.add_argument(
         "--trace", action="store_true", help="print all the board's actions before the budget"
@@ -169,19 +172,16 @@ def _show_table_one(result: dict[str, Any], console: Console) -> None:
 
 def run_script(arguments: argparse.Namespace) -> int:
     if is_program(arguments.script):
-        if arguments.json or arguments.vcd or arguments.trace:
-            raise UserError("a program takes no --json, --vcd or --trace: it prints its trace")
-        return run_program(arguments.script, arguments.profile)
+        if arguments.json or arguments.trace:
+            raise UserError("a program takes no --json or --trace: it prints its trace")
+        return run_program(arguments.script, arguments.profile, arguments.vcd)
     try:
         script = read_script(arguments.script)
     except MuScriptError as error:
         raise UserError(str(error)) from None
     bench = play(script)
     if arguments.vcd is not None:
-        try:
-            arguments.vcd.write_text(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms))
-        except OSError as error:
-            raise UserError(f"{arguments.vcd} cannot be written: {error.strerror}") from None
+        write_vcd(arguments.vcd, bench)
     budget = budget_of(script, bench)
     trace = [line(action) for action in bench.trace] if arguments.trace else None
     if arguments.json:

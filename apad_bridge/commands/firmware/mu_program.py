@@ -16,7 +16,7 @@ from firmware_model.bench import Bench
 from firmware_model.bench.conformance import Case, Reading
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import BenchRig, Rig
-from firmware_model.bench.trace import clock, line
+from firmware_model.bench.trace import clock, line, vcd
 from firmware_model.config import BoardConfig
 from firmware_model.hardware.whole import WholeBoardHardware
 from firmware_model.hardware.worst_case import WorstCaseHardware
@@ -41,8 +41,8 @@ def is_program(path: Path) -> bool:
     return path.suffix not in (".yaml", ".yml") and path.is_file() and os.access(path, os.X_OK)
 
 
-def run_program(path: Path, profile: str) -> int:
-    """Prints what the firmware does in a day with a permission, four hours in a dock and a brown-out."""
+def run_program(path: Path, profile: str, vcd_file: Path | None = None) -> int:
+    """Prints what the firmware does in a day with a permission, four hours in a dock and a brown-out; also as a VCD."""
     bench = bench_of(path, config=BOARDS[profile]())
     steps: tuple[tuple[str, Callable[[], object], float], ...] = (
         ("the power came on", lambda: None, 1.0),
@@ -64,8 +64,20 @@ def run_program(path: Path, profile: str) -> int:
     except FirmwareFailed as failure:
         print(f"{clock(bench.now_ms)}  the firmware failed: {failure}")
         return Exit.PEER_FAILED
+    finally:
+        if vcd_file is not None:
+            write_vcd(vcd_file, bench)
     print(f"after {bench.now_ms / 3_600_000:g} h: {bench.state.name}, primary {bench.primary_fraction:.4f}")
     return Exit.DONE
+
+
+def write_vcd(path: Path, bench: Bench) -> None:
+    """Writes the board's life for GTKWave; UserError if it cannot."""
+    text = vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms, told=bench.told)
+    try:
+        path.write_text(text)
+    except OSError as error:
+        raise UserError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def bench_of(

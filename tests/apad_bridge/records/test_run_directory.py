@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
@@ -11,6 +12,7 @@ from apad_bridge.planning.paper_strategies import Greedy
 from apad_bridge.planning.registry import Trust, collection
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.schema import FirmwareProgram
 from apad_bridge.scenario.starts import read_starts, starts_of
 
 NOW = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
@@ -91,6 +93,22 @@ def test_the_inputs_make_the_same_run_again(tmp_path):
         "starts.csv",
         "versions.json",
     ]
+
+
+def test_a_run_names_the_hash_of_its_firmware(tmp_path):
+    program = tmp_path / "board"
+    program.write_bytes(b"a board")
+    scenario = load(POOL_FILE)
+    flown = (
+        FirmwareProgram(executable=str(program), agents=(1,)),
+        FirmwareProgram(executable="serial:/dev/ttyUSB0", agents=(2,)),
+    )
+    scenario = replace(scenario, theta=1, fleet=replace(scenario.fleet, firmware=flown))
+    directory = RunDirectory.create(scenario.name, NOW, tmp_path / "run")
+    directory.write_inputs(scenario, starts_of(scenario))
+    files = json.loads(directory.versions.read_text())["firmware_files"]
+    # By `printf 'a board' | sha256sum`.
+    assert files == {str(program): "2a7d86c59aedf33a1a1d14c01af7ed963baf7f2b6c129437df990cc4d7c28a41"}
 
 
 def test_a_run_keeps_the_file_of_its_strategy_and_names_its_hash(tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ from firmware_model.bench.conformance import (
     Case,
     Reading,
     RequirementSource,
+    Result,
     Verdict,
     captured,
     history,
@@ -25,9 +26,10 @@ from firmware_model.bench.conformance import (
 )
 from firmware_model.bench.conformance_cases import CASES, WAYS_INTO
 from firmware_model.bench.costly_firmware import CostlyFirmware
-from firmware_model.bench.rigs import BenchRig, Rig, RigHistory, lasts_ms
+from firmware_model.bench.rigs import BenchRig, Rig, RigEvent, RigHistory, lasts_ms
 from firmware_model.config import BoardConfig
 from firmware_model.firmware import Firmware
+from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
 from firmware_model.table_one import worst_case_board
@@ -162,6 +164,16 @@ def test_dead_firmware_fails_whatever_the_source() -> None:
 
     result = judged(replace(DIVE, source=RequirementSource.CHOICE), OURS, dies, Died, {})
     assert (result.verdict, result.reason) == (Verdict.FAILED, "its firmware failed: it ended")
+
+
+def test_a_packet_that_differs_is_told_by_its_fields() -> None:
+    status = StatusPacket(1, 4, State.ACTIVE, 0.5, 0.9, 1.0, 2.0, 3.0, 70_000)
+    ours, theirs = (
+        RigHistory((RigEvent(900, f"sends {it.encode().hex()}"),), 0, 0)
+        for it in (status, replace(status, sequence=5, state=State.SAMPLING))
+    )
+    lines = list(side_by_side(Result(DIVE, Verdict.FAILED, "", ours, theirs)))
+    assert lines[2].strip() == "its sequence is 5 and not 4; its state is SAMPLING and not ACTIVE"
 
 
 def test_a_script_loses_every_word_that_it_does_not_need() -> None:

@@ -36,8 +36,9 @@ def test_a_vcd_tells_states_rails_and_batteries() -> None:
     bench.run(hours=1.5)
     bench.command(Kind.PERMISSION)
     bench.run(minutes=2)
-    waves = read_vcd(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms))
-    assert {rail.name for rail in Rail} | {"state", "feed", "primary", "secondary"} == set(waves)
+    waves = read_vcd(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms, told=bench.told))
+    others = ("state", "feed", "primary", "secondary", "charger", "surface", "motors", "sent", "received")
+    assert {rail.name for rail in Rail} | set(others) == set(waves)
     assert waves["state"][-4:] == [
         (3_600_000, "SAMPLING"),
         (3_610_000, "SLEEPING"),
@@ -50,6 +51,25 @@ def test_a_vcd_tells_states_rails_and_batteries() -> None:
     charges = [float(value) for _, value in waves["primary"]]
     assert charges == sorted(charges, reverse=True) and len(charges) > 90
     assert charges[-1] == pytest.approx(bench.primary_fraction, abs=1e-8)
+
+
+def test_a_vcd_tells_pins_motors_and_packets() -> None:
+    """By hand: up at 3 s, there at 63 s, docked at 73 s, a report at the whole hour, released and sinking an hour later."""
+    bench = Bench(board(HOURLY, power()))
+    bench.run(seconds=3)
+    bench.command(Kind.PERMISSION)
+    bench.run(seconds=70)
+    bench.charge_pin_rises()
+    bench.run(hours=1)
+    bench.charge_pin_falls()
+    bench.run(seconds=1)
+    bench.command(Kind.RELEASE)
+    waves = read_vcd(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms, told=bench.told))
+    assert waves["charger"] == [(-1, "0"), (0, "0"), (73_000, "1"), (3_673_000, "0")]
+    assert waves["surface"] == [(-1, "0"), (0, "0"), (63_000, "1")]
+    assert waves["motors"] == [(3000, "FLOAT"), (3_674_000, "SINK")]
+    assert waves["received"] == [(3000, "MODEM:0102010025af"), (3_674_000, "WIFI:010301001598")]
+    assert waves["sent"] == [(3_600_000, "WIFI:status"), (3_600_000, "WIFI:log")]
 
 
 def test_lines_for_people() -> None:
