@@ -165,7 +165,8 @@ class Board:
 
     def _next(self) -> tuple[int | None, Timer]:
         found = self._hardware.next_timer()
-        if not self._is_running:
+        # Asked here as well as by the property: boards do this more often than anything else.
+        if self.firmware.state is State.LOST and not self._is_running:
             return found
         due_ms, timer = self.firmware.next_timer()
         other_ms = found[0]
