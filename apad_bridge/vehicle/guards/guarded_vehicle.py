@@ -7,13 +7,11 @@ mission: a mission that has ended, or hangs on a strategy, needs it most.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from apad_bridge.events.guards import (
     Cause,
     DangerOver,
-    Drifting,
     GuardReacted,
     HoldRepeated,
     OthersCommanded,
@@ -45,28 +43,17 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.guards.gate import PILOT_STEERS, Refusal, Safety
 from apad_bridge.vehicle.guards.monitor import MonitorFinding, UnderWay
-from apad_bridge.vehicle.guards.obedience import Obedience, Obeys, Sight
 from apad_bridge.vehicle.guards.orders import Point, goal_of, is_meant_as_stop, may_hold
-from apad_bridge.vehicle.guards.stops import SIMULATED_TAKEN_MS, TAKEN_MS, StopRecord, StopsEnded
+from apad_bridge.vehicle.guards.stop_keeper import StopKeeper
+from apad_bridge.vehicle.guards.stops import StopsEnded
 from apad_bridge.vehicle.link import Cleared, LinkFact, VehicleLink
 
 _Answer = CommandAccepted | Arrived | CommandFailed
 _Wish = HoldWanted | ReleaseWanted | OrderCut
 """A link's facts for this class alone."""
 PILOT_HAD_IT = "a pilot has steered the aPad: continue, or take it over"
-REST_M = 0.5
-REST_MS = 3_000
-"""A vehicle that stays within `REST_M` for so long is at rest."""
-DRIFT_MS = 10_000
-"""So often the operator is told where a vehicle without thrust drifts."""
-REPEAT_MS = 1_000
-AFTER_CUT_MS = 5_000
-"""A stop is repeated so often, until the hull obeys and the newest order that it cut lies so far back. The vehicle may
-carry such an order out late: a connection's end does not end what its server has begun."""
 HOLD_AGAIN_MS = 10_000
 """A real vehicle that did not take a hold, and has no other order, gets the hold again so often."""
-BLIND_MS = 10_000
-"""A stop that was taken is repeated for so long where no position tells if the hull obeys."""
 
 
 class GuardedVehicle:
@@ -99,26 +86,7 @@ class GuardedVehicle:
         """Commands of the guards' own have ids below 0, which no port uses."""
         self._looked_ms = -1
         self._looked_between_ms = -1
-        self._way_back: int | None = None
-        """The id of the way back inside the fence, which a person allowed."""
-        self._rest: tuple[int, Point] | None = None
-        """Since when, and where, the vehicle has been at one place."""
-        self._drift_ms: int | None = None
-        """The time of the newest message about the drift."""
-        self._obedience: Obedience | None = None
-        """Follows the hull from the acceptance of the stop in force on; None before."""
-        self._drifts = False
-        """The hull had no thrust when the stop in force came: only the water moves it."""
-        self._cut_ms: int | None = None
-        """The time of the newest order that a stop has cut."""
-        self._stop_ms: int | None = None
-        """The time at which the stop in force went out last, until the vehicle answers; None when it has."""
-        self._repeat_ms: int | None = None
-        """The time from which on the stop in force is due again."""
-        self._restored_ms: int | None = None
-        """The time of the first look at it."""
-        self._restored = self._stops.in_force
-        """The stop that a former supervisor left in force, until it is decided whether it goes out again."""
+        self._keeper = StopKeeper(safety, self._send, self._take_id)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """The link's facts, and the failures of refused commands. Once a tick the monitor looks, and reacts."""
@@ -126,8 +94,7 @@ class GuardedVehicle:
         self._taken = []
         if now_ms > self._looked_ms:
             self._looked_ms = now_ms
-            if self._restored is not None:
-                self._go_on_with(self._restored, now_ms)
+            self._keeper.go_on(now_ms)
             self._look(now_ms)
         facts += self._facts
         self._facts = []
@@ -147,7 +114,7 @@ class GuardedVehicle:
         if self.gate.watch.fault(now_ms):
             self._look(now_ms)
         else:
-            self._watch_stop(now_ms)
+            self._keeper.watch(now_ms)
 
     def _take_facts(self, now_ms: int) -> list[LinkFact]:
         """The link's new facts, of which the gate and the stops have taken note."""
@@ -213,7 +180,7 @@ class GuardedVehicle:
         self.gate.forget_others()
         if not self._stops.may_end(ends):
             return
-        self._way_back = self._drift_ms = None
+        self._keeper.note_continued()
         self._stops.end(by)
         self.gate.watch.believe()
 
@@ -223,7 +190,7 @@ class GuardedVehicle:
         if cleared is None:
             return  # the person was told already
         self.gate.events.append(SentBackIn(by, lookout))
-        self._way_back = cleared.order.command_id
+        self._keeper.way_back = cleared.order.command_id
         self._send(cleared, now_ms)
 
     # The link's facts.
@@ -231,20 +198,20 @@ class GuardedVehicle:
     def _take(self, fact: LinkFact, now_ms: int) -> None:
         match fact:
             case CommandAccepted(_, command_id) if self._stops.is_sent_by(command_id):
-                self._stop_taken(now_ms)
+                self._keeper.taken(now_ms)
                 self._note_acceptance(fact)
             case CommandAccepted():
                 self._note_acceptance(fact)
             case CommandFailed(_, command_id, reason) if self._stops.is_sent_by(command_id):
-                self._stop_failed(reason, now_ms)
+                self._keeper.failed(reason, now_ms)
             case Arrived(_, command_id) | CommandFailed(_, command_id):
                 self._note_end(command_id)
                 self._note_failed_hold(fact, now_ms)
-                if command_id == self._way_back:
-                    self._way_back = None
-                    self._send_stop(now_ms)
+                if command_id == self._keeper.way_back:
+                    self._keeper.way_back = None
+                    self._keeper.send(now_ms)
             case OrderCut():
-                self._cut_ms = now_ms
+                self._keeper.note_cut(now_ms)
             case HoldWanted(_, north_m, east_m, heading_rad):
                 self._wish(Hold(self._take_id(), north_m, east_m, heading_rad), now_ms)
             case ReleaseWanted(_, dock_index, agent_id):
@@ -275,7 +242,7 @@ class GuardedVehicle:
         self.gate.events.append(OthersCommanded(client))
         stop = self._stops.in_force
         if stop is not None and not self.gate.pilot:
-            self._send_again(f"{who} commands the aPad", now_ms)
+            self._keeper.send_again(f"{who} commands the aPad", now_ms)
         elif stop is None:
             self.gate.note_others(f"{who} commands the aPad: continue, take it over, or give it back")
 
@@ -296,7 +263,8 @@ class GuardedVehicle:
     def _leave_to_pilot(self, now_ms: int) -> None:
         """Fails the order under way: the pilot ends every order of ours."""
         self._fail_present(self.gate.pilot, now_ms)
-        self._under_way = self._ordered = self._way_back = self._obedience = self._repeat_ms = None
+        self._under_way = self._ordered = None
+        self._keeper.leave_to_pilot()
         self.gate.watch.note_goal(None)
 
     def _note_acceptance(self, fact: CommandAccepted) -> None:
@@ -367,19 +335,6 @@ class GuardedVehicle:
 
     # Stops.
 
-    def _go_on_with(self, stop: StopRecord, now_ms: int) -> None:
-        """Sends a restored OFF again, and a restored HOLD that nobody knows to be taken, as soon as it may hold."""
-        if self._restored_ms is None:
-            self._restored_ms = now_ms
-        is_blind = stop.kind is StopKind.HOLD and not may_hold(self.gate.situation(now_ms))
-        if stop.kind is StopKind.HOLD and (stop.taken_ms is not None or stop.stills_arms):
-            self._restored = None  # the vehicle holds by itself, or hands are near its thrusters
-        elif self._stops.in_force is not stop:
-            self._restored = None  # another stop has come
-        elif not is_blind or now_ms - self._restored_ms >= TAKEN_MS:
-            self._restored = None
-            self._send_stop(now_ms)
-
     def _begin_stop(
         self,
         kind: StopKind,
@@ -390,13 +345,8 @@ class GuardedVehicle:
         is_persons: bool = False,
         stills_arms: bool = False,
     ) -> None:
-        before = self._stops.in_force
-        self._drifts = before is not None and before.kind is StopKind.OFF and before.obeyed_ms is not None
-        self._stops.begin(kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills_arms)
-        self._way_back = self._rest = self._drift_ms = None
         self._fail_present(reason or f"stopped by {by}", now_ms)
-        self._obedience = None
-        self._send_stop(now_ms)
+        self._keeper.begin(kind, by, reason, now_ms, is_persons=is_persons, stills_arms=stills_arms)
 
     def _fail_present(self, reason: str, now_ms: int) -> None:
         """Reports what is under way as failed: its own answer may never come."""
@@ -404,147 +354,6 @@ class GuardedVehicle:
             if command is not None and command.command_id >= 0:
                 self._facts.append(CommandFailed(now_ms, command.command_id, reason))
         self._mechanism = None
-
-    def _send_stop(self, now_ms: int) -> None:
-        """Sends the stop in force; a HOLD becomes OFF where the vehicle may not hold any more."""
-        stop, situation = self._stops.in_force, self.gate.situation(now_ms)
-        if stop is None or self.gate.pilot == PILOT_STEERS:
-            return
-        if stop.kind is StopKind.HOLD and not may_hold(situation):
-            self._become_off(situation.position_fault or situation.outside)
-        elif stop.kind is StopKind.HOLD and situation.place_m is not None:
-            self._stops.keep_place(situation.place_m)
-        command_id = self._take_id()
-        self._stop_ms, self._repeat_ms = now_ms, now_ms + REPEAT_MS
-        stop = self._stops.in_force
-        self._stops.sent(command_id, now_ms)
-        if stop is not None and stop.place_m is not None:
-            held = Hold(command_id, *stop.place_m, pre_empts=True)
-            self._send(self.gate.clear_stop(held), now_ms)
-        else:
-            self._send(self.gate.clear_stop(Stop(command_id)), now_ms)
-
-    def _become_off(self, reason: str) -> None:
-        self._obedience = None
-        self._stops.become_off(reason)
-
-    def _send_again(self, reason: str, now_ms: int) -> None:
-        """Sends the stop in force to a vehicle that moves in spite of it: it comes before other clients."""
-        self._stops.order_again(reason)
-        self._rest = self._obedience = None
-        self._send_stop(now_ms)
-
-    def _stop_taken(self, now_ms: int) -> None:
-        self._stop_ms = None
-        self._stops.taken(now_ms)
-        stop, situation = self._stops.in_force, self.gate.situation(now_ms)
-        if stop is not None and self._obedience is None and situation.place_m is not None:
-            sight = self._sight(situation.place_m, now_ms)
-            self._obedience = Obedience(stop.kind, stop.place_m, self._safety.stopping, sight)
-
-    def _sight(self, place_m: Point, now_ms: int) -> Sight:
-        watch = self.gate.watch
-        flow_m_s = watch.velocity_m_s if self._drifts else self._safety.drift_m_s(place_m, now_ms)
-        return Sight(now_ms, place_m, watch.velocity_m_s, flow_m_s, watch.way_error_m)
-
-    def _stop_failed(self, reason: str, now_ms: int) -> None:
-        """The vehicle has not taken the stop: OFF in place of a HOLD. An OFF is due again."""
-        stop = self._stops.in_force
-        assert stop is not None
-        if self.gate.pilot == PILOT_STEERS:
-            # A pilot ends a stop that was taken, too. Nothing goes out, and nothing when the pilot lets go.
-            self._stops.failed(self.gate.pilot)
-            self._repeat_ms = None
-            return
-        self._stop_ms = None
-        self._stops.failed(reason)
-        if stop.kind is StopKind.HOLD:
-            self._become_off(f"the vehicle did not take the hold: {reason}")
-            self._send_stop(now_ms)
-
-    def _watch_stop(self, now_ms: int) -> None:
-        stop = self._stops.in_force
-        if stop is None:
-            return
-        patience_ms = TAKEN_MS if self._safety.needs_person else SIMULATED_TAKEN_MS
-        if self._stops.is_overdue(now_ms, patience_ms):
-            self._stop_overdue(stop.kind, now_ms)
-        situation = self.gate.situation(now_ms)
-        place_m = None if situation.position_fault else situation.place_m
-        self._stops.blind(situation.position_fault)
-        self._judge_hull(place_m, now_ms)
-        if place_m is None:
-            self._rest = None
-        elif self._rest is None or math.dist(self._rest[1], place_m) > REST_M:
-            self._rest = now_ms, place_m
-        elif now_ms - self._rest[0] >= REST_MS:
-            self._stops.at_rest(now_ms)
-        if stop.kind is StopKind.OFF and (self._drift_ms is None or now_ms - self._drift_ms >= DRIFT_MS):
-            self._drift_ms = now_ms
-            self.gate.events.append(self._drift(now_ms))
-
-    def _judge_hull(self, place_m: Point | None, now_ms: int) -> None:
-        """Follows the hull by its believed place, None for none, and repeats the stop while it is due."""
-        obeys = Obeys.UNKNOWN
-        if self._obedience is not None and place_m is not None and self._way_back is None:
-            obeys = self._obedience.look(self._sight(place_m, now_ms))
-        stop = self._stops.in_force
-        assert stop is not None
-        if obeys is Obeys.YES and not self._may_act_late(now_ms):
-            self._stops.obeyed(now_ms)
-        elif obeys is Obeys.NO and self._obedience is not None:
-            reason = self._obedience.reason
-            self._stops.disobeyed(reason)
-            if stop.kind is StopKind.HOLD:
-                self._become_off(reason)
-                self._send_stop(now_ms)
-        if self._is_due_again(obeys, now_ms):
-            self._send_stop(now_ms)
-
-    def _is_due_again(self, obeys: Obeys, now_ms: int) -> bool:
-        stop = self._stops.in_force
-        if stop is None or self._stop_ms is not None or self._repeat_ms is None or now_ms < self._repeat_ms:
-            return False  # one call at a time: a vehicle that is busy carries out no backlog
-        if self._way_back is not None:
-            return False
-        if self._may_act_late(now_ms):
-            return True
-        if stop.kind is StopKind.HOLD or obeys is Obeys.YES:
-            return False
-        return stop.taken_ms is None or bool(stop.not_obeyed) or now_ms - stop.taken_ms < BLIND_MS
-
-    def _may_act_late(self, now_ms: int) -> bool:
-        """The vehicle may still begin with an order that was cut, so that a hull at rest tells nothing."""
-        return self._cut_ms is not None and now_ms - self._cut_ms < AFTER_CUT_MS
-
-    def _stop_overdue(self, kind: StopKind, now_ms: int) -> None:
-        reason = "the vehicle has not answered"
-        if kind is StopKind.HOLD:
-            self._stop_failed(reason, now_ms)
-        else:
-            self._stop_ms = None
-            self._stops.failed(reason)
-
-    def _drift(self, now_ms: int) -> Drifting:
-        """The course of a vehicle without thrust, by its last speed or the known sea, and when it would get out."""
-        situation = self.gate.situation(now_ms)
-        velocity_m_s = (0.0, 0.0) if situation.position_fault else situation.velocity_m_s
-        if math.hypot(*velocity_m_s) < 0.05 and situation.place_m is not None:
-            velocity_m_s = self._safety.drift_m_s(situation.place_m, now_ms)
-        speed_m_s = math.hypot(*velocity_m_s)
-        course = Drifting(
-            round(speed_m_s, 3), round(math.atan2(velocity_m_s[1], velocity_m_s[0]), 3), fence_s=None
-        )
-        if situation.place_m is None:
-            return course
-        way_m = self._safety.waters.way_out_m(situation.place_m, velocity_m_s) if speed_m_s > 0 else None
-        return replace(
-            course,
-            fence_s=None if way_m is None else round(way_m / speed_m_s),
-            north_m=round(situation.place_m[0], 2),
-            east_m=round(situation.place_m[1], 2),
-            is_believed=not situation.position_fault,
-        )
 
     # The monitor.
 
@@ -558,7 +367,7 @@ class GuardedVehicle:
             self.gate.events.append(DangerOver(change.cause))
             if change.cause is Cause.POSITION and not self._safety.needs_person:
                 self._stop_here(Hold(self._take_id(), 0.0, 0.0), now_ms)
-        self._watch_stop(now_ms)
+        self._keeper.watch(now_ms)
         self._repeat_hold(now_ms)
 
     def _react(self, finding: MonitorFinding, now_ms: int) -> None:
@@ -579,14 +388,18 @@ class GuardedVehicle:
             self._react_simulated(replace(finding, reaction=reaction), now_ms)
             return
         stop = self._stops.in_force
-        if stop is not None and self._way_back is None and (stop.kind is StopKind.OFF or not wants_off):
+        if (
+            stop is not None
+            and self._keeper.way_back is None
+            and (stop.kind is StopKind.OFF or not wants_off)
+        ):
             if finding.cause is not Cause.POSITION:
-                self._send_again(finding.reason, now_ms)
+                self._keeper.send_again(finding.reason, now_ms)
             return
         if stop is not None and stop.kind is StopKind.HOLD and wants_off:
-            self._become_off(finding.reason)
-            self._send_stop(now_ms)
-        elif self._way_back is not None and finding.cause is Cause.OUTSIDE:
+            self._keeper.become_off(finding.reason)
+            self._keeper.send(now_ms)
+        elif self._keeper.way_back is not None and finding.cause is Cause.OUTSIDE:
             return  # a person sent it back from there
         else:
             kind = StopKind.OFF if wants_off else StopKind.HOLD

@@ -19,7 +19,8 @@ from apad_bridge.vehicle.commands import (
     Stop,
     VehicleCommand,
 )
-from apad_bridge.vehicle.guards.guarded_vehicle import AFTER_CUT_MS, HOLD_AGAIN_MS, REPEAT_MS
+from apad_bridge.vehicle.guards.guarded_vehicle import HOLD_AGAIN_MS
+from apad_bridge.vehicle.guards.stop_keeper import AFTER_CUT_MS, REPEAT_MS
 from apad_bridge.vehicle.guards.stops import RestoredStops, StopsEnded
 from apad_bridge.vehicle.link import LinkFact
 from tests.apad_bridge.vehicle.guards.test_gate import Guarded

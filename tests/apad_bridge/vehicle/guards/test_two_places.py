@@ -6,7 +6,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.vehicle.guards.two_places import TwoPlaces
@@ -26,6 +26,7 @@ def flown(
 
 @pytest.mark.parametrize("period_s", [0.2, 0.7, 2.0])
 @pytest.mark.parametrize("noise_m", [0.0, 0.1, 0.2])
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32), angle=st.floats(0, math.tau))
 def test_two_places_3_m_apart_are_found_within_8_s(
     period_s: float, noise_m: float, seed: int, angle: float
@@ -39,6 +40,7 @@ def test_two_places_3_m_apart_are_found_within_8_s(
     assert max(apart) == pytest.approx(3.0, abs=0.7)
 
 
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32))
 def test_a_mux_that_chooses_by_chance_is_found(seed: int) -> None:
     rng = random.Random(seed)
@@ -56,6 +58,7 @@ ONE_PLACE = {
 
 
 @pytest.mark.parametrize("motion", ONE_PLACE)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32), noise_m=st.sampled_from([0.0, 0.05, 0.5, 1.0]))
 def test_one_place_is_not_taken_for_two(motion: str, seed: int, noise_m: float) -> None:
     found = TwoPlaces()
