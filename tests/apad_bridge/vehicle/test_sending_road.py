@@ -209,7 +209,7 @@ _ACTS: dict[str, Callable[[Crossing], None]] = {
 
 
 @pytest.mark.parametrize("generation", BOTH)
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=1000, deadline=None)
 @given(st.data())
 def test_drawn_interleavings_of_four_calls_and_stops(generation: Generation, data: st.DataObject) -> None:
     names = data.draw(
