@@ -17,7 +17,7 @@ from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.records.journal import JournalTail, Line
 from apad_bridge.records.line_file import LineTail
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.scenario.firmware_config import charge_models
+from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.state_groups import BEYOND_HELP, STRANDED, UP_AND_UNDOCKED
 from firmware_model.states import State
@@ -81,7 +81,13 @@ class RunPicture:
         self._directory = RunDirectory.open(run_dir)
         self._journal = JournalTail(self._directory.journal)
         begun = self._journal.read_new()
-        self._history = History(begun, scenario.time_scale, charge_models(scenario), scenario.apad.docks)
+        self._history = History(
+            begun,
+            scenario.time_scale,
+            charge_models(scenario),
+            scenario.apad.docks,
+            secondary_in_use=works_on_secondary(scenario.board),
+        )
         self._samples: LineTail | None = None
         self._track: tuple[Line, ...] = ()
         """The newest two lines of the aPad."""

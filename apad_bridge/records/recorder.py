@@ -49,7 +49,7 @@ from apad_bridge.records.summary import (
 )
 from apad_bridge.records.truth_lines import truth_event, truth_of
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.firmware_config import takes_samples
+from apad_bridge.scenario.firmware_config import takes_samples, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.supervisor.core import LearnedState
@@ -129,7 +129,9 @@ class Recorder:
         self._battery_min = battery_min
         self._agent_ids = frozenset(agent_ids)
         self._water = Water(scenario)
-        self.meter = UptimeMeter(self._scale, self._water.charge_of)
+        self.meter = UptimeMeter(
+            self._scale, self._water.charge_of, secondary_in_use=works_on_secondary(scenario.board)
+        )
         self._newest: dict[int, Truth] = {}
         self._journaled: dict[int, Truth] = {}
         self._beliefs: Sequence[Belief] = ()

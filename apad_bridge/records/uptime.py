@@ -6,7 +6,7 @@ time (inclusive) gives an aMussel's state at the tick. Two meanings of "active" 
 - paper: not docked and the primary battery above 0. An aMussel counts as active until it is docked (section V);
 - submerged: under water with the primary battery in use, asleep between two samples or not.
 
-A board that works on its secondary battery when its primary is empty counts in both meanings while it does.
+Where a scenario lets boards work on their secondary battery, a board that does so counts in both meanings.
 
 A LOST aMussel can no longer surface: both batteries are at 0, or a board that reads its batteries has read both as empty
 for long enough.
@@ -69,12 +69,18 @@ class UptimeMeter:
     """Takes every Truth, for each aMussel in order of time; gives the counts for any mission time from the last one on."""
 
     def __init__(
-        self, scale: TimeScale, charge_of: Callable[[int], ChargeModel], tick_ms: int = 1000
+        self,
+        scale: TimeScale,
+        charge_of: Callable[[int], ChargeModel],
+        tick_ms: int = 1000,
+        *,
+        secondary_in_use: bool = False,
     ) -> None:
-        """`charge_of` returns the charge model of an aMussel's batteries."""
+        """`charge_of` returns the charge model of an aMussel's batteries. Work on a secondary counts if it is in use."""
         self._scale = scale
         self.charge_of = charge_of
         self._tick_ms = tick_ms
+        self._secondary_in_use = secondary_in_use
         self._step_ms = scale.agent_span(tick_ms)
         self._ledgers: dict[int, _Ledger] = {}
         self._presences: dict[int, Presence] = {}
@@ -144,7 +150,7 @@ class UptimeMeter:
             physical, is_simulated = ledger.truth.physical, self._presence(agent_id) is Presence.SIMULATED
             if is_simulated and not physical.docked and not _has_ended(ledger.ended_ms, agent_ms):
                 charge, at_ms = self.charge_of(ledger.truth.agent_id), max(agent_ms, ledger.truth.at_ms)
-                used = physical.secondary if _works_on_secondary(ledger.truth) else physical.primary
+                used = physical.secondary if self._works_on_secondary(ledger.truth) else physical.primary
                 active += charge.charge_at(used, at_ms) > 0
         return active
 
@@ -167,7 +173,7 @@ class UptimeMeter:
         dead = self._ticks_between(*empty_ms)
         charged = self._ticks_between(start_ms, end_ms) - dead
         both_ms = (max(empty_ms[0], backup_empty_ms[0]), min(empty_ms[1], backup_empty_ms[1]))
-        if _works_on_secondary(truth):
+        if self._works_on_secondary(truth):
             charged += dead - self._ticks_between(*both_ms)
         return replace(
             counted,
@@ -183,14 +189,13 @@ class UptimeMeter:
             presence=presence,
         )
 
+    def _works_on_secondary(self, truth: Truth) -> bool:
+        """True for a board at work that its secondary feeds, where that is in use."""
+        return self._secondary_in_use and truth.state in AT_WORK and truth.physical.secondary.load > 0
+
     def _ticks_between(self, start_ms: int, end_ms: int) -> int:
         """Ticks in [start, end) of agent time."""
         return max(0, max(0, (end_ms - 1) // self._step_ms) - max(0, (start_ms - 1) // self._step_ms))
-
-
-def _works_on_secondary(truth: Truth) -> bool:
-    """True for a board at work that its secondary feeds: a backup feeds a board that only listens, or moves."""
-    return truth.state in AT_WORK and truth.physical.secondary.load > 0
 
 
 def _span_at_zero(model: ChargeModel, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:

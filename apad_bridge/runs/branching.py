@@ -43,7 +43,7 @@ from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFl
 from apad_bridge.runs.studies.several_in_memory import open_lockstep
 from apad_bridge.scenario.cross_checks import check_code
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.firmware_config import charge_models, takes_samples
+from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -219,7 +219,9 @@ def _again(
     trust: registry.Trust | None,
 ) -> _Opened | None:
     """The flights of a run in virtual time, flown again up to the moment; None if their stimuli are not those recorded."""
-    meter = UptimeMeter(scenario.time_scale, charge_models(scenario))
+    meter = UptimeMeter(
+        scenario.time_scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
+    )
     opened = open_lockstep(
         members(scenario, starts_of(scenario)), scenario.sharing, lambda it: _Recorder(it, meter), trust
     )
@@ -267,7 +269,9 @@ def _from_records(
         raise NoBranch(
             f"at {at_ms / 1000:g} s no strategy planned: the mission was {point.state.phase.value}"
         )
-    meter = UptimeMeter(scenario.time_scale, charge_models(scenario))
+    meter = UptimeMeter(
+        scenario.time_scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
+    )
     recorder, config = _Recorder(scenario, meter), flight_config(scenario, trust)
     relived = _relive(scenario, config, journal, at_ms, recorder)
     vehicle = InProcessVehicle(_apad_at(scenario, journal, point.state, at_ms))

@@ -25,7 +25,7 @@ from apad_bridge.planning.registry import Trust
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.flying import in_process_context
-from apad_bridge.scenario.firmware_config import charge_models
+from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.context import FlightContext
@@ -40,7 +40,9 @@ class MemoryRecorder:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scale = scenario.time_scale
-        self.meter = UptimeMeter(self._scale, charge_models(scenario))
+        self.meter = UptimeMeter(
+            self._scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
+        )
         self.battery_min = battery_worth_min(scenario)
         """The parameter of `uptime_figures`."""
         self.events: list[tuple[int, str, dict[str, Any]]] = []

@@ -132,6 +132,8 @@ class History:
         scale: TimeScale,
         charge_of: Callable[[int], ChargeModel],
         dock_count: int,
+        *,
+        secondary_in_use: bool = False,
     ) -> None:
         self._lines: list[Line] = []
         self._next = 0
@@ -156,7 +158,7 @@ class History:
         self.now = RunState(docks=(None,) * dock_count)
         self.interruptions = Interruptions()
         self._scale = scale
-        self.meter = UptimeMeter(scale, charge_of)
+        self.meter = UptimeMeter(scale, charge_of, secondary_in_use=secondary_in_use)
         self._handlers: dict[str, Callable[[Line], None]] = {
             TruthChanged.kind: self._take_truth,
             BeliefChanged.kind: self._take_belief,

@@ -20,7 +20,7 @@ from apad_bridge.planning.registry import label
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.scenario.area.chart import chart_of
 from apad_bridge.scenario.area.fence import fence_of
-from apad_bridge.scenario.firmware_config import charge_models
+from apad_bridge.scenario.firmware_config import charge_models, works_on_secondary
 from apad_bridge.scenario.schema import Area, Scenario
 from firmware_model.power.charge import fraction
 from firmware_model.power.rails import Rail
@@ -136,7 +136,13 @@ class RunView:
         self._scenario = scenario
         self._starts: list[dict[str, Any]] = start["agents"]
         self._dropped = journal.dropped
-        self._history = History(journal, scenario.time_scale, charge_models(scenario), scenario.apad.docks)
+        self._history = History(
+            journal,
+            scenario.time_scale,
+            charge_models(scenario),
+            scenario.apad.docks,
+            secondary_in_use=works_on_secondary(scenario.board),
+        )
         ids = [agent["id"] for agent in self._starts]
         self._sampler = _Sampler(scenario, self._history, ids, run_ms or self._history.end_ms)
 

@@ -11,7 +11,7 @@ from apad_bridge.events.run import EndReason
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.firmware_config import charge_models, takes_samples
+from apad_bridge.scenario.firmware_config import charge_models, takes_samples, works_on_secondary
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.simulated.power import Ledger
 from firmware_model.state_groups import AT_WORK
@@ -118,7 +118,9 @@ class FigureMeter:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._logs_samples = takes_samples(scenario.board)
-        self.uptimes = UptimeMeter(scenario.time_scale, charge_models(scenario))
+        self.uptimes = UptimeMeter(
+            scenario.time_scale, charge_models(scenario), secondary_in_use=works_on_secondary(scenario.board)
+        )
         self._gaps = SamplingGaps(logs_samples=self._logs_samples)
         self._late_ms = MissionMs(round(1000 * (1 - _LATE) * scenario.duration_s))
         self._dead_before: dict[int, int] = {}

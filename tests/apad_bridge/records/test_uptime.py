@@ -36,7 +36,10 @@ def truth(at_ms: int, state: State, docked: bool, primary: BatteryIs, secondary:
 
 
 def literal(
-    truths: list[Truth], ticks: int, presence_by_tick: dict[int, Presence] | None = None
+    truths: list[Truth],
+    ticks: int,
+    presence_by_tick: dict[int, Presence] | None = None,
+    in_use: bool = True,
 ) -> AgentUptime:
     """Equation (3)'s sum, taken literally: it steps every millisecond of agent time and counts at every tick.
 
@@ -68,10 +71,9 @@ def literal(
             lost |= (primary == 0 and secondary == 0) or standing.state is State.LOST
             if ms > 0 and is_tick:
                 is_at_work = standing.state in (State.ACTIVE, State.SLEEPING)
-                # The other battery counts where it feeds a board at work.
-                charged = primary > 0 or (
-                    is_at_work and standing.physical.secondary.load > 0 and secondary > 0
-                )
+                # The other battery counts where it feeds a board at work, and is in use.
+                on_secondary = in_use and is_at_work and standing.physical.secondary.load > 0
+                charged = primary > 0 or (on_secondary and secondary > 0)
                 paper += charged and not standing.physical.docked
                 submerged += charged and is_at_work
                 dead += primary == 0
@@ -122,18 +124,18 @@ events = st.lists(
 )
 
 
-@given(first_ms=st.integers(0, 20), events=events, ticks=st.integers(0, 20))
-def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks):
+@given(first_ms=st.integers(0, 20), events=events, ticks=st.integers(0, 20), in_use=st.booleans())
+def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks, in_use):
     truths, at_ms = [], first_ms
     for gap_ms, *rest in events:
         truths.append(truth(at_ms, *rest))
         at_ms += gap_ms
     until_ms = ticks * TICK_MS * THETA
     truths = [it for it in truths if it.at_ms <= until_ms]
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=in_use)
     for it in truths:
         meter.take(it)
-    assert meter.at(ticks * TICK_MS) == ([literal(truths, ticks)] if truths else [])
+    assert meter.at(ticks * TICK_MS) == ([literal(truths, ticks, in_use=in_use)] if truths else [])
 
 
 presences = st.dictionaries(st.integers(0, 20), st.sampled_from(Presence), max_size=4)
@@ -150,7 +152,7 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by
     truths = [it for it in truths if it.at_ms <= until_ms]
     stimuli = [(it.at_ms, 0, it) for it in truths]
     stimuli += [(n * TICK_MS * THETA, 1, presence) for n, presence in presence_by_tick.items() if n <= ticks]
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
     for at_ms, _, it in sorted(stimuli, key=lambda it: it[:2]):
         if isinstance(it, Truth):
             meter.take(it)
@@ -162,7 +164,7 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by
 
 def test_what_a_twin_does_is_told_apart():
     """Ten ticks: three in the water, four as a real aMussel's twin that ends empty, three back in the water."""
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
     tick_ms = TICK_MS * THETA
 
     def at(tick: int, charge: int, samples: int) -> Truth:
@@ -205,7 +207,7 @@ def test_what_a_twin_does_is_told_apart():
 
 
 def test_where_everybody_is_elsewhere_there_are_no_figures():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     meter.set_presence(7, Presence.RETIRED, 0)
     figures = uptime_figures(meter, 4 * TICK_MS, TICK_MS)
@@ -219,8 +221,8 @@ def test_where_everybody_is_elsewhere_there_are_no_figures():
 @given(events=events, ticks=st.integers(1, 20))
 def test_asking_early_changes_nothing(events, ticks):
     asked, silent = (
-        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS),
-        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS),
+        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True),
+        UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True),
     )
     at_ms = 0
     for gap_ms, *rest in events:
@@ -262,7 +264,7 @@ def test_uptime_at_equal_charge_by_hand():
 
 
 def test_active_now_follows_the_dock_and_the_battery():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.DISCHARGING), (FULL, Flow.RESTING)))
     assert meter.active_now(13) == 1  # 39 ms of agent time: 1/40 is left
     assert meter.active_now(14) == 0
@@ -271,7 +273,7 @@ def test_active_now_follows_the_dock_and_the_battery():
 
 
 def test_an_aMussel_that_is_gone_is_active_no_more():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     meter.ended(7, 4 * TICK_MS * THETA)
     assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [3]
@@ -279,7 +281,7 @@ def test_an_aMussel_that_is_gone_is_active_no_more():
 
 
 def test_an_older_truth_is_refused_and_changes_nothing():
-    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS)
+    meter = UptimeMeter(SCALE, lambda _: MODEL, TICK_MS, secondary_in_use=True)
     meter.take(truth(30, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
     with pytest.raises(ValueError, match="time went back: 29 before 30"):
         meter.take(truth(29, State.ACTIVE, True, (0, Flow.RESTING), (0, Flow.RESTING)))
