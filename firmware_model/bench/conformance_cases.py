@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from firmware_model.bench.conformance import Case, PaperTime, RequirementSource
 from firmware_model.bench.wrong_packets import UNKNOWN_LAYOUTS, by_sound, damages
 from firmware_model.packets import (
@@ -255,6 +253,13 @@ _PACKETS = [
         RequirementSource.PACKETS,
         "the CRC detects every single bit error",
         f"{_UP} {by_sound(damages(_RELEASE))} 3min",
+    ),
+    Case(
+        "counts-what-it-refuses",
+        RequirementSource.PACKETS,
+        "a board counts what it does not use",
+        f"3s {by_sound([_DAMAGED[0], _PERMISSION[:-1]])} sound:{_of(Kind.PERMISSION, 2)} release sink 1min",
+        counts_refusals=True,
     ),
     Case(
         "every-layout-afloat",
@@ -711,7 +716,7 @@ _COUNTER = [
 ]
 CASES = (
     *_PAPER,
-    *(replace(it, counts_refusals=it.source is RequirementSource.PACKETS) for it in _PACKETS),
+    *_PACKETS,
     *_STATES,
     *_COUNTER,
     *_TABLE,

@@ -1012,6 +1012,17 @@ _PACKETS = [
         f"10s {by_sound(UNKNOWN_LAYOUTS)} 2h ping {_UPLOADED}",
         _FIELD,
     ),
+    replace(
+        _case(
+            "counts-what-it-refuses",
+            RequirementSource.PACKETS,
+            "a board counts what it does not use",
+            f"10s {by_sound([damages(CommandPacket(Kind.PING, 1).encode())[9], b'short'])}"
+            f" {_sound(CommandPacket(Kind.PING, 2))} {_sound(SleepSchedule(1, 20_000, 150_000))} {_sound(HoverAt(1, 0.0))}"
+            f" {_sound(CommandPacket(Kind.BACK_UP_LOG, 1))} {_sound(CommandPacket(Kind.RELEASE, 1))} 1min",
+        ),
+        counts_refusals=True,
+    ),
     _case(
         "every-layout-afloat",
         RequirementSource.PACKETS,
@@ -1486,7 +1497,7 @@ WHOLE_CASES = (
     *_EMERGENCY,
     *_TIMES,
     *_TOLD,
-    *(replace(it, counts_refusals=it.source is RequirementSource.PACKETS) for it in _PACKETS),
+    *_PACKETS,
     *_ROUND,
     *_TABLE,
 )
