@@ -34,7 +34,7 @@ MINUTES = 300.0
 LONGER_S = 600.0
 """The mission lasts so much longer than the row's --minutes."""
 SIDE_BY_SIDE = 2
-KEPT = ("wire.out", "run-*.out", "watchdog-*.out", "hull-*.out")
+KEPT = ("wire.out", "run-*.out", "resume-*.out", "caller-*.out", "watchdog-*.out", "hull-*.out")
 
 
 def measure(

@@ -64,6 +64,7 @@ while True:
 """
 """A script that goes on ordering, whatever comes of it. Its end is that of the flight."""
 PATIENCE_S = 60.0
+RESUMES = 5
 BEGIN_S = 180.0
 IMC_PORT = 16_001
 BATTERY_WH = 50_000.0
@@ -293,14 +294,20 @@ class Flight:
         return self.programs.start(self.bench, name, *MUSSELBED, *words)
 
     def resume(self, directory: Path | None = None) -> float:
-        """Another supervisor continues the run, or its copy in `directory`; returns when it takes orders."""
+        """Another supervisor continues the run, or its copy in `directory`; returns when it takes orders.
+
+        A vehicle in rospy may hear a new node only a minute after a cut: a person tries again.
+        """
         self.run = directory or self.run
+        if not any(self._is_resumed() for _ in range(RESUMES)):
+            raise NoFlight(f"it is not resumed: {self.programs.said(self.runs[-1])[-800:]}")
+        return time.monotonic()
+
+    def _is_resumed(self) -> bool:
         process = self._on_laptop(f"resume-{len(self.runs)}", "resume", str(self.run), "--confirm-motion")
         self._processes["run"] = process
         self.wait(lambda: self.takes_orders() or process.poll() is not None, PATIENCE_S, "it is not resumed")
-        if process.poll() is not None:
-            raise NoFlight(f"it is not resumed: {self.said_by_bench()[-800:]}")
-        return time.monotonic()
+        return process.poll() is None
 
     def takes_orders(self) -> bool:
         """The run has a supervisor that listens."""
