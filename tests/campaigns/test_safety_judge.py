@@ -264,6 +264,13 @@ def test_done_means_that_the_hull_truly_slows() -> None:
     assert early.failures == ["`stop` said done at 0.50 m/s; the stop was taken at 0.50 m/s"]
     assert judged(flight, told=(told(13.0, code=3),)).untaken == 0
     assert judged([*sailing(), *go(), *off(STOPS_S)], told=(told(30.0),), is_rest_due=False).untaken == 1
+    # It took the stop before 14 s, and answered at 16 s; it is carried on at 0.32 m/s, less than 70 % of its speed before.
+    slower = sailing(14.0 - 2.0)
+    for it in slower:
+        it["north"] += 0.32 * max(0.0, it["at_s"] - 14.0)
+    late = judged([*slower, *go(), *off(STOPS_S, took_s=16.0)], told=(told(17.0),), is_rest_due=False)
+    assert late.untaken == 0
+    assert judged([*slower, *go(), *off(15.0)], told=(told(17.0),), is_rest_due=False).untaken == 1
     # Half of its speed is the water's, which carries it along for good.
     carried = {"told": (told(30.0),), "is_rest_due": False, "current_m_s": (SPEED_M_S - 0.2, 0.0)}
     assert judged([*sailing(), *go(), *off(STOPS_S)], **carried).failures == []

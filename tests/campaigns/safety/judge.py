@@ -452,11 +452,18 @@ def _judge_told(verdict: Verdict, orders: list[Order], told: Told, case: Case, t
 def _judge_done(
     verdict: Verdict, orders: list[Order], told: Told, last: Order, case: Case, track: Track
 ) -> None:
-    """The hull slows by the time when somebody is told that a stop is done."""
-    stops = (it for it in orders if it.kind in (Kind.HOLD, Kind.OFF) and it.at_s >= told.asked_s)
-    taken_s = min((it.taken_s for it in stops if it.taken_s is not None), default=last.taken_s)
-    assert taken_s is not None
-    speed_m_s, before_m_s = (track.speed_m_s(it, case.current_m_s) for it in (told.answered_s, taken_s))
+    """The hull slows by the time when somebody is told that a stop is done.
+
+    A service that answers late took the order at some time before: the greatest speed since its arrival counts.
+    """
+    taken = [it for it in orders if it.kind in (Kind.HOLD, Kind.OFF) and it.taken_s is not None]
+    first = min(
+        (it for it in taken if it.at_s >= told.asked_s), key=lambda it: it.taken_s or 0.0, default=last
+    )
+    assert first.taken_s is not None
+    times_s = [first.at_s, first.taken_s, *(it for it, _ in track.since(first.at_s) if it < first.taken_s)]
+    before_m_s = max(track.speed_m_s(it, case.current_m_s) for it in times_s)
+    speed_m_s = track.speed_m_s(told.answered_s, case.current_m_s)
     if speed_m_s >= SLOW_M_S and speed_m_s > SLOW_SHARE * before_m_s:
         verdict.untaken += 1
         verdict.failures.append(
