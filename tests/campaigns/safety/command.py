@@ -20,7 +20,8 @@ from safety.row import (
     unless,
 )
 
-TOLD_S = 15.0
+TOLD_S = 18.0
+"""15 s without a word of the watchdog, and 3 s (docs/guards.md)."""
 IMC_GOAL_DEG = (43.9334, 15.4450)
 """Some 40 m from the start, inside the fence."""
 
@@ -112,6 +113,14 @@ def watchdog_dead(it: Try) -> Case:
     return it.case(begun_s, is_stop_due=False, is_rest_due=False, deaf=(begun_s, healed_s), other_faults=told)
 
 
+def held_without_watchdog(it: Try) -> Case:
+    """The scenario has the bench hold the vehicle where its watchdog is dead."""
+    begun_s = time.monotonic()
+    it.flight.signal_vehicle(signal.SIGKILL, "watchdog")
+    it.flight.pause(TOLD_S + AFTER_S)
+    return it.case(begun_s, must_be=Kind.HOLD, limit_s=TOLD_S)
+
+
 def watchdog_deaf(it: Try) -> Case:
     """The watchdog hangs, the cable is cut, and the watchdog wakes: it counts no old heartbeat, and stops the vehicle."""
     it.flight.signal_vehicle(signal.SIGSTOP, "watchdog")
@@ -177,6 +186,11 @@ ROWS: dict[str, Row] = {
     "imc under a latch": Row("an IMC console's plan under a guard's OFF", ordered_by_imc, CONSOLES),
     "console frozen": Row("`stop` with a frozen console", stopped("stop", before=console_frozen), CONSOLES),
     "watchdog dead": Row("watchdog killed, then the cable is cut", watchdog_dead),
+    "watchdog dead, hold": Row(
+        "watchdog killed, where the bench has to hold then",
+        held_without_watchdog,
+        Setup(guards={"watchdog": "hold"}),
+    ),
     "watchdog deaf": Row("watchdog hangs while the cable is cut", watchdog_deaf),
     "watchdog anew, hold": Row("watchdog starts anew under a hold", watchdog_restarted("stop")),
     "watchdog anew, off": Row("watchdog starts anew under an OFF", watchdog_restarted("stop", "--off")),

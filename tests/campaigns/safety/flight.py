@@ -100,6 +100,8 @@ class Setup:
     """Several aPads have neither relay nor watchdog: their hulls publish the truth themselves."""
     is_our_own: bool = False
     """The bench starts master and simulated vehicle itself, on the laptop, and restarts a supervisor that died."""
+    guards: dict[str, Any] = field(default_factory=dict)
+    """Differences of the scenario's `guards`."""
     run_words: tuple[str, ...] = ()
 
 
@@ -356,6 +358,7 @@ class Flight:
             ]
         if fault is not None:
             data["apad"]["fault"] = fault
+        data["guards"] |= self.setup.guards
         if self.setup.arm_moves:
             data["mission"]["docking"]["arm"] = "moved"
         if self.setup.docks_by_eye:
