@@ -215,6 +215,7 @@ def test_a_vehicle_at_rest_may_be_left_in_a_silence_and_one_that_goes_on_may_not
     how = {"limit_s": 12.0, "deaf": (BEGUN_S, 30.0), "must_be": Kind.HOLD}
     assert judged([*sailing(15.0), *go(), *says], **how).failures == []
     assert judged([*sailing(), *go(), *says], **how).failures == ["no hold on the wire"]
+    assert judged([*sailing(27.0), *go(), *says], **how).failures == ["no hold on the wire"]
     assert judged([*sailing(15.0), *go()], **how).failures == ["no hold on the wire"]
     assert judged([*sailing(15.0), *go(), *says], limit_s=12.0, must_be=Kind.HOLD).failures != []
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 
-from safety.track import Fact, Place, Track, out_m, way_out_m
+from safety.track import REST_S, Fact, Place, Track, out_m, way_out_m
 
 AT_PLACE_M = 1.0
 """A hold so near to the true place is a stop: 0.6 m/s, and a look each second."""
@@ -286,7 +286,8 @@ def _is_left_at_rest(facts: list[Fact], case: Case, track: Track) -> bool:
     """Its way had ended in the silence, so the watchdog orders nothing, and the hull stays where it is."""
     says = [it["at_s"] for it in facts if it["fact"] == "watchdog" and it["state"] == "LEFT"]
     left_s = next((it for it in says if case.begun_s <= it <= case.begun_s + case.limit_s), None)
-    return case.deaf is not None and left_s is not None and track.rest(left_s) is not None
+    rest = None if case.deaf is None or left_s is None else track.rest(left_s)
+    return rest is not None and rest[0] <= REST_S
 
 
 def joined(verdicts: dict[str, Verdict]) -> Verdict:
