@@ -26,6 +26,8 @@ from safety.row import (
     unless,
 )
 
+FAILED = 4
+"""The status of a go-to that was accepted, and that a guard then refused."""
 AGAIN_S = 3.0
 """An OFF goes out again so soon after a supervisor takes orders."""
 
@@ -129,6 +131,10 @@ def latched(latch: Latch, gap: Gap = supervisor_dies, *, off_again: bool = False
         it.flight.pause(6.0)
         answer = it.flight.called("go_to_point", north_m=START_M[0], east_m=START_M[1])
         it.flight.pause(AFTER_S)
+        is_refused = not answer["accepted"] or any(
+            told["status"] == FAILED and told["answered_s"] >= answer["asked_s"]
+            for told in it.flight.answers("goto_status")
+        )
         if off_again:
             how["off_again"] = (gone_s, back_s + AGAIN_S)
         if not holds:
@@ -137,7 +143,7 @@ def latched(latch: Latch, gap: Gap = supervisor_dies, *, off_again: bool = False
             begun_s,
             is_rest_due=False,
             ends_at_rest=True,
-            other_faults=unless(not answer["accepted"], "a go-to was accepted after the gap"),
+            other_faults=unless(is_refused, "a go-to was accepted after the gap, and did not fail"),
             **how,
         )
 

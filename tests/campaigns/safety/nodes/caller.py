@@ -5,7 +5,8 @@
 Orders are lines of JSON to the datagram socket:
     {"call": "take_over"}                                           once
     {"call": "go_to_point", "places": [[NORTH, EAST], ...], "every_s": 0.4}    to each in turns, for ever; every_s 0: once
-It prints a line of JSON for each answer: when it was asked and answered by the monotonic clock, and the answer.
+It prints a line of JSON for each answer: when it was asked and answered by the monotonic clock, and the answer. A line
+with the call `goto_status` is what the bench tells of its go-to: 4 for one that failed.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 
 import rospy
 from musselbed_msgs.srv import Continue, GoToPoint, HoldPosition
+from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
 from safety.nodes.ordered import serve
@@ -38,10 +40,16 @@ def call(name: str, request: dict[str, Any]) -> None:
     print(json.dumps({**said, "accepted": accepted, "message": message}), flush=True)
 
 
+def tell(status: Any) -> None:
+    said = {"call": "goto_status", "answered_s": time.monotonic(), "status": status.data}
+    print(json.dumps(said), flush=True)
+
+
 class Caller:
     """Each call has a thread of its own: the bench answers at its next tick, and a person does not wait for that."""
 
     def __init__(self) -> None:
+        rospy.Subscriber("/musselbed/apad1/goto_status", Int32, tell)
         self._again: tuple[str, Any, float] | None = None
         self._due_s = 0.0
 
