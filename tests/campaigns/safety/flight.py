@@ -133,6 +133,7 @@ class Flight:
     def begin(self) -> None:
         """Returns when the vehicle is under way; NoFlight when it does not come to that."""
         self.vehicle, self.bench, self.link = self.stack.enter_context(linked_machines(Link()))
+        self.stack.callback(self._end_laptop)
         self.programs = Programs(self.home, master_uri(self.vehicle), self.stack, PATIENCE_S)
         self.scenario = self._write_scenario("scenario", START_M)
         self._write_fleet()
@@ -438,6 +439,12 @@ class Flight:
         for pid in found:
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
+
+    def _end_laptop(self) -> None:
+        """Ends what is left there: a process that stands still, or whose parent was killed, ends by nothing else."""
+        for pid in self.processes():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
     def processes(self, *words: str) -> list[int]:
         """Pids in the laptop's network namespace, but for the one that keeps it."""
