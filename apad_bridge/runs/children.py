@@ -22,12 +22,14 @@ from typing import IO
 
 from agents.hosting import started
 from agents.hosting.interrupts import received_by
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.parent_protocol import Message, Said, from_line
 from apad_bridge.vehicle.errors import PeerFailed
 
 _PID_FILE = "supervisor.pid"
 _LOOK_S = 0.2
 """Wall seconds without a line, after which a parent looks around."""
+_MOST_QUIETS = 6
 
 
 class Child:
@@ -59,6 +61,10 @@ class Child:
         """Sends SIGTERM: end in order. Unlike SIGINT, it also ends a child in silence that is not yet a program of ours."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """Sends SIGKILL."""
+        self._process.kill()
 
     def wait(self, timeout_s: float) -> int | None:
         """The exit code (negative: the signal that ended it); None when it still runs after `timeout_s`."""
@@ -100,23 +106,37 @@ class Interrupts:
         self.interrupted = True
 
 
-class EndedTooSlowly(Exception):
-    """Children that were asked to end still run after their time."""
+class OrderlyEnd:
+    """The end of a supervisor that was asked for it: it may take its time for as long as its records grow."""
+
+    def __init__(self, run_dir: Path, quiet_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._directory = RunDirectory(run_dir)
+        self._quiet_s = quiet_s
+        self._clock = clock
+        self._asked_s = self._grew_s = clock()
+        self._sizes = self._record_sizes()
+
+    def is_overdue(self) -> bool:
+        """True after `quiet_s` wall seconds without a new record, and after six times as long in any case."""
+        now_s, sizes = self._clock(), self._record_sizes()
+        if sizes != self._sizes:
+            self._sizes, self._grew_s = sizes, now_s
+        return now_s - self._grew_s > self._quiet_s or now_s - self._asked_s > _MOST_QUIETS * self._quiet_s
+
+    def _record_sizes(self) -> list[int]:
+        directory = self._directory
+        records = [directory.journal, directory.ends, directory.summary, *directory.bags]
+        return [it.stat().st_size if it.exists() else -1 for it in records]
 
 
 def read_children(
-    children: Mapping[str, Child],
-    interrupts: Interrupts,
-    end_s: float,
-    look: Callable[[], bool] = lambda: False,
+    children: Mapping[str, Child], look: Callable[[], bool] = lambda: False
 ) -> Iterator[tuple[str, Message | None]]:
     """Yields each message with its child's name, and None at the end of that child's output, until all have ended.
 
     A child that is added to `children` meanwhile is read too. `look` is called at least five times a second, and is True
-    while more children may come. An interrupt asks all of them to end in order; EndedTooSlowly when they do not within
-    `end_s`.
+    while more children may come.
     """
-    deadline_s: float | None = None
     unread: dict[Child, bytes] = {}
     with selectors.DefaultSelector() as selector:
         while True:
@@ -127,12 +147,6 @@ def read_children(
             may_come = look()
             if not (selector.get_map() or may_come):
                 return
-            if interrupts.interrupted and deadline_s is None:
-                deadline_s = time.monotonic() + end_s
-                for child in children.values():
-                    child.ask_to_end()
-            if deadline_s is not None and time.monotonic() > deadline_s:
-                raise EndedTooSlowly
             for key, _ in selector.select(_LOOK_S):
                 name, child = key.data
                 chunk = os.read(child.lines.fileno(), 65536)
@@ -199,6 +213,22 @@ def supervisor_of(run_dir: Path) -> int | None:
     except (OSError, ValueError):
         return None
     return pid if _start_time(pid) == started else None
+
+
+def signal_supervisor(run_dir: Path, number: signal.Signals) -> int | None:
+    """Sends the signal to the run's living supervisor, whoever started it; returns its pid, None when there is none."""
+    if (pid := supervisor_of(run_dir)) is None:
+        return None
+    with suppress(ProcessLookupError):
+        process = os.pidfd_open(pid)
+        try:
+            # The number may be another process's by now. This one it stays as long as the descriptor is open.
+            if supervisor_of(run_dir) == pid:
+                signal.pidfd_send_signal(process, number)
+                return pid
+        finally:
+            os.close(process)
+    return None
 
 
 def _start_time(pid: int) -> int | None:

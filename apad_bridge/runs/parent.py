@@ -10,7 +10,6 @@ A single aPad's supervisor publishes /clock on a master of our own, in step with
 
 from __future__ import annotations
 
-import json
 import signal
 import subprocess
 import time
@@ -32,13 +31,15 @@ from apad_bridge.ros.system.route import environment_for, free_port, somebodys_m
 from apad_bridge.runs.beside import watched_master
 from apad_bridge.runs.children import (
     Child,
-    EndedTooSlowly,
     Interrupts,
+    OrderlyEnd,
     not_suspended,
     read_children,
+    signal_supervisor,
     supervisor_of,
 )
 from apad_bridge.runs.display import JointDisplay, ProgressDisplay
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import Failed, Gave, Kept, Message, Said, Seen, Summary
 from apad_bridge.runs.several.summary import Flown
@@ -50,8 +51,9 @@ from apad_bridge.vehicle.errors import PeerFailed
 if TYPE_CHECKING:
     from apad_bridge.runs.several.reassignment import Reassigner
 
-_END_S = 4.0
-"""Supervisors that were asked to end in order are killed after this time; everything ends within 5 s."""
+_END_S = 10.0
+"""A supervisor that was asked to end in order is killed after this time without a new record, and after six times as long
+in any case. On an idle machine it takes a second."""
 _MASTER_S = 10.0
 _SEA_S = 60.0
 WAIT_FOR_RESUME_S = 600.0
@@ -223,6 +225,12 @@ class SupervisorWatch:
         """The supervisors that fly."""
         self._waiting: dict[str, float] = {}
         """The runs whose supervisor died and that wait for `musselbed resume`, with the monotonic time of their end."""
+        self._resumed: set[str] = set()
+        """Those that somebody has resumed: their supervisor is no child of ours."""
+        self._ends: dict[str, OrderlyEnd] = {}
+        """The runs whose supervisor was asked to end."""
+        self._overdue: set[str] = set()
+        """Those whose supervisor was killed because it did not."""
         self._broken: dict[str, str] = {}
         """The aPads that failed while their run continues, with the reason."""
         self._summaries: dict[str, dict[str, Any]] = {}
@@ -234,15 +242,8 @@ class SupervisorWatch:
             with self._interrupts:
                 for run in self._runs.values():
                     self._children[run.name] = self._start(run, resume=self._resumes)
-                for name, message in read_children(self._children, self._interrupts, _END_S, self._look):
+                for name, message in read_children(self._children, self._look):
                     self._handle(name, message)
-        except EndedTooSlowly:
-            for name, child in self._children.items():
-                self._fail(
-                    name,
-                    f"the supervisor did not end within {_END_S:g} s and was killed; "
-                    f"its records end there: {child.log.parent}",
-                )
         finally:
             for child in self._children.values():
                 child.end(1.0)
@@ -272,13 +273,24 @@ class SupervisorWatch:
     def _supervisor_ended(self, run: Run, child: Child) -> None:
         code = child.wait(_END_S)
         child.end(1.0)
-        if run.name not in self._summaries | self._failures and not self._interrupts.interrupted:
-            if code is None or code < 0:
-                self._supervisor_died(run, signal.SIGKILL if code is None else signal.Signals(-code))
-            else:
-                self._fail(run.name, f"the supervisor ended with status {code}; see {child.log}")
+        if run.name not in self._summaries | self._failures:
+            self._ended_untold(run, code)
         if run.name not in self._children.keys() | self._waiting.keys():
             self._run_ended(run.name)
+
+    def _ended_untold(self, run: Run, code: int | None) -> None:
+        """Handles the end of a supervisor that told neither a summary nor a failure."""
+        was_killed = code is None or code < 0
+        if self._was_cut_off(run):
+            self._fail_cut_off(run)
+        elif was_killed and (summary := RunDirectory(run.path).read_summary()) is not None:
+            self._summaries[run.name] = summary  # it died on its way out
+        elif self._interrupts.interrupted and (was_killed or code == Exit.INTERRUPTED):
+            pass  # it was only starting: `_tell_without_end` says so
+        elif was_killed:
+            self._supervisor_died(run, signal.SIGKILL if code is None else signal.Signals(-code))
+        else:
+            self._fail(run.name, f"the supervisor ended with status {code}; see {run.path}/supervisor.log")
 
     def _supervisor_died(self, run: Run, killer: signal.Signals) -> None:
         """Starts the next supervisor of the run, or waits for a person who does."""
@@ -317,21 +329,46 @@ class SupervisorWatch:
             self._reassigner.member_ended(name)
 
     def _look(self) -> bool:
-        """Looks after nodes and after runs that wait for `musselbed resume`; True while there is such a run."""
+        """Looks after nodes, ends, and runs that wait for `musselbed resume`; True while there is such a run."""
         self._look_at_nodes()
+        if self._interrupts.interrupted:
+            self._ask_to_end(self._runs)
+        self._look_at_ends()
         for name in list(self._waiting):
-            run_dir = self._runs[name].path
-            summary = run_dir / "summary.json"
-            if summary.exists():
-                self._summaries[name] = json.loads(summary.read_text())
-            elif self._interrupts.interrupted or time.monotonic() > self._waiting[name]:
-                self._fail(name, f"the supervisor died and nobody resumed the run; its records: {run_dir}")
-            elif supervisor_of(run_dir) is not None:
-                self._waiting[name] = time.monotonic() + WAIT_FOR_RESUME_S
-            if name in self._summaries | self._failures:
-                del self._waiting[name]
-                self._run_ended(name)
+            self._look_at_waiting(self._runs[name])
         return bool(self._waiting)
+
+    def _look_at_waiting(self, run: Run) -> None:
+        """A supervisor that somebody has resumed the run with flies it to its end, whatever ends this parent."""
+        if supervisor_of(run.path) is not None:
+            self._resumed.add(run.name)
+            self._waiting[run.name] = time.monotonic() + WAIT_FOR_RESUME_S
+            return
+        is_over = self._interrupts.interrupted or time.monotonic() > self._waiting[run.name]
+        if self._was_cut_off(run):
+            self._fail_cut_off(run)
+        elif (summary := RunDirectory(run.path).read_summary()) is not None:
+            self._summaries[run.name] = summary
+        elif is_over and run.name in self._resumed:
+            self._fail(run.name, f"the run was resumed, and ended without a summary; its records: {run.path}")
+        elif is_over:
+            self._fail(run.name, f"the supervisor died and nobody resumed the run; its records: {run.path}")
+        if run.name in self._summaries | self._failures:
+            del self._waiting[run.name]
+            self._run_ended(run.name)
+
+    def _look_at_ends(self) -> None:
+        """Kills a supervisor that was asked to end, and that comes no nearer to its end."""
+        for name, end in self._ends.items():
+            if name in self._overdue or not end.is_overdue():
+                continue
+            if (child := self._children.get(name)) is not None:
+                child.kill()
+            elif (
+                name not in self._waiting or signal_supervisor(self._runs[name].path, signal.SIGKILL) is None
+            ):
+                continue
+            self._overdue.add(name)
 
     def _look_at_nodes(self) -> None:
         """Handles the death of a simulated aPad of ours, which is not restarted.
@@ -354,9 +391,17 @@ class SupervisorWatch:
                 self._ask_to_end(self._nodes)
 
     def _ask_to_end(self, names: Iterable[str]) -> None:
+        """Asks the supervisors of these runs to end, once each: our children, and those that others resumed runs with."""
         for name in names:
+            if name in self._ends:
+                continue
             if (child := self._children.get(name)) is not None:
                 child.ask_to_end()
+            elif name in self._waiting and (pid := signal_supervisor(self._runs[name].path, signal.SIGTERM)):
+                self._print(name, f"the supervisor that resumed the run (pid {pid}) is asked to end")
+            else:
+                continue
+            self._ends[name] = OrderlyEnd(self._runs[name].path, _END_S)
 
     def _tell_without_end(self) -> None:
         """A run without a summary or a failure was just starting, or ending, when it was asked to end."""
@@ -368,6 +413,19 @@ class SupervisorWatch:
             raise KeyboardInterrupt
         for run in without_end:
             self._fail(run.name, f"{why} {run.path}")
+
+    def _was_cut_off(self, run: Run) -> bool:
+        """True if we killed its supervisor before the records were whole: the checkpoint goes when all are closed."""
+        directory = RunDirectory(run.path)
+        is_whole = directory.summary.exists() and not directory.checkpoint.exists()
+        return run.name in self._overdue and not is_whole
+
+    def _fail_cut_off(self, run: Run) -> None:
+        self._fail(
+            run.name,
+            f"the supervisor was asked to end, wrote nothing for {_END_S:g} s and was killed; "
+            f"its records end there: {run.path}",
+        )
 
     def _fail(self, name: str, reason: str) -> None:
         """Keeps the first reason, which is the cause of later ones."""

@@ -275,6 +275,27 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     assert children_of(run) == []
 
 
+def test_ctrl_c_in_the_first_terminal_ends_a_resumed_run_in_order(fly: Any, scenario: Path) -> None:
+    last(scenario, LONG_S)
+    process, run = fly(5)
+    wait_for(lambda: docked(run), "nothing was docked")
+    kill_supervisor(run)
+    command = [*MUSSELBED, "resume", str(run), "--json"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    ) as resumed:
+        wait_for(lambda: listens(run), "nobody resumed it")
+        process.send_signal(signal.SIGINT)
+        outputs = [it.communicate(timeout=PATIENCE_S) for it in (process, resumed)]
+    assert [process.returncode, resumed.returncode] == [130, 130], outputs
+    summaries = [json.loads(stdout) for stdout, _ in outputs]
+    assert [it["ended_by"] for it in summaries] == ["the operator"] * 2
+    assert not any("nobody" in text or "killed" in text for _, text in outputs), outputs
+    assert "Traceback" not in (run / "supervisor.log").read_text()
+    assert read_journal(run / "journal.jsonl").lines[-1]["kind"] == "end"
+    assert children_of(run) == []
+
+
 def test_of_several_that_resume_a_run_at_once_one_flies_it_and_the_others_touch_nothing(
     fly: Any, scenario: Path
 ) -> None:

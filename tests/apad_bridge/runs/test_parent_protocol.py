@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import get_args
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.runs.children import Child, EndedTooSlowly, Interrupts, read_children
 from apad_bridge.runs.parent_protocol import (
     Failed,
     Gave,
@@ -65,19 +62,3 @@ def test_a_message_is_read_as_it_was_written(message: Message) -> None:
 )
 def test_any_other_line_is_said(line: str) -> None:
     assert from_line(line) == Said(line)
-
-
-def test_one_that_does_not_end_in_time_is_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "deaf.py").write_text(
-        "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()\n"
-    )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    child = Child("supervisor", "deaf", [], tmp_path / "log", {})
-    interrupts = Interrupts()
-    try:
-        with pytest.raises(EndedTooSlowly):
-            for _, message in read_children({"supervisor": child}, interrupts, 0.2):
-                assert message == Said("up")
-                interrupts.interrupted = True
-    finally:
-        child.end(5.0)

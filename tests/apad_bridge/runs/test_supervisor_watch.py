@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +17,7 @@ from typing import Any
 import pytest
 from patient import PATIENCE_S
 
-from apad_bridge.runs.children import Child
+from apad_bridge.runs.children import Child, OrderlyEnd
 from apad_bridge.runs.display import MakeStatus
 from apad_bridge.runs.parent import Run, SupervisorWatch
 from apad_bridge.runs.parent_protocol import Failed, Message, Said, Summary, to_line
@@ -47,6 +49,9 @@ class Supervisor:
         if self._last is not None:
             self._say(self._last)
             os.close(self._writer)
+
+    def kill(self) -> None:
+        raise AssertionError("it ends in time")
 
     def wait(self, timeout_s: float) -> int:
         return self._code
@@ -246,8 +251,106 @@ def test_one_that_does_not_end_in_time_is_killed_and_told(
         ).read_until_all_ended()
         assert process.wait(PATIENCE_S) == -signal.SIGKILL
     assert flown.failures == {
-        "a": f"the supervisor did not end within 0.2 s and was killed; its records end there: {tmp_path}"
+        "a": f"the supervisor was asked to end, wrote nothing for 0.2 s and was killed; its records end there: {tmp_path}"
     }
+
+
+def test_one_that_is_slow_after_its_records_loses_nothing_and_fails_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Asked to end, it completes its records; then it hangs, and tells nothing more."""
+
+    class Interrupting(ProgressLog):
+        def print_message(self, text: str) -> None:
+            super().print_message(text)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("apad_bridge.runs.parent._END_S", 0.2)
+    slow = (
+        "import pathlib, signal\nsignal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])\n"
+        "print('up', flush=True)\nsignal.sigwait([signal.SIGTERM])\n"
+        f"path = pathlib.Path({str(tmp_path)!r}, 'summary')\npath.write_text('{{\"services\": 7}}')\n"
+        "path.rename(path.with_suffix('.json'))\nsignal.pause()"
+    )
+    progress = Interrupting()
+    with child(tmp_path, slow, monkeypatch) as process:
+        flown = SupervisorWatch(
+            [Run("a", tmp_path, OPTIONS)], progress, start=lambda run, resume: process
+        ).read_until_all_ended()
+        assert process.wait(PATIENCE_S) == -signal.SIGKILL
+    assert flown == Flown({"a": {"services": 7}}) and progress.messages == ["up"]
+
+
+def test_records_that_grow_put_the_kill_off_up_to_a_bound(tmp_path: Path) -> None:
+    now_s = 0.0
+    end = OrderlyEnd(tmp_path, 10.0, lambda: now_s)
+    overdue: list[float] = []
+    for second in range(70):
+        now_s = float(second)
+        (tmp_path / "journal.jsonl").write_text("." * second)
+        if end.is_overdue():
+            overdue.append(now_s)
+    assert overdue[0] == 61.0
+    now_s, quiet = 0.0, OrderlyEnd(tmp_path, 10.0, lambda: now_s)
+    now_s = 9.0
+    assert not quiet.is_overdue()
+    (tmp_path / "run.bag").write_text("a bag")
+    now_s = 18.0
+    assert not quiet.is_overdue()
+    now_s = 28.5
+    assert quiet.is_overdue()
+
+
+RESUMED = """
+import pathlib, signal, sys
+from apad_bridge.runs.children import supervising
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+path = pathlib.Path(sys.argv[1])
+with supervising(path):
+    print("flies", flush=True)
+    signal.sigwait([signal.SIGTERM])
+    if sys.argv[2] == "in order":
+        (path / "summary.json").write_text('{"services": 9}')
+"""
+
+
+@pytest.mark.parametrize("how", ["in order", "without records"])
+@pytest.mark.parametrize("ended_by", ["a signal", "the aPad's node"])
+def test_a_supervisor_that_somebody_resumed_is_asked_and_waited_for(
+    tmp_path: Path, how: str, ended_by: str
+) -> None:
+    """Ctrl-C in the first terminal, or the end of its aPad, while the second one flies: the run is ended in order."""
+    begun: list[subprocess.Popen[str]] = []
+    node = SimpleNamespace(poll=lambda: -9 if begun and ended_by != "a signal" else None)
+
+    class Resuming(ProgressLog):
+        def print_message(self, text: str) -> None:
+            super().print_message(text)
+            if "Continue: musselbed resume" not in text:
+                return
+            command = [sys.executable, "-c", RESUMED, str(tmp_path), how]
+            process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+            assert process.stdout is not None and process.stdout.readline() == "flies\n"
+            # Nobody else reaps it: its parent is the other command.
+            threading.Thread(target=process.wait, daemon=True).start()
+            begun.append(process)
+            if ended_by == "a signal":
+                signal.raise_signal(signal.SIGINT)
+
+    progress = Resuming()
+    starts = Starts({"a": [Supervisor(code=-signal.SIGKILL)]})
+    watch = SupervisorWatch([Run("a", tmp_path, OPTIONS)], progress, {"a": node}, start=starts)
+    flown = watch.read_until_all_ended()
+    (resumed,) = begun
+    with resumed:
+        assert resumed.wait(PATIENCE_S) == 0
+    assert flown.summaries == ({"a": {"services": 9}} if how == "in order" else {})
+    untold = {"a": f"the run was resumed, and ended without a summary; its records: {tmp_path}"}
+    if ended_by != "a signal":
+        assert flown.failures == {"a": "the simulated aPad's node ended with status -9"}
+    else:
+        assert flown.failures == ({} if how == "in order" else untold)
+    assert f"the supervisor that resumed the run (pid {resumed.pid}) is asked to end" in progress.messages
 
 
 def test_one_that_was_only_starting_ends_the_command_in_silence(tmp_path: Path) -> None:
