@@ -37,6 +37,7 @@ from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures
 from apad_bridge.runs.resuming import find_resume_point
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
@@ -104,7 +105,10 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Branches:
-    """The figures of the run as flown, and of the branches without and with the change; keys are those of `FIGURES`."""
+    """The figures of the run as flown, and of the branches without and with the change; keys are those of `FIGURES`.
+
+    As flown they are None for a run without a summary.
+    """
 
     flown: dict[str, float | None]
     unchanged: dict[str, float | None]
@@ -162,16 +166,20 @@ def branch(path: Path, turn: Turn, trust: registry.Trust | None = None) -> Branc
     try:
         directory = RunDirectory(path)
         scenario, options = directory.scenario_as_flown(), RunOptions.load(path)
-        summary = json.loads(directory.summary.read_text())
+        summary = directory.read_summary() or {}
         names = [member.name for member in members(scenario, starts_of(scenario))]
         journals = {name: read_journal(directory.of_apad(name, len(names)).journal) for name in names}
     except (ScenarioError, RunDirectoryError, OSError, ValueError) as error:
-        raise NoBranch(f"{path}: no run that has ended: {str(error).splitlines()[0]}") from error
+        raise NoBranch(f"{path}: no run: {str(error).splitlines()[0]}") from error
+    if any(supervisor_of(directory.of_apad(name, len(names)).path) is not None for name in names):
+        raise NoBranch(f"{path}: the run flies still: musselbed abort {path} ends it")
     changed = _checked(scenario, turn, names, trust)
     if options.without_mission:
         raise NoBranch(f"{path}: a script or a person flew it, and no strategy planned")
-    if not 0 < turn.at_ms < summary["mission_s"] * 1000:
-        raise NoBranch(f"--at {turn.at_ms / 1000:g} s: the run lasted {summary['mission_s']:g} s")
+    # A run that a crash ended has no summary: it lasted as long as its journal, and has no figures as flown.
+    lasted_s = summary.get("mission_s", max(it.last_ms for it in journals.values()) / 1000)
+    if not 0 < turn.at_ms < lasted_s * 1000:
+        raise NoBranch(f"--at {turn.at_ms / 1000:g} s: the run lasted {lasted_s:g} s")
     opened = _again(scenario, turn.at_ms, journals, trust) if options.time is TimeSource.ASAP else None
     is_exact = opened is not None
     if opened is None:

@@ -17,6 +17,7 @@ from apad_bridge.commands.main import main
 from apad_bridge.planning.registry import Trust
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.branching import Branches, NoBranch, Turn, branch
+from apad_bridge.runs.children import supervising
 from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.run_options import RunOptions, TimeSource
 
@@ -82,6 +83,23 @@ def test_from_records_a_branch_goes_on_as_the_run_did(run: Path, tmp_path: Path)
         assert found.unchanged["uptime_paper.min"] == pytest.approx(found.flown["uptime_paper.min"], abs=4)
         assert found.unchanged["planned_m"] == pytest.approx(found.flown["planned_m"], rel=0.1)
         assert found.changed["planned_m"] < found.unchanged["planned_m"]
+
+
+def test_a_run_that_a_crash_ended_branches_without_figures_as_flown(run: Path, tmp_path: Path) -> None:
+    whole = branch(run, Turn(150_000, {"collection": "none"}))
+    run = Path(copytree(run, tmp_path / "run"))
+    directory = RunDirectory(run)
+    directory.summary.unlink()
+    lines = directory.journal.read_text().splitlines(keepends=True)
+    directory.journal.write_text("".join(it for it in lines if json.loads(it)["t"] <= 400_000))
+    found = branch(run, Turn(150_000, {"collection": "none"}))
+    assert set(found.flown.values()) == {None}
+    assert (found.unchanged, found.changed) == (whole.unchanged, whole.changed)
+    last_s = json.loads(directory.journal.read_text().splitlines()[-1])["t"] / 1000
+    with pytest.raises(NoBranch, match=f"--at 500 s: the run lasted {last_s:g} s"):
+        branch(run, Turn(500_000, {"collection": "none"}))
+    with supervising(run), pytest.raises(NoBranch, match="the run flies still: musselbed abort "):
+        branch(run, Turn(150_000, {"collection": "none"}))
 
 
 def test_a_run_in_virtual_time_that_does_not_repeat_goes_on_from_its_records(
