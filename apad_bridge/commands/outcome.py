@@ -62,11 +62,14 @@ def report(
             _print_next(console, directory, summary)
     sys.stdout.flush()
     reasons = reasons_of(summary)
-    if {EndReason.FLEET_LOST, EndReason.SEA_LOST, EndReason.CLOCK_LOST} & set(reasons):
+    if _LOSSES & set(reasons):
         print(f"musselbed: {summary['ended_by']}; see {directory.path}", file=sys.stderr)
     if EndReason.SCRIPT_FAILED in reasons:
         print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
     return exit_of_all(reasons)
+
+
+_LOSSES = {EndReason.FLEET_LOST, EndReason.SEA_LOST, EndReason.CLOCK_LOST, EndReason.NODE_ENDED}
 
 
 def reasons_of(summary: dict[str, Any]) -> list[EndReason]:
@@ -95,6 +98,7 @@ def exit_of(reason: EndReason) -> Exit:
             | EndReason.FLEET_LOST
             | EndReason.SEA_LOST
             | EndReason.CLOCK_LOST
+            | EndReason.NODE_ENDED
             | EndReason.DISK_FULL
             | EndReason.RECORDS_GONE
         ):

@@ -33,6 +33,8 @@ class EndReason(StrEnum):
     """The process is gone that owns the sea which several aPads share."""
     CLOCK_LOST = "loss of the clock"
     """A simulated aPad does not confirm the time, or nobody publishes /clock any more."""
+    NODE_ENDED = "loss of the node"
+    """Another told our node to end: a person by `rosnode kill`, or the master because a node took its name."""
     DISK_FULL = "a disk that takes no more"
     RECORDS_GONE = "loss of the run's directory"
     """The directory was deleted or moved while the run flew."""

@@ -15,8 +15,10 @@ from apad_bridge.assembly.safety import safety_of
 from apad_bridge.doctor.finding import CheckStatus
 from apad_bridge.doctor.origin_check import check_origin
 from apad_bridge.events.event import Event
+from apad_bridge.events.run import EndReason
 from apad_bridge.events.vehicle import VehicleHeard, VehicleSilent
 from apad_bridge.mission.sources import Allocation
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
@@ -40,6 +42,7 @@ from apad_bridge.ros.links.packet_topics import (
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.handshakes import HearingWatch
 from apad_bridge.ros.system.master_watch import MasterWatch
+from apad_bridge.ros.system.node import OrderedEnd
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
 from apad_bridge.ros.system.route import why_gone
 from apad_bridge.ros_names.names import in_full
@@ -109,6 +112,8 @@ def open_flight_context(
         try:
             if options.has_real_vehicle:
                 _refuse_other_origin(scenario, options)
+            ordered_end = OrderedEnd()
+            stack.callback(ordered_end.close)
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
             roster = _roster(stack, fleet, presences, options, faults, tell)
@@ -163,6 +168,9 @@ def open_flight_context(
             ),
             roster=roster,
             faults=faults,
+            ended_by_graph=lambda stop: ordered_end.stop_by(
+                lambda why: stop(MissionEnd(EndReason.NODE_ENDED, f"{EndReason.NODE_ENDED}: {why}"))
+            ),
             keeps_samples=options.part is not BenchPart.FLEET,
         )
 

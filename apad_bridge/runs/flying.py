@@ -285,6 +285,8 @@ def prepare(
         config, context, flight_recorder, spec, _collection(config, context, recorder), show_tick
     )
 
+    context.ended_by_graph(flight.stop)
+
     def finish() -> dict[str, Any]:
         end = flight.ended_by
         recorder.event(flight.now_ms, RunEnded(str(end), end.reason))

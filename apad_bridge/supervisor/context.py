@@ -12,6 +12,7 @@ from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.events.event import Event
 from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.plans import Planning, untold
+from apad_bridge.mission.state import MissionEnd
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.contacts import Contacts
 from apad_bridge.supervisor.core import Supervisor
@@ -73,6 +74,8 @@ class FlightContext:
     """Carries out the faults of the scenario, and those that the roster's callers ask for."""
     keeps_samples: bool = True
     """False for a fleet whose mission is at the other end of a relay: its samples are uploaded there."""
+    ended_by_graph: Callable[[Callable[[MissionEnd], None]], None] = lambda stop: None
+    """Receives the function that stops the flight; calls it, in any thread, when another tells our node to end."""
     stands_down: StandDownRule = field(default_factory=NeverStandsDown)
     """The conditions in which one of several aPads stands down."""
 

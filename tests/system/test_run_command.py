@@ -20,6 +20,7 @@ from scenario_files import POOL_FILE
 from stalled import stalled_s
 
 from apad_bridge.records.journal import read_journal
+from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.supervisor.control_client import listens
 
 pytestmark = pytest.mark.system
@@ -293,6 +294,33 @@ def test_ctrl_c_in_the_first_terminal_ends_a_resumed_run_in_order(fly: Any, scen
     assert not any("nobody" in text or "killed" in text for _, text in outputs), outputs
     assert "Traceback" not in (run / "supervisor.log").read_text()
     assert read_journal(run / "journal.jsonl").lines[-1]["kind"] == "end"
+    assert children_of(run) == []
+
+
+@pytest.mark.parametrize("how", ["rosnode kill", "its name taken"])
+def test_a_node_that_another_ends_is_an_abort_with_its_records(
+    fly: Any, scenario: Path, tmp_path: Path, how: str
+) -> None:
+    last(scenario, LONG_S)
+    process, run = fly(5)
+    wait_for(lambda: docked(run), "nothing was docked")
+    uri = json.loads((run / "run.json").read_text())["master_uri"]
+    takes_name = "import rospy; rospy.init_node('musselbed_1', disable_signals=True)"
+    command = {
+        "rosnode kill": ["/usr/bin/rosnode", "kill", "/musselbed_1"],
+        "its name taken": ["/usr/bin/python3", "-c", takes_name],
+    }[how]
+    tools = loopback_environment(tmp_path / "ros", uri)
+    done = subprocess.run(command, env=tools, capture_output=True, text=True, timeout=PATIENCE_S)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 3, (done, stderr)
+    summary = json.loads(stdout)
+    assert summary["end_reason"] == "loss of the node" and "shutdown request" in summary["ended_by"]
+    assert summary["ended_by"] in stderr
+    assert "Traceback" not in (run / "supervisor.log").read_text()
+    assert read_journal(run / "journal.jsonl").lines[-1]["kind"] == "end"
+    with Reader(run / "run.bag"):
+        pass
     assert children_of(run) == []
 
 

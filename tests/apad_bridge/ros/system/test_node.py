@@ -6,14 +6,18 @@ import ast
 import select
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
 import pytest
+import rospy.core
 from killing import standing_still
 from patient import PATIENCE_S
 
 from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.system.node import OrderedEnd
 
 ROOT = Path(__file__).parents[4]
 NODE = """
@@ -67,3 +71,36 @@ def test_all_nodes_of_ours_start_by_the_same_rules() -> None:
         if isinstance(it, ast.Attribute) and it.attr == "init_node"
     ]
     assert starting == ["node.py"]
+
+
+@pytest.mark.parametrize("is_told_first", [False, True])
+def test_an_end_that_another_orders_waits_for_the_flight_and_no_longer(
+    monkeypatch: pytest.MonkeyPatch, is_told_first: bool
+) -> None:
+    hooks: list[Callable[[str], None]] = []
+    after: list[Callable[[str], None]] = []
+    monkeypatch.setattr(rospy.core, "add_preshutdown_hook", hooks.append)
+    monkeypatch.setattr(rospy.core, "add_shutdown_hook", after.append)
+    end, told, stopped = OrderedEnd(PATIENCE_S), list[str](), threading.Event()
+
+    def stop(why: str) -> None:
+        told.append(why)
+        stopped.set()
+
+    (hook,) = hooks
+    hook("the flight is over")  # our own end of the node: it waits for nothing
+    assert told == [] and after == []
+    ordering = threading.Thread(target=hook, args=("a person's kill",))
+    if not is_told_first:
+        end.stop_by(stop)
+    ordering.start()
+    if is_told_first:
+        end.stop_by(stop)
+    assert stopped.wait(PATIENCE_S) and told == ["a person's kill"]
+    assert ordering.is_alive() and after == [], "the topics are open until the flight is over"
+    leaving = threading.Thread(target=end.close)
+    leaving.start()
+    ordering.join(PATIENCE_S)
+    after[0]("rospy has left")
+    leaving.join(PATIENCE_S)
+    assert not ordering.is_alive() and not leaving.is_alive()
