@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from agents.hosting.faulty_host import FaultyHost
 from agents.time_scale import MissionMs
@@ -88,9 +89,12 @@ def simulated_apad(scenario: Scenario) -> SimulatedAPad:
     return SimulatedAPad(scenario.apad, misses(scenario), scenario.area.home_m, surface=surface)
 
 
-def simulated_hull(scenario: Scenario) -> SimulatedAPad:
-    """Builds the same aPad in the same sea for a stack that decides by itself which dockings miss."""
-    return SimulatedAPad(scenario.apad, home_m=scenario.area.home_m, surface=surface_of(scenario))
+def simulated_hull(scenario: Scenario, held: Mapping[int, int] = MappingProxyType({})) -> SimulatedAPad:
+    """Builds the same aPad in the same sea for a stack that decides by itself which dockings miss.
+
+    `held` are the aMussels that its docks hold at the start, by dock index.
+    """
+    return SimulatedAPad(scenario.apad, None, scenario.area.home_m, held, surface_of(scenario))
 
 
 def home_stays(scenario: Scenario) -> HomeStays:

@@ -28,7 +28,6 @@ from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.assembly.safety import safety_of
 from apad_bridge.events.fleet import PresenceChanged, ProcessDied, Stimulated
 from apad_bridge.events.mission import Phase
-from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.events import SoundHeard, StandDownRequested, WifiHeard
 from apad_bridge.mission.state import MissionState
@@ -39,7 +38,7 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures
-from apad_bridge.runs.resuming import find_resume_point
+from apad_bridge.runs.resuming import find_resume_point, with_apad_as_seen
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.runs.studies.several_in_memory import open_lockstep
 from apad_bridge.scenario.cross_checks import check_code
@@ -350,16 +349,11 @@ def _apad_at(
     scenario: Scenario, journal: JournalContents, state: MissionState, at_ms: MissionMs
 ) -> SimulatedAPad:
     """A simulated aPad at rest where the journal last saw the real one, with its battery and its docked aMussels."""
-    moves = [it for _, it in journal.events(APadMoved)]
-    if not moves:
+    seen = with_apad_as_seen(scenario, journal)
+    if seen is None:
         raise NoBranch(f"the aPad was not seen before {at_ms / 1000:g} s")
-    seen = moves[-1]
-    data, home_m = resolve(scenario), parts.home_stays(scenario).place_m
-    data["apad"]["start_m"] = [seen.north_m, seen.east_m]
-    if seen.battery is not None:
-        data["apad"]["battery"]["start_fraction"] = seen.battery
-    config = from_data(data, scenario.name).apad
-    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.docked), surface_of(scenario))
+    config, home_m, sea = seen.apad, seen.area.home_m, surface_of(scenario)
+    apad = SimulatedAPad(config, parts.misses(scenario), home_m, dict(state.docked), sea)
     for now_ms in [*range(0, at_ms, _BATTERY_HELD_MS), at_ms]:
         # It waits there from time 0 on, and what it draws meanwhile is given back.
         apad.advance(now_ms)

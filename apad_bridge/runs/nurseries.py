@@ -11,6 +11,7 @@ from pathlib import Path
 from agents.hosting.interrupts import held_back
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.hosting.process_host import ProcessHost
+from agents.nursery import protocol
 from agents.nursery.launch import NurseryFailed, StartedNursery, prepare
 from agents.time_scale import MissionMs
 from agents.water.sea_client import RemoteSea
@@ -80,8 +81,17 @@ def start_nursery(
         raise PeerFailed(f"the fleet cannot start: {error}; see {run_dir / FOLDER}/nursery.log") from error
 
 
-def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
-    """Ends the run's fleet if a supervisor has not done so, and reaps `nursery`, the first nursery of the run.
+def fleet_lives(run_dir: Path) -> bool:
+    """True if a nursery serves the run's fleet."""
+    try:
+        protocol.connect(str(run_dir / FOLDER), _END_S).close()
+    except OSError:
+        return False
+    return True
+
+
+def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes] | None = None) -> None:
+    """Ends the run's fleet if a supervisor has not done so, and reaps `nursery`, the run's first, if we began it.
 
     The nursery that lives now may be another: when a nursery dies, a supervisor starts the next one.
     """
@@ -89,6 +99,8 @@ def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
         link = NurseryLink(str(run_dir / FOLDER), _LAST_EPOCH)
         link.end(_END_S)
         link.close()
+    if nursery is None:
+        return
     if nursery.poll() is None:
         nursery.kill()
     nursery.wait(_REAP_S)

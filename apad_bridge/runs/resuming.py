@@ -40,7 +40,9 @@ from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
+from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.run_options import BenchPart, RunOptions
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scenario.timed_faults import injection
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES, TICK_MS, LearnedState
@@ -92,6 +94,19 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
         RestoredStops.of(journal.events(StopChanged, StopEnded)),
         steering_of(journal),
     )
+
+
+def with_apad_as_seen(scenario: Scenario, journal: JournalContents) -> Scenario | None:
+    """The scenario with its aPad where the journal saw it last, with its battery; None when it was never seen."""
+    moves = [it for _, it in journal.events(APadMoved)]
+    if not moves:
+        return None
+    seen, data = moves[-1], resolve(scenario)
+    data["area"]["home_m"] = list(parts.home_stays(scenario).place_m)
+    data["apad"]["start_m"] = [seen.north_m, seen.east_m]
+    if seen.battery is not None:
+        data["apad"]["battery"]["start_fraction"] = seen.battery
+    return from_data(data, scenario.name)
 
 
 def steering_of(journal: JournalContents) -> Steering:

@@ -8,6 +8,7 @@ Its standard output is for the parent: the messages of `parent_protocol`.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -117,6 +118,9 @@ def _open_run(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) 
     if not resume:
         start_state = resuming.begin_run(directory, config, options, stamp_ms)
         return _Run(run_dir, config, options, start_state, _find_sea(config, options))
+    if options.owns_master:
+        # After a restart of the machine the run has another master than before.
+        options = options.on_own_master(os.environ["ROS_MASTER_URI"])
     options = replace(options.next_epoch(), keeps=options.keeps or keeps)
     options.save(run_dir)
     sea = _find_sea(config, options)

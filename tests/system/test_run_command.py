@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from stalled import stalled_s
 
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.system.master import loopback_environment
+from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.supervisor.control_client import listens
 
 pytestmark = pytest.mark.system
@@ -122,7 +124,12 @@ def charging(run: Path) -> list[int]:
 
 def children_of(run: Path) -> list[str]:
     """Command lines of living processes that belong to the run: they name its directory, or are its agents."""
-    found = []
+    return list(processes_of(run).values())
+
+
+def processes_of(run: Path) -> dict[int, str]:
+    """The same, by pid."""
+    found = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) != os.getpid():
             try:
@@ -130,7 +137,7 @@ def children_of(run: Path) -> list[str]:
             except OSError:
                 continue
             if str(run) in line:
-                found.append(line)
+                found[int(entry.name)] = line
     return found
 
 
@@ -294,6 +301,35 @@ def test_ctrl_c_in_the_first_terminal_ends_a_resumed_run_in_order(fly: Any, scen
     assert not any("nobody" in text or "killed" in text for _, text in outputs), outputs
     assert "Traceback" not in (run / "supervisor.log").read_text()
     assert read_journal(run / "journal.jsonl").lines[-1]["kind"] == "end"
+    assert children_of(run) == []
+
+
+def test_a_run_resumes_after_a_restart_of_the_machine_with_a_master_an_apad_and_a_fleet_of_its_own(
+    fly: Any,
+) -> None:
+    process, run = fly(20)
+    wait_for(lambda: docked(run), "nothing was docked")
+    for pid in [process.pid, *processes_of(run)]:
+        kill_9(pid)
+    process.communicate(timeout=PATIENCE_S)
+    wait_for(lambda: not children_of(run), "an agent outlived its nursery")
+    before = docked(run)
+    seen = [it for it in read_journal(run / "journal.jsonl").lines if it["kind"] == "apad"][-1]
+
+    resumed = musselbed("resume", run, "--json")
+    assert resumed.returncode == 0, resumed.stderr
+    summary = json.loads(resumed.stdout)
+    assert summary["end_reason"] == "mission time" and summary["amussels_lost"] == 0
+    lines = read_journal(run / "journal.jsonl").lines
+    after = lines[next(n for n, line in enumerate(lines) if line["kind"] == "resumed") :]
+    first = next(it for it in after if it["kind"] == "apad")
+    # It is at rest where it was: within a second of its way, and its docks hold whom they held.
+    assert abs(first["north_m"] - seen["north_m"]) < 1 and abs(first["east_m"] - seen["east_m"]) < 1
+    assert first["battery"] == pytest.approx(seen["battery"], abs=0.01)
+    docks = [line for line in after if line["kind"] == "dock"]
+    for agent_id in before:
+        assert next(line for line in docks if line["agent"] == agent_id)["closed"] is False
+    assert set(before) <= set(left_full(run))
     assert children_of(run) == []
 
 
@@ -504,6 +540,13 @@ def test_resume_refuses_what_cannot_be_resumed(scenario: Path, tmp_path: Path) -
     again = musselbed("resume", run)
     assert again.returncode == 2
     assert "--time asap" in again.stderr
+    (run / "summary.json").unlink()
+    foreign = replace(RunOptions.load(run), apad=APadKind.ROS, time=TimeSource.WALL)
+    foreign.on_master("http://127.0.0.1:9").save(run)
+    alone = musselbed("resume", run)
+    assert alone.returncode == 3 and len(alone.stderr.splitlines()) == 1
+    assert "the ROS master at http://127.0.0.1:9 is gone" in alone.stderr
+    assert children_of(run) == []
     journal = run / "journal.jsonl"
     journal.write_text(journal.read_text().replace('"format":2', '"format":1', 1))
     older = musselbed("resume", run)

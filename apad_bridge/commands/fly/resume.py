@@ -83,6 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
     scenario = load(directory.scenario)
     check_code(scenario, str(path), trust)
+    with peers_may_fail():
+        _check_foreign_master(path, options)
     check_real_vehicle(options, scenario)
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
         _ask_whether_it_may_move()
@@ -94,6 +96,16 @@ def run(arguments: argparse.Namespace) -> int:
     (summary,) = flown.summaries.values()
     flown_by = flown_by_whom(options, scenario)
     return report(scenario, flown_by, directory, summary, arguments.json, progress.messages)
+
+
+def _check_foreign_master(path: Path, options: RunOptions) -> None:
+    """PeerFailed when somebody else's master is gone. One of the run's own is started again."""
+    from apad_bridge.ros.system.route import why_gone
+
+    if not options.owns_master and (gone := why_gone(options.master_uri)) is not None:
+        raise PeerFailed(
+            f"{gone}: the run flew with the aPad on that master; start both again, then: musselbed resume {path}"
+        )
 
 
 def _ask_whether_it_may_move() -> None:

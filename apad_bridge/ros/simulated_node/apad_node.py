@@ -1,6 +1,7 @@
 """The simulated aPad as a ROS 1 node of the scenario's generation, A if it names none, in a process of its own.
 
-    python -m apad_bridge.ros.simulated_node.apad_node --scenario RESOLVED.yaml [--apad NAME] [--time clock|wall]
+    python -m apad_bridge.ros.simulated_node.apad_node --scenario RESOLVED.yaml [--apad NAME] [--held DOCK:ID,...]
+        [--time clock|wall]
 
 A thin shell around the simulated vehicle of a generation. It follows /clock and has no time of its own; or, to stand in for
 a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a /clock of T, it
@@ -49,6 +50,7 @@ def main() -> int:
     parser.add_argument(
         "--generation", choices=[it.value for it in Generation], help="instead of the scenario's"
     )
+    parser.add_argument("--held", type=held_by, default={}, help="the aMussels that its docks hold")
     parser.add_argument("--time", choices=["clock", "wall"], default="clock")
     parser.add_argument("--xmlrpc-port", type=int, default=0)
     parser.add_argument("--orphan-s", type=float, default=600.0)
@@ -67,7 +69,7 @@ def main() -> int:
     follows_clock = arguments.time == "clock"
     try:
         with interrupts.interruptible():  # rospy waits for its master for ever
-            node = _on_graph(whole, scenario, arguments.xmlrpc_port)
+            node = _on_graph(whole, scenario, arguments.xmlrpc_port, arguments.held)
             if follows_clock:
                 node.follow_clock()
     except KeyboardInterrupt:
@@ -90,13 +92,20 @@ def main() -> int:
     return interrupts.INTERRUPTED if stop.is_set() else 0
 
 
-def _on_graph(whole: Scenario, scenario: Scenario, xmlrpc_port: int) -> LegacyServer[Any]:
+def held_by(text: str) -> dict[int, int]:
+    """The aMussels by dock index, from `DOCK:ID,...`; ValueError for another text."""
+    return {int(dock): int(held) for dock, held in (it.split(":") for it in text.split(",") if it)}
+
+
+def _on_graph(
+    whole: Scenario, scenario: Scenario, xmlrpc_port: int, held: dict[int, int]
+) -> LegacyServer[Any]:
     # Its own supervisor publishes the changes of its docks.
     remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
     name = f"{plain(scenario.apad.name)}_simulated"
     start_node(name, remappings, xmlrpc_port=xmlrpc_port)
     server: type[LegacyServer[Any]] = load_part(stack_of(scenario.apad.generation).server)
-    return server.of_scenario(scenario)
+    return server.of_scenario(scenario, held)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,10 @@ import signal
 import subprocess
 import time
 import xmlrpc.client
+from collections.abc import Mapping
 from http.client import HTTPException
 from pathlib import Path
+from types import MappingProxyType
 
 from agents.hosting import started
 from agents.hosting.interrupts import held_back, let_in
@@ -32,9 +34,11 @@ def start_apad_node(
     *,
     namespace: str = "",
     xmlrpc_port: int = 0,
+    held: Mapping[int, int] = MappingProxyType({}),
     ready_s: float = 60.0,
 ) -> subprocess.Popen[bytes]:
     """Returns the child when it reports that it is on the graph of OUR master at `master_uri`. Its errors go to `log`.
+    `held` are the aMussels that its docks hold already, by dock index.
 
     Sets /use_sim_time there, because the node and the gateway follow our /clock. Raises APadNodeFailed after `ready_s` wall
     seconds, or when the node ended before; nothing is left running then.
@@ -54,6 +58,7 @@ def start_apad_node(
             str(scenario),
         ),
         *("--xmlrpc-port", str(xmlrpc_port)),
+        *("--held", ",".join(f"{dock}:{agent_id}" for dock, agent_id in held.items())),
     ]
     environment = loopback_environment(log.parent / "ros", master_uri) | started.environment()
     with held_back():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Self
 
 import rospy
@@ -76,13 +76,13 @@ class Server(LegacyServer[GenerationAVehicle]):
         self._offer_services(name)
 
     @classmethod
-    def of_scenario(cls, scenario: Scenario) -> Self:
+    def of_scenario(cls, scenario: Scenario, held: Mapping[int, int]) -> Self:
         """A goal of generation A has no field for speed or victory radius: both are the scenario's mission's."""
         apad, mission = scenario.apad, scenario.mission
         return cls(
             apad.name,
             lambda start_ms: GenerationAVehicle(
-                parts.simulated_hull(scenario),
+                parts.simulated_hull(scenario, held),
                 mission.speed_m_s,
                 mission.victory_radius_m,
                 start_ms,

@@ -6,7 +6,7 @@ import contextlib
 import socket
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Self
 
 import rospy
@@ -134,11 +134,11 @@ class Server(LegacyServer[GenerationBVehicle]):
         self._listen(name)
 
     @classmethod
-    def of_scenario(cls, scenario: Scenario) -> Self:
+    def of_scenario(cls, scenario: Scenario, held: Mapping[int, int]) -> Self:
         apad = scenario.apad
         return cls(
             apad.name,
-            lambda start_ms: GenerationBVehicle(parts.simulated_hull(scenario), start_ms, apad.fault),
+            lambda start_ms: GenerationBVehicle(parts.simulated_hull(scenario, held), start_ms, apad.fault),
             LocalFrame.about(scenario.area.origin),
         )
 

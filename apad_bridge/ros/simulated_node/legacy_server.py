@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Generic, Self, TypeVar
 
 import rospy
@@ -46,8 +46,11 @@ class LegacyServer(ABC, Generic[Vehicle]):
 
     @classmethod
     @abstractmethod
-    def of_scenario(cls, scenario: Scenario) -> Self:
-        """The server around the simulated vehicle of this scenario. The node is initialised before."""
+    def of_scenario(cls, scenario: Scenario, held: Mapping[int, int]) -> Self:
+        """The server around the simulated vehicle of this scenario. The node is initialised before.
+
+        `held` are the aMussels that its docks hold at the start, by dock index.
+        """
 
     @abstractmethod
     def _show(self, shown: list[Any]) -> None:

@@ -48,6 +48,7 @@ from apad_bridge.vehicle.generation_a.docks import PAPERS_PLACES, ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     ENDS,
     GO_TO,
+    OBJECT_PREFIX,
     PERCH,
     RELEASE,
     DocksReceived,
@@ -123,7 +124,7 @@ class GenerationACore:
         nonce: str,
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
-        object_prefix: str = "amussel",
+        object_prefix: str = OBJECT_PREFIX,
         sight: Sight = lambda now_ms: {},
         places: DockPlaces = PAPERS_PLACES,
         *,

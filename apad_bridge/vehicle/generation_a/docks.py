@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.capabilities import DockPlaces, published_docks
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, DocksNamed
-from apad_bridge.vehicle.generation_a.messages import DocksReceived, HeldPositionReceived
+from apad_bridge.vehicle.generation_a.messages import OBJECT_PREFIX, DocksReceived, HeldPositionReceived
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.telemetry import Readings
 
@@ -81,7 +81,7 @@ class ReportedDocks:
         docked: Mapping[int, int],
         now_ms: int = 0,
         places: DockPlaces = PAPERS_PLACES,
-        object_prefix: str = "amussel",
+        object_prefix: str = OBJECT_PREFIX,
     ) -> None:
         self._places = places
         self._object_prefix = object_prefix

@@ -12,6 +12,8 @@ from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, P
 
 GO_TO, PERCH, RELEASE = 0, 1, 2
 """Kinds of goals, by their id."""
+OBJECT_PREFIX = "amussel"
+"""An object that a dock holds is called by this and the aMussel's id."""
 
 
 class GoalCode(IntEnum):

@@ -31,6 +31,7 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
+    OBJECT_PREFIX,
     PERCH,
     RELEASE,
     ActionGoal,
@@ -79,8 +80,9 @@ class GenerationAVehicle(SimulatedStack[Published]):
         self._has_position_control = True
         self._axes = [CONTROL_AXIS, CONTROL_AXIS]
         """The modes of surge and sway."""
-        self._docks: dict[int, tuple[str, int]] = {}
-        """(object, serial of its perch) by dock index."""
+        self._docks = {index: (f"{OBJECT_PREFIX}{held}", held) for index, held in apad.docked.items()}
+        """(object, serial of its perch) by dock index; of one held at the start, its id in place of the serial."""
+        self._serial = max(apad.docked.values(), default=0)
 
     @property
     def free_docks(self) -> list[int]:
