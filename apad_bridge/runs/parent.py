@@ -24,7 +24,7 @@ from agents.hosting.link_protocol import readable
 from agents.water.sea_link import SOCKET_NAME
 from apad_bridge.assembly.division import Member
 from apad_bridge.planning.registry import Trust
-from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master, why_gone
@@ -199,29 +199,36 @@ def _open_ros(
 
 def _open_ros_again(
     stack: ExitStack, run_dir: Path, options: RunOptions, tell: Callable[[str], None]
-) -> tuple[RunOptions, "subprocess.Popen[bytes]"]:
+) -> tuple[RunOptions, subprocess.Popen[bytes]]:
     """Another master of the run's own, and its simulated aPad as the records saw it last; `stack` ends both."""
+    try:
+        scenario, held = _apad_as_seen(RunDirectory(run_dir))
+        master = start_master(run_dir / "ros", _MASTER_S)
+        stack.callback(master.stop, 1.0)
+        stack.enter_context(watched_master(master.uri, run_dir, tell))
+        log = run_dir / "apad.log"
+        node = start_apad_node(scenario, master.uri, log, namespace=options.namespace, held=held)
+    except (MasterFailed, APadNodeFailed, RunDirectoryError) as error:
+        raise PeerFailed(f"{error}; see {run_dir}") from error
+    stack.callback(stop_apad_node, node, 1.0)
+    return options.on_own_master(master.uri), node
+
+
+def _apad_as_seen(directory: RunDirectory) -> tuple[Path, dict[int, int]]:
+    """The file of a scenario with the aPad as the records saw it last, and the aMussels in its docks, by dock index.
+
+    RunDirectoryError for damaged records.
+    """
     # Imported here, because they compute with numpy, and a run's parent needs them after a restart of the machine alone.
     from apad_bridge.records.journal import read_journal
     from apad_bridge.runs.resuming import find_resume_point, with_apad_as_seen
     from apad_bridge.scenario.loader import load, write_resolved
 
-    directory = RunDirectory(run_dir)
-    journal = read_journal(directory.journal)
-    point, seen = find_resume_point(journal, 0, 0), with_apad_as_seen(load(directory.scenario), journal)
-    scenario = directory.scenario
-    if seen is not None:
-        write_resolved(scenario := run_dir / "ros" / "apad_as_seen.yaml", seen)
-    try:
-        master = start_master(run_dir / "ros", _MASTER_S)
-        stack.callback(master.stop, 1.0)
-        stack.enter_context(watched_master(master.uri, run_dir, tell))
-        log, held = run_dir / "apad.log", dict(point.state.docked)
-        node = start_apad_node(scenario, master.uri, log, namespace=options.namespace, held=held)
-    except (MasterFailed, APadNodeFailed) as error:
-        raise PeerFailed(f"{error}; see {run_dir}") from error
-    stack.callback(stop_apad_node, node, 1.0)
-    return options.on_own_master(master.uri), node
+    journal, scenario = read_journal(directory.journal), directory.scenario
+    if (seen := with_apad_as_seen(load(scenario), journal)) is not None:
+        scenario = directory.path / "ros" / "apad_as_seen.yaml"
+        write_resolved(scenario, seen)
+    return scenario, dict(find_resume_point(journal, 0, 0).state.docked)
 
 
 def _open_sea(stack: ExitStack, members: Sequence[Member], whole: RunDirectory) -> str:
@@ -442,6 +449,7 @@ class SupervisorWatch:
             if (child := self._children.get(name)) is not None:
                 child.ask_to_end()
             elif name in self._waiting and (pid := signal_supervisor(self._runs[name].path, signal.SIGTERM)):
+                self._resumed.add(name)
                 self._print(name, f"the supervisor that resumed the run (pid {pid}) is asked to end")
             else:
                 continue

@@ -120,7 +120,7 @@ def _open_run(run_dir: Path, trust: Trust | None, *, resume: bool, keeps: bool) 
         return _Run(run_dir, config, options, start_state, _find_sea(config, options))
     if options.owns_master:
         # After a restart of the machine the run has another master than before.
-        options = options.on_own_master(os.environ["ROS_MASTER_URI"])
+        options = options.on_own_master(os.environ.get("ROS_MASTER_URI", options.master_uri))
     options = replace(options.next_epoch(), keeps=options.keeps or keeps)
     options.save(run_dir)
     sea = _find_sea(config, options)
