@@ -74,7 +74,8 @@ def carry_out(
         return _stop(request, calls, gate)
 
     def told(mission: FlightMission) -> Answer:
-        return Answer(True, act(mission), steers=mission.steers)
+        message = act(mission)
+        return Answer(True, message, steers="" if request.act in (Act.ABORT, Act.REMARK) else mission.steers)
 
     def act(mission: FlightMission) -> str:
         if request.act is Act.REMARK:

@@ -28,6 +28,7 @@ LOOKS: dict[str, tuple[list[str], ...]] = {
     "order": (["stop", "."],),
     "stop": (["."],),
     "hands": (["."],),
+    "give-back": (["."],),
     "continue": (["."],),
     "back-in": (["."],),
     "abort": (["."],),

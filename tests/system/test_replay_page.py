@@ -266,8 +266,8 @@ def test_the_times_in_which_the_mission_was_kept_from_the_aPad_are_shaded_in_eve
     lines += [
         {"t": 20_000, "kind": "operator", "order": "stop", "by": "Anna"},
         {"t": 40_000, "kind": "operator", "order": "continue", "by": "Anna"},
-        {"t": 60_000, "kind": "override", "taken": True, "by": "pilot"},
-        {"t": 80_000, "kind": "override", "taken": False, "by": "pilot"},
+        {"t": 60_000, "kind": "override", "taken": True, "by": "vehicle"},
+        {"t": 80_000, "kind": "override", "taken": False, "by": "person"},
     ]
     told = sorted(lines, key=lambda line: line["t"])
     (run / "journal.jsonl").write_text("".join(json.dumps(it) + "\n" for it in told))

@@ -40,15 +40,15 @@ def test_green_starts_and_red_says_its_mend_and_how_a_person_decides_otherwise()
 
 
 def test_the_table_names_each_key_that_no_person_overrides_or_that_a_trial_passes_over() -> None:
-    assert never_overridden() == {"fence", "position", "pilot", "stop"}
+    assert never_overridden() == {"bench", "fence", "position", "pilot", "stop"}
     passed_over = {it.key for it in every_check() if it.may_be_red_in_trial}
     assert not passed_over & never_overridden()
     assert not passed_over & {"off", "origin", "reaction", "call-back", "messages", "action-server"}
     assert [it.key for it in every_check() if it.is_red_at_warning] == ["docks"]
 
 
-@pytest.mark.parametrize("key", ["fence", "position", "pilot", "stop"])
-def test_fence_position_pilot_and_stop_are_never_overridden(key: str) -> None:
+@pytest.mark.parametrize("key", ["bench", "fence", "position", "pilot", "stop"])
+def test_bench_fence_position_pilot_and_stop_are_never_overridden(key: str) -> None:
     with pytest.raises(UserError, match="never overridden"):
         refuse_red(GREEN, ["/apad1"], [key])
     with pytest.raises(UserError) as refused:
