@@ -10,8 +10,8 @@ from rich.console import ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.text import Text
 
-from agents.hosting.control_characters import shown
 from apad_bridge.runs.terminal import PlainStream
+from firmware_model.bench.control_characters import shown
 
 
 class Console(rich.console.Console):

@@ -11,7 +11,7 @@ from apad_bridge.events.event import Event
 from apad_bridge.ros.gateway import heartbeat
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.heartbeat import OFF, Heartbeat, number_of
-from apad_bridge.vehicle.guards.stops import Stops
+from apad_bridge.vehicle.guards.stops import Latch, Stops
 
 
 @pytest.mark.parametrize(
@@ -73,4 +73,4 @@ def heart(monkeypatch: pytest.MonkeyPatch, read: object) -> Heartbeat:
     monkeypatch.setattr(heartbeat, "rospy", node)
     monkeypatch.setattr(heartbeat.Graph, "read", read)
     events: list[Event] = []
-    return Heartbeat(Stops(events), lambda: True)
+    return Heartbeat(Stops(events, Latch()), lambda: True)
