@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 from collections import deque
 from collections.abc import Callable, Iterator
-from itertools import combinations
+from itertools import combinations, count
 from typing import Any
 
 import pytest
@@ -126,7 +126,7 @@ class Crossing:
     # The sender's steps: a generator, which the test stops between the gate's word and the bytes.
 
     def send(self) -> Iterator[None]:
-        while True:
+        for cycle in count(1):
             if self._queue:
                 self.road.put(self._queue.popleft(), self.now_ms)
             yield
@@ -134,7 +134,8 @@ class Crossing:
                 yield
                 self._act(action)
             yield
-            if self._carried:
+            # A vehicle's answer is late, so that orders wait for those before them.
+            if self._carried and cycle % 4 == 0:
                 self.road.answered(self._carried.pop(0), None)
 
     def _act(self, action: RoadAction) -> None:
@@ -178,7 +179,7 @@ def flown(generation: Generation, acts: list[Callable[[Crossing], None]], turns:
             next(sender)
     for act in left:
         act(crossing)
-    for _ in range(60):
+    for _ in range(90):
         next(sender)
     return crossing.wire
 
