@@ -75,6 +75,7 @@ def safety_of(scenario: Scenario, *, needs_person: bool = False) -> Safety:
             frozen_ms=round(options.frozen_s * 1000),
             clock_step_ms=CLOCK_STEP_MS if needs_person else NEVER_MS,
             settled_ms=None if needs_person else SETTLED_MS,
+            error_m=options.position_error_m or math.inf,
         )
     )
     return Safety(

@@ -276,6 +276,32 @@ class WatchdogTold(Event):
 
 
 @dataclass(frozen=True)
+class PositionErrorTold(Event):
+    kind = "position_error"
+    when = "the aPad's position scatters in flight by 1.5 times `guards.position_error_m`, or by less than it again"
+    counted = ("is_above",)
+    is_told_at_once = True
+
+    error_m: Annotated[
+        float, Meaning("the error of a position by its noise alone, in 95 % of all cases", "m")
+    ]
+    expected_m: Annotated[float, Meaning("`guards.position_error_m`", "m")]
+    is_above: Annotated[bool, Meaning("true: the clearance of the fence counts on a better position")]
+
+    @property
+    def category(self) -> Category:
+        return Category.ALARM if self.is_above else Category.RELIEF
+
+    def text(self) -> str:
+        if not self.is_above:
+            return f"the aPad's position scatters by {self.error_m:.1f} m (95 %), as guards.position_error_m says"
+        return (
+            f"the aPad's position scatters by {self.error_m:.1f} m (95 %), and guards.position_error_m is "
+            f"{self.expected_m:g} m: the clearance of the fence is too small for it"
+        )
+
+
+@dataclass(frozen=True)
 class OthersCommanded(Event):
     kind = "others"
     when = "another client, which is no pilot, gave the aPad an order"

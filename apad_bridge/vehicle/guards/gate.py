@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from apad_bridge.events.event import Event
-from apad_bridge.events.guards import SURFACING, OrderRefused, PilotTold, WatchdogTold
+from apad_bridge.events.guards import SURFACING, OrderRefused, PilotTold, PositionErrorTold, WatchdogTold
 from apad_bridge.vehicle.commands import (
     BatteryReported,
     CloseDock,
@@ -177,7 +177,7 @@ class Gate:
         """Takes the vehicle's newest position and charge, and who is in a dock; repeated facts change nothing."""
         for fact in facts:
             if isinstance(fact, PoseReported):
-                self.watch.take(fact)
+                self._take_pose(fact)
             elif isinstance(fact, BatteryReported):
                 self.battery.take(fact)
             elif isinstance(fact, PilotReported):
@@ -189,6 +189,13 @@ class Gate:
             elif isinstance(fact, DockClosed):
                 # The next order may come before the bodies are seen again.
                 self._bodies = tuple(it for it in self._bodies if it.agent_id != fact.agent_id)
+
+    def _take_pose(self, pose: PoseReported) -> None:
+        was_too_noisy = self.watch.is_too_noisy
+        self.watch.take(pose)
+        if self.watch.is_too_noisy != was_too_noisy:
+            error_m = round(self.watch.noise_error_m, 2)
+            self.events.append(PositionErrorTold(error_m, self.watch.limits.error_m, not was_too_noisy))
 
     def situation(self, now_ms: int) -> VehicleSituation:
         return VehicleSituation(

@@ -75,6 +75,12 @@ NOISE_SPAN_MS = 4_000
 """Noise is learned from three samples within so long: a vehicle changes its speed in a longer time."""
 NOISE_ERRORS = 3.0
 """The error of a way between two positions, in steps of the noise: four deviations along the way."""
+ERRORS_95 = 2.45 / 2
+"""95 % of the places lie within so many steps of the noise: 2.45 deviations of one coordinate (Rayleigh), of which a step
+has two."""
+ERRORS_ABOVE = 1.5
+"""Noise is too great from so many times the error that the clearance counts on, and until it falls below that error: some
+forty positions tell it, whose mean square differs by a fifth by chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +97,8 @@ class PositionLimits:
     """Stamps that step ahead by more, or go back, belong to no clock. `NEVER_MS`: a clock that is set changes nothing."""
     settled_ms: int | None = SETTLED_MS
     """A doubt ends after so long. None: it ends with a person's word alone."""
+    error_m: float = math.inf
+    """The clearance of the fence counts on positions within it, in 95 % of all cases."""
 
 
 class _VehicleClock:
@@ -163,7 +171,7 @@ class PositionWatch:
     """Takes each reported pose; `fault` is the reason not to use the newest, empty for a good one."""
 
     def __init__(self, limits: PositionLimits) -> None:
-        self._limits = limits
+        self.limits = limits
         self._newest: PoseReported | None = None
         self._samples: deque[PoseReported] = deque()
         """The samples of the last `LEAST_SPEED_MS`, the newest last."""
@@ -184,6 +192,8 @@ class PositionWatch:
         """The newest squares of it."""
         self._rest_m2: float | None = None
         """The mean square of the steps at rest."""
+        self.is_too_noisy = False
+        """The noise alone is more than the error that the clearance counts on."""
         self._two_places = TwoPlaces()
         self._goal_m: Point | None = None
         self._under_way_ms = 0
@@ -252,6 +262,11 @@ class PositionWatch:
         newest_m2 = math.fsum(newest) / len(newest) if len(newest) == _NEW_NOISES else 0.0
         return math.sqrt(max(self._noise_m2, newest_m2))
 
+    @property
+    def noise_error_m(self) -> float:
+        """The error of a place by its noise alone, in 95 % of all cases."""
+        return 0.0 if self._noise_m2 is None else ERRORS_95 * math.sqrt(self._noise_m2)
+
     def take(self, pose: PoseReported) -> None:
         """Takes a pose; one that is older than the newest, or the same again, changes nothing."""
         if (reason := out_of_range(north_m=pose.north_m, east_m=pose.east_m)) is not None:
@@ -267,15 +282,15 @@ class PositionWatch:
             self._doubt_it(f"two nodes publish it: {other} and {pose.publisher}", pose.at_ms)
         if self._clock.stands_still(pose):
             pose = replace(pose, stamp_ms=None)
-        elif self._limits.clock_step_ms == NEVER_MS:
+        elif self.limits.clock_step_ms == NEVER_MS:
             if self._clock.was_set(pose):
                 newest = self._begin_anew(newest)
-        elif (step_ms := self._clock.step_ms(pose)) < 0 or step_ms > self._limits.clock_step_ms:
+        elif (step_ms := self._clock.step_ms(pose)) < 0 or step_ms > self.limits.clock_step_ms:
             how = "ahead" if step_ms > 0 else "back"
             self._doubt_it(f"its stamps went {how} by {abs(step_ms) / 1000:.1f} s", pose.at_ms)
             newest = self._begin_anew(newest)
         self._clock.take(pose)
-        if self._limits.clock_step_ms != NEVER_MS and self._clock.grown_ms >= GROWN_MS:
+        if self.limits.clock_step_ms != NEVER_MS and self._clock.grown_ms >= GROWN_MS:
             self._doubt_it(f"its delay grows, by {self._clock.grown_ms / 1000:.1f} s so far", pose.at_ms)
         self._count_frozen(newest, pose)
         if newest is not None and self._is_jump(newest, pose):
@@ -301,7 +316,7 @@ class PositionWatch:
 
         A vehicle that a person gives back can wait for a person; of others, noise of the link looks alike.
         """
-        if self._limits.settled_ms is not None:
+        if self.limits.settled_ms is not None:
             return
         at_ms = _heard_ms(pose) if pose.stamp_ms is None else pose.stamp_ms
         if (apart_m := self._two_places.take(at_ms, _place(pose))) > 0:
@@ -326,7 +341,7 @@ class PositionWatch:
         self._goal_m = goal_m
 
     def fault(self, now_ms: int) -> str:
-        limits = self._limits
+        limits = self.limits
         if self._newest is None:
             return "the aPad's position is not known"
         if fault := self.fault_now(now_ms):
@@ -345,8 +360,8 @@ class PositionWatch:
         if self._newest is None:
             return "the aPad's position is not known"
         age_ms = now_ms - self._clock.earliest_ms(self._newest)
-        if age_ms > self._limits.age_ms:
-            return f"the aPad's position is older than {self._limits.age_ms / 1000:g} s"
+        if age_ms > self.limits.age_ms:
+            return f"the aPad's position is older than {self.limits.age_ms / 1000:g} s"
         return ""
 
     def _begin_anew(self, newest: PoseReported | None) -> PoseReported | None:
@@ -362,25 +377,25 @@ class PositionWatch:
 
     def _doubt_it(self, reason: str, at_ms: int) -> None:
         """The newest doubt begins the time to settle anew. The first reason stays where a person must look."""
-        if not self._doubt or self._limits.settled_ms is not None:
+        if not self._doubt or self.limits.settled_ms is not None:
             self._doubt = reason
         self._doubted_ms = at_ms
 
     def _count_frozen(self, newest: PoseReported | None, pose: PoseReported) -> None:
         """The first witness of a frozen position: it does not change at all, to the last bit."""
-        latches = self._limits.settled_ms is None
+        latches = self.limits.settled_ms is None
         if newest is None or _bits(newest) != _bits(pose):
             self._frozen_ms = 0
         elif self._is_under_way(pose) and self._clock.earliest_ms(newest) >= self._under_way_ms:
             # It adds up over orders, and stays when the vehicle is told to stop: only a motion ends it.
             self._frozen_ms += _span_ms(newest, pose)
-            if latches and self._frozen_ms >= self._limits.frozen_ms:
-                seconds = self._limits.frozen_ms / 1000
+            if latches and self._frozen_ms >= self.limits.frozen_ms:
+                seconds = self.limits.frozen_ms / 1000
                 self._doubt_it(f"it has not changed at all for {seconds:g} s under way", pose.at_ms)
 
     def _look_for_witnesses(self, before: PoseReported | None, pose: PoseReported) -> None:
         """The other witnesses of a frozen position: a speed or a noise that it contradicts."""
-        if self._limits.frozen_ms == NEVER_MS:
+        if self.limits.frozen_ms == NEVER_MS:
             return
         if not self._is_under_way(pose) or self._clock.earliest_ms(pose) < self._under_way_ms:
             self._learn_rest(before, pose)
@@ -414,6 +429,8 @@ class PositionWatch:
         step_m2 = 2 * (north_m**2 + east_m**2) / (1 + later**2 + (1 - later) ** 2)
         self._noise_m2 = _learned(self._noise_m2, step_m2)
         self._new_noises_m2.append(step_m2)
+        least_m = self.limits.error_m * (1.0 if self.is_too_noisy else ERRORS_ABOVE)
+        self.is_too_noisy = self.noise_error_m > least_m and len(self._new_noises_m2) == _SPEED_NOISES
 
     def _contradiction(self) -> str:
         """The reason why the positions under way contradict the vehicle's own speed, or their own noise.
@@ -445,7 +462,7 @@ class PositionWatch:
     def _is_jump(self, before: PoseReported, after: PoseReported) -> bool:
         seconds = (_span_ms(before, after) + _error_ms(before, after)) / 1000
         way_m = math.dist(_place(before), _place(after))
-        return way_m > self._limits.jump_m + self._limits.speed_m_s * seconds
+        return way_m > self.limits.jump_m + self.limits.speed_m_s * seconds
 
 
 def _learned(known: float | None, newest: float) -> float:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from apad_bridge.events.guards import PositionErrorTold
 from apad_bridge.vehicle.commands import PoseReported
 from apad_bridge.vehicle.guards.gate import Gate
 from apad_bridge.vehicle.guards.position_watch import (
@@ -346,3 +349,32 @@ def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
             assert "delay" not in watch.fault(looked_ms)
         looked_ms = max(looked_ms, free_ms // 200 * 200)
         newest = sent_ms
+
+
+def lines_of_a_way(deviation_m: Callable[[int], float], seed: int = 7) -> list[tuple[int, PositionErrorTold]]:
+    """Twenty minutes between two places, 12 m apart, at 0.5 m/s, with white noise of this deviation on each axis."""
+    noise = random.Random(seed)
+    gate = Gate([], PositionWatch(replace(LIMITS, error_m=0.5)))
+    told: list[tuple[int, PositionErrorTold]] = []
+    for second in range(1200):
+        way_m, error_m = 0.5 * (second % 48), deviation_m(second)
+        north_m = (way_m if way_m < 12 else 24 - way_m) + noise.gauss(0.0, error_m)
+        pose = PoseReported(1000 * second, north_m, noise.gauss(0.0, error_m), 0.0, 1000 * second)
+        gate.observe([pose])
+        told += [(second, it) for it in gate.events if isinstance(it, PositionErrorTold)]
+        gate.events.clear()
+    return told
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_beyond_the_error_of_the_clearance_is_told_once_and_so_is_its_end(seed: int) -> None:
+    """Deviations of 0.1, 0.6 and 0.1 m on each axis: 95 % lie within 0.24 and 1.47 m, and the scenario says 0.5 m."""
+    began, ended = lines_of_a_way(lambda second: 0.6 if 400 <= second < 800 else 0.1, seed)
+    assert began[1].is_above and 400 <= began[0] < 430
+    assert not ended[1].is_above and 800 <= ended[0] < 900
+    assert "guards.position_error_m is 0.5 m" in began[1].text()
+
+
+def test_a_good_position_of_a_vehicle_that_turns_is_no_noise() -> None:
+    assert lines_of_a_way(lambda second: 0.0) == []
+    assert lines_of_a_way(lambda second: 0.15) == []
