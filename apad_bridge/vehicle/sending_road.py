@@ -95,6 +95,11 @@ class _Line:
     newest: Rank = Rank.OFF
     """The rank of the newest order that it carried away."""
 
+    def may_hold_bytes_older_than(self, stop: Outgoing) -> bool:
+        """Of a line that does not answer. A HOLD follows the orders on their own line, and so does an OFF on its own."""
+        is_other = stop.rank is Rank.OFF and self.name != stop.line
+        return is_other and not self.answers and self.newest < Rank.OFF
+
 
 @dataclass(slots=True)
 class _Waiting:
@@ -138,8 +143,8 @@ class SendingRoad:
         for line in self._lines.values():
             if line.call is not None and line.call.rank < outgoing.rank:
                 self._cut(line, CUT, now_ms)
-            elif not line.answers and line.newest < outgoing.rank and line.name != outgoing.line:
-                self._actions.append(CutLine(line.name))  # on one line they keep their order
+            elif line.may_hold_bytes_older_than(outgoing):
+                self._actions.append(CutLine(line.name))
         self._stops[outgoing.line] = _Waiting(outgoing, now_ms + STOP_PATIENCE_MS)
 
     def opened(self, name: str) -> None:

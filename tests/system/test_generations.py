@@ -422,6 +422,33 @@ def test_after_a_masters_restart_everything_is_registered_again(
         assert watcher.returncode == 0
 
 
+@pytest.mark.parametrize("topic", ["/orders", "/words"])
+def test_a_reader_whose_connection_ended_is_called_back(
+    tmp_path: Path,
+    master: Master,
+    stack: ExitStack,
+    start_on: Callable[..., subprocess.Popen[str]],
+    topic: str,
+) -> None:
+    """rospy's own reader, as vehicles have it, gives a connection up that ends, and never connects again by itself."""
+    loser = start_on(master.uri, "lose_readers")
+    assert loser.stdin is not None and loser.stdout is not None and line_of(loser.stdout) == "ready\n"
+    reader = subprocess.Popen(
+        ["/usr/bin/rostopic", "echo", topic],
+        env=loopback_environment(tmp_path / "ros", master.uri) | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    stack.callback(reader.communicate)
+    stack.callback(reader.kill)
+    assert reader.stdout is not None
+    for losses in range(3):
+        while f'data: "{losses}"' not in line_of(reader.stdout):
+            pass
+        loser.stdin.write("\n")
+        loser.stdin.flush()
+
+
 def test_a_dock_made_by_anothers_planner_reaches_the_aMussels_charge_edge(
     tmp_path: Path, master: Master, stack: ExitStack
 ) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import socket
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -18,8 +19,8 @@ import rospy
 from rospy.exceptions import TransportTerminated
 
 STALLED_S = 0.8
-"""A reader whose socket took nothing for so long is disconnected: within a second, at ten messages a second. It may connect
-again when it reads again."""
+"""A reader whose socket took nothing for so long is disconnected: within a second, at ten messages a second. One of roscpp
+connects again when it reads again, one of rospy when the master names us again."""
 _SEND_BUFFER_BYTES = 8192
 """Requested from the kernel, which doubles it: some 10 s of an aMussel's positions, which a pausing reader does not lose;
 the reader's own buffer comes on top. A larger one would only delay the disconnection of a stalled reader."""
@@ -90,19 +91,26 @@ class NeverBlocking:
         return data[sent:]
 
 
-def never_blocking_publisher(topic: str, kind: Any, stalls: Stalls) -> rospy.Publisher:
-    """A publisher of `kind` whose connections are NeverBlocking. Only one thread may use it."""
-    publisher = rospy.Publisher(topic, kind, queue_size=1)
+def never_blocking_publisher(
+    topic: str, kind: Any, stalls: Stalls, prepare: Callable[[socket.socket], None] = lambda sock: None
+) -> rospy.Publisher:
+    """A publisher of `kind` whose connections are NeverBlocking, each after `prepare`. Only one thread may use it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)  # rospy warns of a publisher without a queue
+        publisher = rospy.Publisher(topic, kind)
     impl = publisher.impl
     plain = type(impl).add_connection
 
-    def add_connection(connection: Any) -> bool:
+    def wrapped(connection: Any) -> NeverBlocking:
         connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
-        added: bool = plain(impl, NeverBlocking(connection, stalls))
+        prepare(connection.socket)
+        return NeverBlocking(connection, stalls)
+
+    def add_connection(connection: Any) -> bool:
+        added: bool = plain(impl, wrapped(connection))
         return added
 
-    impl.set_queue_size(None)
     impl.add_connection = add_connection
-    for early in impl.connections:
-        early.close()  # it has a thread of its own, made before this line; rospy's subscribers connect again
+    with impl.c_lock:  # readers that were faster than this line
+        impl.connections = [it if isinstance(it, NeverBlocking) else wrapped(it) for it in impl.connections]
     return publisher

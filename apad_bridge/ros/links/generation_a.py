@@ -22,6 +22,7 @@ from actionlib_msgs.msg import GoalID, GoalStatusArray
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
+from apad_bridge.ros.links.order_sender import is_read
 from apad_bridge.ros.links.service_calls import CallFailed
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
@@ -168,7 +169,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._inquiry = DockInquiry(name, self._inbox)
         server = of_apad(name, "action_server")
         self._goals = self._sender.add_topic(_GOALS, f"{server}/goal", aPadActionGoal)
-        self._sender.add_topic(_CANCELS, f"{server}/cancel", GoalID)
+        self._sender.add_topic(_CANCELS, f"{server}/cancel", GoalID, may_be_late=True)
         for switch in _SWITCHES:
             self._sender.add_service(switch, of_apad(name, switch), EnableControl)
 
@@ -177,9 +178,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._core.docks.serve(agent_ids)
 
     def _missing(self) -> list[str]:
-        # This node reads the goals too, for those of others.
-        is_read = any(it.endpoint_id != rospy.get_name() for it in self._goals.impl.connections)
-        unread = [] if is_read else [f"no subscriber on {self._goals.resolved_name}"]
+        unread = [] if is_read(self._goals) else [f"no subscriber on {self._goals.resolved_name}"]
         return self._subscribers.missing + unread
 
     def _differences(self) -> list[str]:
@@ -202,7 +201,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         order = cleared.order
         rank = Rank.HOLD if order.pre_empts else Rank.ORDER
         for key in order.ends:
-            self._sender.send(_CANCELS, Rank.ORDER, cleared, GoalID(id=key), _not_awaited)
+            self._sender.send(_CANCELS, rank, cleared, GoalID(id=key), _not_awaited)
         self._sender.send(_GOALS, rank, cleared, _goal_message(order), _not_awaited)
 
     def _switch_off(self) -> None:
@@ -212,23 +211,22 @@ class GenerationALink(LegacyLink[GenerationACore]):
         request = EnableControl._request_class(enable=False)
         thrust, controller = _SWITCHES
 
-        unread: list[str | None] = []
-        """The answer of the cancel, which comes first: a server whose goal goes on has not taken the OFF."""
+        parts: list[str | None] = []
+        """The answers of the cancel and of the switches: a server whose goal goes on has not taken the OFF."""
 
-        def controller_is_off(_: Any, refused: str | None, was_cut: bool) -> None:
-            why_not = refused or next(filter(None, unread), None)
-            self._inbox.put(OffAnswered(UNSTAMPED, cleared.order.number, why_not), always=True)
-
-        def goals_are_cancelled(_: Any, refused: str | None, was_cut: bool) -> None:
-            unread.append(refused)
+        def answered(_: Any, refused: str | None, was_cut: bool) -> None:
+            parts.append(refused)
+            if len(parts) == 2:
+                why_not = next(filter(None, parts), None)
+                self._inbox.put(OffAnswered(UNSTAMPED, cleared.order.number, why_not), always=True)
 
         def thrust_is_off(_: Any, refused: str | None, was_cut: bool) -> None:
             if refused is not None:
-                controller_is_off(None, refused, was_cut)
+                answered(None, refused, was_cut)
             else:
-                self._sender.send(controller, Rank.OFF, cleared, request, controller_is_off)
+                self._sender.send(controller, Rank.OFF, cleared, request, answered)
 
-        self._sender.send(_CANCELS, Rank.OFF, cleared, GoalID(), goals_are_cancelled)
+        self._sender.send(_CANCELS, Rank.OFF, cleared, GoalID(), answered)
         self._sender.send(thrust, Rank.OFF, cleared, request, thrust_is_off)
 
     def advance(self, now_ms: int) -> list[LinkFact]:

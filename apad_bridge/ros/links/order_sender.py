@@ -17,8 +17,11 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
+
+import rospy
 
 from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.ros.links.service_calls import (
@@ -28,9 +31,13 @@ from apad_bridge.ros.links.service_calls import (
     ServiceAddress,
     request_bytes,
 )
+from apad_bridge.ros.system.lost_links import outlive_gaps
+from apad_bridge.ros.system.master_watch import name_again
 from apad_bridge.vehicle.link import Cleared
 from apad_bridge.vehicle.sending_road import (
     CUT,
+    STOP_PATIENCE_MS,
+    TOO_LATE,
     CutLine,
     Ended,
     OpenLine,
@@ -43,6 +50,10 @@ from apad_bridge.vehicle.sending_road import (
 
 Answered = Callable[[Any, str | None, bool], None]
 """Takes the response, the reason if there is none, and whether a stop ended the order on its way."""
+ACKNOWLEDGED_S = 0.02
+"""So often somebody looks if a topic's reader has acknowledged an OFF's order."""
+NAMED_AGAIN_MS = 1_000
+"""The master is asked to name a topic without a reader again after so long."""
 _AT_ONCE = struct.pack("ii", 1, 0)
 """Linger on, for no time: the connection's end throws away what the other side has not acknowledged."""
 
@@ -89,6 +100,10 @@ class OrderSender:
         """The newest response that came by each line."""
         self._unread: set[Outgoing] = set()
         """Orders that nobody was there to read."""
+        self._read_topics: dict[str, int] = {}
+        """Topics that have had a reader, and the time at which the master was last asked to name them again; 0 for none."""
+        self._unacknowledged: dict[Outgoing, int] = {}
+        """An OFF's order by a topic, and until when its acknowledgement is awaited: such a line brings no other answer."""
         self._open = frozenset[str]()
         self._changed = threading.Condition()
         """Guards `_open` and `_whys` for those who wait."""
@@ -108,9 +123,13 @@ class OrderSender:
         self._services[line] = _ServiceLine(ServiceAddress(service, kind))
         self._road.add_line(line)
 
-    def add_topic(self, line: str, topic: str, kind: Any) -> Any:
-        """A line by a topic, before `begin`. Returns its publisher, by which nobody else may publish."""
-        publisher = never_blocking_publisher(topic, kind, Stalls())
+    def add_topic(self, line: str, topic: str, kind: Any, *, may_be_late: bool = False) -> Any:
+        """A line by a topic, before `begin`. Returns its publisher, by which nobody else may publish.
+
+        What `may_be_late` is delivered after a gap of the link, too. Else it ends there.
+        """
+        prepare = partial(outlive_gaps, with_bytes=may_be_late)
+        publisher = never_blocking_publisher(topic, kind, Stalls(), prepare)
         self._topics[line] = publisher
         self._road.add_line(line, answers=False)
         return publisher
@@ -160,8 +179,11 @@ class OrderSender:
             self._take_what_came()
             self._advance()
             self._tell_open()
+            self._call_readers_back()
+            self._look_for_acknowledgements()
             due_ms = self._road.next_due_ms()
-            wait_s = 1.0 if due_ms is None else min(1.0, max(0.0, (due_ms - _now_ms()) / 1000))
+            longest_s = ACKNOWLEDGED_S if self._unacknowledged else 1.0
+            wait_s = longest_s if due_ms is None else min(longest_s, max(0.0, (due_ms - _now_ms()) / 1000))
             if self._came.empty():
                 self._read(wait_s)
         for line in self._services.values():
@@ -211,12 +233,25 @@ class OrderSender:
                 self._drop(name)
             case Write(outgoing):
                 self._write(outgoing)
+            case Ended(outgoing, refused) if outgoing in self._unread:
+                self._unread.discard(outgoing)
+                self._end(outgoing, f"nobody reads {self._topics[outgoing.line].resolved_name}")
+            case Ended(outgoing, None) if outgoing.line in self._topics and outgoing.rank is Rank.OFF:
+                self._unacknowledged[outgoing] = _now_ms() + STOP_PATIENCE_MS
             case Ended(outgoing, refused):
-                if outgoing in self._unread:
-                    self._unread.discard(outgoing)
-                    refused = f"nobody reads {self._topics[outgoing.line].resolved_name}"
-                response = self._responses.pop(outgoing.line, None) if refused is None else None
-                self._orders.pop(outgoing).answered(response, refused, refused == CUT)
+                self._end(outgoing, refused)
+
+    def _end(self, outgoing: Outgoing, refused: str | None) -> None:
+        response = self._responses.pop(outgoing.line, None) if refused is None else None
+        self._orders.pop(outgoing).answered(response, refused, refused == CUT)
+
+    def _look_for_acknowledgements(self) -> None:
+        for outgoing, until_ms in list(self._unacknowledged.items()):
+            connections = list(self._topics[outgoing.line].impl.connections)
+            is_acknowledged = not any(_unacknowledged_bytes(it.socket) for it in connections if it.socket)
+            if is_acknowledged or _now_ms() >= until_ms:
+                del self._unacknowledged[outgoing]
+                self._end(outgoing, None if is_acknowledged else TOO_LATE)
 
     def _open_line(self, name: str, address: ServiceAddress) -> None:
         try:
@@ -228,7 +263,7 @@ class OrderSender:
         message = self._orders[outgoing].message
         if outgoing.line in self._topics:
             publisher = self._topics[outgoing.line]
-            if publisher.get_num_connections() == 0:
+            if not is_read(publisher):
                 self._unread.add(outgoing)
             publisher.publish(message)
             return
@@ -244,12 +279,25 @@ class OrderSender:
             self._road.ended(outgoing.line, _now_ms())
 
     def _cut_topic(self, publisher: Any) -> None:
-        """Ends the connections that still hold bytes of an order; their readers connect again."""
+        """Ends the connections that still hold bytes of an order; their readers are called back."""
         for connection in list(publisher.impl.connections):
-            sock = getattr(connection, "socket", None)
-            if sock is not None and _unacknowledged_bytes(sock) > 0:
-                end_at_once(sock)
+            if connection.socket is not None and _unacknowledged_bytes(connection.socket) > 0:
+                end_at_once(connection.socket)
                 connection.close()
+
+    def _call_readers_back(self) -> None:
+        """A reader of rospy does not connect again by itself after its connection has ended."""
+        for name, publisher in self._topics.items():
+            if is_read(publisher):
+                self._read_topics[name] = 0
+            elif _now_ms() - self._read_topics.get(name, _now_ms()) >= NAMED_AGAIN_MS:
+                self._read_topics[name] = _now_ms()
+                threading.Thread(
+                    target=name_again,
+                    args=(publisher.resolved_name, publisher.type),
+                    name=f"name {name} again",
+                    daemon=True,
+                ).start()
 
     def _drop(self, name: str) -> None:
         line = self._services[name]
@@ -291,6 +339,11 @@ class OrderSender:
             with self._changed:
                 self._open = is_open
                 self._changed.notify_all()
+
+
+def is_read(publisher: Any) -> bool:
+    """True when another node than ours reads the topic."""
+    return any(it.endpoint_id != rospy.get_name() for it in list(publisher.impl.connections))
 
 
 def _unacknowledged_bytes(sock: socket.socket) -> int:

@@ -1,7 +1,8 @@
 """Closes connections to other machines over a lost link, so that what was ordered before is not delivered after it.
 
 TCP keeps what is not acknowledged, and delivers it when a link is back: minutes later, a go-to would start a vehicle. Here
-a connection by which this node sends ends when nothing was acknowledged for `UNACKNOWLEDGED_S`, with all that it holds.
+a connection by which this node sends ends when nothing was acknowledged for `UNACKNOWLEDGED_S`, with all that it holds. Of
+topics by which orders leave only those end that hold bytes, and never that of cancels, which stop a vehicle at any time.
 A subscription sends nothing. It asks a silent publisher every few seconds whether its connection is still there.
 """
 
@@ -39,6 +40,16 @@ def end_when_unacknowledged(sock: socket.socket) -> None:
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, UNACKNOWLEDGED_S)
+
+
+def outlive_gaps(sock: socket.socket, *, with_bytes: bool) -> None:
+    """For a topic by which orders leave: its connection outlives a gap of the link, `with_bytes` what it then holds, too.
+
+    A vehicle's reader, one of rospy, learns after 150 s that a connection ended in a gap, and connects no new one before.
+    """
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 0)
+    if with_bytes:
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 0)
 
 
 def notice_end(sock: socket.socket) -> None:

@@ -6,7 +6,8 @@ whether it knows us. If not, or when the master was out of reach, or on request,
 publishers that the master names are connected. Events are kept for the flight, which journals them at its next tick.
 
 rospy also gives a connection up that ends, as one to another machine does whose link was cut, though the master still names
-its publisher. So this notes which connections have ended, and registers again until they are back or named no more.
+its publisher. So this notes which connections have ended, and registers again until they are back or named no more. A topic
+of ours that has lost a reader is named again some times: the reader may have ended, or lost its link.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from __future__ import annotations
 import threading
 import time
 import xmlrpc.client
+from contextlib import suppress
 from http.client import HTTPException
 from typing import Any
 
+import rosgraph
 import rospy
 from rospy.impl.registration import (
     RegManager,
@@ -37,6 +40,8 @@ _LEAVE_S = 1.0
 """A run that a person ended is over within five seconds."""
 _LONGEST_RETRY_S = 30.0
 """The longest time between two tries to connect to a publisher whose connection ended: it may have been killed."""
+_CALLED_S = 300.0
+"""A reader is called back for so long: one of rospy may notice after 150 s that its connection has ended."""
 
 
 def forget_silent_master(master_uri: str) -> None:
@@ -56,6 +61,18 @@ def forget_silent_master(master_uri: str) -> None:
         listeners.clear()
 
 
+def name_again(topic: str, kind: str) -> None:
+    """Has the master name this node's publisher to the topic's readers again; without an answer nothing happens.
+
+    A reader of rospy whose connection has ended does not come back by itself.
+    """
+    with (
+        suppress(OSError, HTTPException, xmlrpc.client.Error),
+        xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=Timed(_CALL_S)) as master,
+    ):
+        master.registerPublisher(rospy.get_name(), topic, kind, rospy.get_node_uri())
+
+
 class MasterWatch:
     """The node is initialised before. One thread, which ends with `close`."""
 
@@ -69,6 +86,10 @@ class MasterWatch:
         self._lost: set[tuple[str, str]] = set()
         """Those whose connection ended since."""
         self._retry_s, self._retry_at_s = period_s, 0.0
+        self._readers: set[tuple[str, str]] = set()
+        """Our topics, and the nodes that read them, at the last look."""
+        self._left: dict[tuple[str, str], tuple[float, float]] = {}
+        """Readers whose connection ended: since when, and the time of the next call."""
         self._requested = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watch of the master", daemon=True)
@@ -99,6 +120,7 @@ class MasterWatch:
         code, _, _ = call_for_reply(self._uri, "lookupNode", rospy.get_name())
         was_gone, requested = self._gone_since_s, self._requested.is_set()
         self._note_connections()
+        self._call_readers_back()
         is_retry = bool(self._lost) and time.monotonic() >= self._retry_at_s
         if code == 1 and was_gone is None and not requested and not is_retry:
             return
@@ -124,6 +146,27 @@ class MasterWatch:
         if ended - self._lost:
             self._retry_s, self._retry_at_s = self._period_s, 0.0
         self._lost = (self._lost | ended) - connected
+
+    def _call_readers_back(self) -> None:
+        readers = {
+            (topic, peer)
+            for _, peer, direction, _, topic, *_ in get_topic_manager().get_pub_sub_info()
+            if direction == "o"
+        }
+        now_s, kinds = time.monotonic(), dict(get_topic_manager().get_publications())
+        self._left |= dict.fromkeys(self._readers - readers, (now_s, now_s))
+        self._readers = readers
+        self._left = {
+            it: (since_s, call_s)
+            for it, (since_s, call_s) in self._left.items()
+            if it not in readers and it[0] in kinds and now_s - since_s < _CALLED_S
+        }
+        due = {it: since_s for it, (since_s, call_s) in self._left.items() if call_s <= now_s}
+        for topic in {topic for topic, _ in due}:
+            name_again(topic, kinds[topic])
+        for it, since_s in due.items():
+            wait_s = min(max(self._period_s, now_s - since_s), _LONGEST_RETRY_S)
+            self._left[it] = (since_s, now_s + wait_s)
 
     def _register_again(self) -> int:
         """Returns the number of registered topics and services. A node that is ending has none."""

@@ -274,6 +274,14 @@ def blocked(it: Try) -> Case:
     return it.case(begun_s, must_take=False, is_rest_due=False)
 
 
+def gap(it: Try) -> None:
+    """The bench's connections end in it, and the vehicle's computer learns nothing of that."""
+    it.flight.link(1.0)
+    it.flight.pause(6.0)
+    it.flight.link(0.0)
+    it.flight.pause(5.0)
+
+
 def lossy(it: Try) -> None:
     it.flight.link(0.3, 0.5)
     it.flight.pause(5.0)
@@ -385,7 +393,13 @@ ROWS: dict[str, Row] = {
             limit_s=LOSSY_LIMIT_S,
             must_take=False,
             may_stand=True,  # positions come too late there, so that a guard's OFF is often in force before
+            at_place_m=2.0,
         ),
+    ),
+    "gap": Row("`stop` 5 s after the Wi-Fi was away for 6 s", stopped("stop", before=gap)),
+    "gap, off": Row(
+        "`stop --off` 5 s after the Wi-Fi was away for 6 s",
+        stopped("stop", "--off", before=gap, must_be=Kind.OFF),
     ),
     "current": Row("`stop` in a steady current of 0.25 m/s", stopped("stop"), Setup(current_m_s=(0.2, 0.15))),
     "clock off": Row("`stop` with the vehicle's clock 30 s off", stopped("stop"), Setup(clock_off_s=30.0)),
