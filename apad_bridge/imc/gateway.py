@@ -21,7 +21,7 @@ from apad_bridge.imc.lsf_log import LsfLog
 from apad_bridge.imc.orders import ConsoleOrders, Order, Unfit
 from apad_bridge.imc.picture import RunPicture
 from apad_bridge.imc.protocol import Message
-from apad_bridge.imc.systems import System, amussel_system, apad_system
+from apad_bridge.imc.systems import RunNumber, System
 from apad_bridge.imc.wire import Address, Console, Received, Wire
 from apad_bridge.records.journal import await_beginning
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
@@ -47,7 +47,8 @@ _SUMMARY_S = 10.0
 class GatewaySettings:
     """Addresses of a gateway and of its consoles."""
 
-    listen: Address
+    listen: tuple[str, int | None]
+    """None for the port that goes with the aPad's id."""
     consoles: tuple[Console, ...]
     multicast: bool = False
     """Announce by multicast too, and show the run to consoles that announce themselves so. It gives nobody orders."""
@@ -66,16 +67,25 @@ class ImcGateway:
     def __init__(
         self, run_dir: Path, scenario: Scenario, settings: GatewaySettings, tell: Callable[[str], None]
     ) -> None:
-        """`tell` takes lines for a person. OSError for an address that cannot be used."""
+        """`tell` takes lines for a person. OSError for an address that cannot be used, RunDirectoryError for no ids."""
         self._run_dir = run_dir
         self._scenario = scenario
         self._tell = tell
         self._frame = LocalFrame.about(scenario.area.origin)
-        self._apad = apad_system(scenario.apad.name)
-        systems = [self._apad, *map(amussel_system, scenario.fleet.ids)]
+        self._number = _number_of(run_dir, scenario)
+        self._run_systems = self._number.systems
+        self._apad = self._run_systems.apad(scenario.apad.name)
+        systems = [self._apad, *map(self._run_systems.amussel, scenario.fleet.ids)]
         self._systems = {it.imc_id: it for it in systems}
         self._orders = ConsoleOrders(self._frame, self._apad.name)
-        self._wire = Wire(settings.listen, settings.consoles, multicast=settings.multicast)
+        host, port = settings.listen
+        listen = (host, self._run_systems.port(scenario.apad.name) if port is None else port)
+        try:
+            self._wire = Wire(listen, settings.consoles, multicast=settings.multicast)
+        except OSError:
+            self._number.close()
+            raise
+        self._newest_s = 0.0
         self._log = LsfLog(run_dir, time.time())
         self._answers: queue.SimpleQueue[_Answered] = queue.SimpleQueue()
         self._awaited = 0
@@ -88,6 +98,15 @@ class ImcGateway:
     @property
     def address(self) -> Address:
         return self._wire.address
+
+    @property
+    def apad(self) -> System:
+        return self._apad
+
+    @property
+    def systems(self) -> dict[int, str]:
+        """The names of all systems, by their ids."""
+        return {imc_id: it.name for imc_id, it in self._systems.items()}
 
     @property
     def log_folder(self) -> Path:
@@ -114,8 +133,11 @@ class ImcGateway:
         finally:
             self._log.close()
             self._wire.close()
+            self._number.close()
 
     def _show(self, picture: RunPicture, is_asked_to_end: Callable[[], bool]) -> str | None:
+        if self._number.was_taken:
+            self._tell("another run has the IMC ids and names that this run had: it has others now")
         self._record([messages.logging_started(self._log.name), messages.entity_list()])
         next_beat_s = next_announce_s = next_poll_s = 0.0
         end_seen_s: float | None = None
@@ -150,7 +172,7 @@ class ImcGateway:
             self._send(self._apad, [messages.announce(self._apad, place, services)], announces=True)
         if len(picture.amussels) <= messages.MOST_ANNOUNCED:
             for amussel in picture.amussels:
-                system = amussel_system(amussel.agent_id)
+                system = self._run_systems.amussel(amussel.agent_id)
                 place = messages.place_rad(self._frame, amussel.north_m, amussel.east_m)
                 self._send(system, [messages.announce(system, place, services)], announces=True)
 
@@ -158,11 +180,11 @@ class ImcGateway:
         """Everything that a console is to hear once a second."""
         self._send(self._apad, self._of_apad(picture))
         for amussel in picture.amussels:
+            system = self._run_systems.amussel(amussel.agent_id)
             if len(picture.amussels) <= messages.MOST_ANNOUNCED:
-                said = [imc.Heartbeat(), *messages.of_amussel(amussel, self._frame)]
-                self._send(amussel_system(amussel.agent_id), said)
+                self._send(system, [imc.Heartbeat(), *messages.of_amussel(amussel, self._frame)])
             else:
-                self._send(self._apad, messages.reported(amussel, self._frame))
+                self._send(self._apad, messages.reported(system.name, amussel, self._frame))
 
     def _of_apad(self, picture: RunPicture) -> Iterator[Message]:
         takes_orders = self._takes_orders
@@ -174,14 +196,14 @@ class ImcGateway:
 
     def _show_events(self, events: Iterable[ToldEvent]) -> None:
         for event in events:
-            entry = messages.log_book_entry(event.text, time.time(), is_warning=event.category.is_trouble)
+            entry = messages.log_book_entry(event.text, self._now_s(), is_warning=event.category.is_trouble)
             self._send(self._apad, [entry])
 
     def _show_samples(self, picture: RunPicture) -> None:
         newest = {line.get("id"): line for line in picture.new_samples()}
         for agent_id, sample in newest.items():
             if isinstance(agent_id, int):
-                self._send(amussel_system(agent_id), messages.of_sample(sample))
+                self._send(self._run_systems.amussel(agent_id), messages.of_sample(sample))
 
     def _take(self, received: Received) -> None:
         message = received.message
@@ -196,7 +218,7 @@ class ImcGateway:
         """Answers as the system that is asked. A console asks each of them at its every Announce, until it is answered."""
         asked = self._systems.get(received.message.dst)
         if asked is not None and received.sender in self._wire.destinations:
-            stamped = messages.stamped(messages.entity_list(), asked, time.time(), received.message.src)
+            stamped = messages.stamped(messages.entity_list(), asked, self._now_s(), received.message.src)
             self._log.append(self._wire.send_to(stamped, received.sender))
 
     def _take_order(self, received: Received) -> None:
@@ -216,12 +238,12 @@ class ImcGateway:
         self._newest_orders[packet] = None
         if len(self._newest_orders) > _NEWEST_PACKETS:
             del self._newest_orders[next(iter(self._newest_orders))]
-        self._log.append(packet)
+        self._log.append_received(message, self._now_s())
         try:
-            order = self._orders.take(message, f"IMC {message.src:#06x}", time.time())
+            order = self._orders.take(message, f"IMC {message.src:#06x}", self._now_s())
         except (Unfit, ValueError) as unfit:
             entry = messages.log_book_entry(
-                f"{message.msg_name} refused: {unfit}", time.time(), is_warning=True
+                f"{message.msg_name} refused: {unfit}", self._now_s(), is_warning=True
             )
             self._send_to(received.sender, entry, message.src)
             return
@@ -255,17 +277,22 @@ class ImcGateway:
 
     def _send(self, source: System, said: Iterable[Message], *, announces: bool = False) -> None:
         for message in said:
-            stamped = messages.stamped(message, source, time.time())
+            stamped = messages.stamped(message, source, self._now_s())
             self._log.append(self._wire.send(stamped, announces=announces))
 
     def _send_to(self, console: Address, message: Message, imc_id: int) -> None:
-        stamped = messages.stamped(message, self._apad, time.time(), imc_id)
+        stamped = messages.stamped(message, self._apad, self._now_s(), imc_id)
         self._log.append(self._wire.send_to(stamped, console))
 
     def _record(self, said: Iterable[Message]) -> None:
         """Writes messages into the log alone."""
         for message in said:
-            self._log.append_message(messages.stamped(message, self._apad, time.time()))
+            self._log.append(imc.packed(messages.stamped(message, self._apad, self._now_s())))
+
+    def _now_s(self) -> float:
+        """Unix time, which never goes back: a machine's clock may be set back while it serves."""
+        self._newest_s = max(self._newest_s, time.time())
+        return self._newest_s
 
 
 def serve(
@@ -290,6 +317,14 @@ def serve(
         gateway = ImcGateway(run_dir, scenario, settings, tell)
         listening(gateway)
         return gateway.run(asked_to_end.is_set), gateway.dropped
+
+
+def _number_of(run_dir: Path, scenario: Scenario) -> RunNumber:
+    """The number of the whole run: that of one of several aPads lies above it."""
+    if RunDirectory(run_dir.absolute().parent).scenario.is_file():
+        run_dir = run_dir.absolute().parent
+        scenario = load(RunDirectory(run_dir).scenario)
+    return RunNumber(run_dir, scenario)
 
 
 def _is_order(message: Message) -> bool:

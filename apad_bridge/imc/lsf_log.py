@@ -39,9 +39,15 @@ class LsfLog:
     def append(self, packet: bytes) -> None:
         self._file.write(packet)
 
-    def append_message(self, message: Message) -> None:
-        """Appends a message that was received, in this machine's byte order."""
+    def append_received(self, message: Message, now_s: float) -> None:
+        """Appends a message that was received, in this machine's byte order, at the time of its arrival.
+
+        Its own time is that of another clock, and of a moment before the newest messages that were sent.
+        """
+        theirs = message.timestamp
+        message.timestamp = now_s
         self.append(imc.packed(message))
+        message.timestamp = theirs
 
     def flush(self) -> None:
         self._file.flush()

@@ -14,7 +14,7 @@ from apad_bridge.events.mission import Phase
 from apad_bridge.imc import protocol as imc
 from apad_bridge.imc.picture import AMusselView, ConsoleAPad, RunPicture
 from apad_bridge.imc.protocol import Message
-from apad_bridge.imc.systems import NOBODY, System, amussel_system
+from apad_bridge.imc.systems import NOBODY, System
 from apad_bridge.records.journal import Line
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from firmware_model.power.charge import EMPTY_MV, FULL_MV
@@ -147,18 +147,15 @@ def entity_state(amussel: AMusselView) -> Message:
     return message
 
 
-def reported(amussel: AMusselView, frame: LocalFrame) -> Iterator[Message]:
+def reported(name: str, amussel: AMusselView, frame: LocalFrame) -> Iterator[Message]:
     """An aMussel of a large fleet, in messages of the aPad's: an external system on the map, with a line of text."""
-    system, latitude_longitude = (
-        amussel_system(amussel.agent_id),
-        place_rad(frame, amussel.north_m, amussel.east_m),
-    )
+    latitude_longitude = place_rad(frame, amussel.north_m, amussel.east_m)
     seen = imc.ReportedState()
     seen.lat, seen.lon = latitude_longitude
-    seen.sid, seen.s_type = system.name, imc.ReportedState.SourceTypeEnum.ACOUSTIC_MODEM
+    seen.sid, seen.s_type = name, imc.ReportedState.SourceTypeEnum.ACOUSTIC_MODEM
     yield seen
     sensor = imc.RemoteSensorInfo()
-    sensor.id, sensor.sensor_class = system.name, _SENSOR_CLASS
+    sensor.id, sensor.sensor_class = name, _SENSOR_CLASS
     sensor.lat, sensor.lon = latitude_longitude
     sensor.data = f"state={amussel.state.name.lower()};fuel={100 * amussel.fraction:.0f}"
     yield sensor

@@ -65,7 +65,7 @@ class Wire:
     """Sends to every console, and receives. What cannot be read, or sent, is dropped and counted in `dropped`."""
 
     def __init__(self, listen: Address, consoles: tuple[Console, ...], *, multicast: bool) -> None:
-        """Listens on an address of this machine. OSError when it cannot be used."""
+        """Listens on an address of this machine. OSError, with a line for people, when it cannot be used."""
         self.dropped: Counter[str] = Counter()
         self._consoles = consoles
         self._discovered: dict[int, Address] = {}
@@ -84,9 +84,10 @@ class Wire:
                 self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
                 self._group = _joined(own)
                 self._selector.register(self._group, selectors.EVENT_READ, True)
-        except OSError:
+        except OSError as error:
             self.close()
-            raise
+            why = f"cannot listen on {listen[0]} port {listen[1]}: {error.strerror}"
+            raise OSError(error.errno, why) from error
         self._selector.register(self._socket, selectors.EVENT_READ, False)
 
     @property

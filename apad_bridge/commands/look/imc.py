@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.help_text import ending
 from apad_bridge.runs.exits import Exit, UserError
-from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
     from apad_bridge.runs.beside import Service
@@ -100,7 +99,7 @@ def _add_gateway_arguments(parser: Any, prefix: str) -> None:
         f"--{prefix}port",
         type=int,
         metavar="N",
-        help="listen on this port (default: 6001 and the aPad's number); 0: a free one",
+        help="listen on this port (default: by the aPad's IMC id, 6002 for apad1); 0: a free one",
     )
     parser.add_argument(
         f"--{prefix}multicast",
@@ -112,7 +111,6 @@ def _add_gateway_arguments(parser: Any, prefix: str) -> None:
 def run(arguments: argparse.Namespace) -> int:
     _require_imcpy()
     from apad_bridge.imc.gateway import GatewaySettings, ImcGateway, serve
-    from apad_bridge.imc.systems import apad_number
     from apad_bridge.imc.wire import Console
     from apad_bridge.records.run_directory import RunDirectoryError
 
@@ -121,9 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         raise UserError(f"--neptus {error}") from error
     host, port = _interface(arguments.host), arguments.port
-    if port is None:
-        port = NEPTUS_PORT + apad_number(_apad_name(arguments.directory))
-    if not 0 <= port < 65536:
+    if port is not None and not 0 <= port < 65536:
         raise UserError(f"--port must be 0 to 65535, not {port}")
 
     def tell(data: dict[str, Any], text: str) -> None:
@@ -131,10 +127,11 @@ def run(arguments: argparse.Namespace) -> int:
 
     def listening(gateway: ImcGateway) -> None:
         here, listens_on = gateway.address
-        log = gateway.log_folder
+        log, apad = gateway.log_folder, gateway.apad
         tell(
-            {"listens": f"{here}:{listens_on}", "log": str(log)},
-            f"IMC on {here}:{listens_on}, for {', '.join(map(_console_text, consoles))}; log: {log}",
+            {"listens": f"{here}:{listens_on}", "system": apad.name, "imc_id": apad.imc_id, "log": str(log)},
+            f"IMC on {here}:{listens_on}, as {apad.name} ({apad.imc_id:#06x}), "
+            f"for {', '.join(map(_console_text, consoles))}; log: {log}",
         )
 
     try:
@@ -147,7 +144,7 @@ def run(arguments: argparse.Namespace) -> int:
     except RunDirectoryError as error:
         raise UserError(str(error)) from error
     except OSError as error:
-        raise UserError(f"cannot listen on {host} port {port}: {error.strerror}") from error
+        raise UserError(error.strerror or str(error)) from error
     for reason, count in sorted(dropped.items()):
         print(f"musselbed imc: dropped {count} times: {reason}", file=sys.stderr, flush=True)
     if ended_by is not None:
@@ -181,17 +178,6 @@ def _interface(text: str) -> str:
             f"--host {text}: name the address of one interface, by which consoles reach this machine"
         )
     return text
-
-
-def _apad_name(directory: Path) -> str:
-    """The aPad of a run; an empty name where the directory holds no run, which is told later."""
-    from apad_bridge.records.run_directory import RunDirectory
-    from apad_bridge.scenario.loader import load
-
-    try:
-        return load(RunDirectory(directory).scenario).apad.name
-    except (OSError, ScenarioError):
-        return ""
 
 
 def _require_imcpy() -> None:

@@ -5,27 +5,41 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 import socket
 import time
 from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from imc_codec import Codec, header_of, name_of
 
 from apad_bridge.commands import main
 from apad_bridge.imc import messages
 from apad_bridge.imc.gateway import GatewaySettings, ImcGateway
-from apad_bridge.imc.protocol import packed
-from apad_bridge.imc.systems import amussel_system
-from apad_bridge.imc.wire import Console
+from apad_bridge.imc.protocol import packed, unpacked
+from apad_bridge.imc.systems import Systems
+from apad_bridge.imc.wire import Console, Received
 from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.scenario.loader import load
 
-APAD = 0x2A01
+
+def apad_and_amussels(gateway: ImcGateway) -> tuple[int, int]:
+    """The ids of `apad1` and of an aMussel 0. Another run on this machine, such as another test's, may have the first."""
+    block, within = divmod(gateway.apad.imc_id - 0x2A00, 0x10)
+    assert within == 1
+    return gateway.apad.imc_id, 0x9A00 + 0x40 * block
+
+
+def suffix(gateway: ImcGateway) -> str:
+    return gateway.apad.name.removeprefix("apad1")
 
 
 def show(run_dir: Path) -> tuple[ImcGateway, list[bytes]]:
@@ -33,8 +47,8 @@ def show(run_dir: Path) -> tuple[ImcGateway, list[bytes]]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
         console.bind(("127.0.0.1", 0))
         console.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        settings = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname(), 0x4001),))
-        gateway = ImcGateway(run_dir, load(run_dir / "scenario.yaml"), settings, pytest.fail)
+        asked = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname(), 0x4001),))
+        gateway = ImcGateway(run_dir, load(run_dir / "scenario.yaml"), asked, lambda _: None)
         assert gateway.run(lambda: False) == "mission time"
         packets = []
         console.setblocking(False)
@@ -46,9 +60,8 @@ def show(run_dir: Path) -> tuple[ImcGateway, list[bytes]]:
 
 
 @pytest.fixture(scope="module")
-def shown(flown: Path) -> tuple[Path, list[bytes]]:
-    gateway, packets = show(flown)
-    return gateway.log_folder / "Data.lsf", packets
+def shown(flown: Path) -> tuple[ImcGateway, list[bytes]]:
+    return show(flown)
 
 
 def by_kind(said: list[Any]) -> dict[tuple[int, str], list[Any]]:
@@ -59,9 +72,10 @@ def by_kind(said: list[Any]) -> dict[tuple[int, str], list[Any]]:
 
 
 def test_an_independent_codec_reads_every_packet_and_the_log_has_them_all(
-    shown: tuple[Path, list[bytes]], codec: Codec
+    shown: tuple[ImcGateway, list[bytes]], codec: Codec
 ) -> None:
-    log, packets = shown
+    gateway, packets = shown
+    log = gateway.log_folder / "Data.lsf"
     logged = log.read_bytes()
     said = codec.read_log(logged)
     assert name_of(said[0]) == "LoggingControl" and said[0].op == 1
@@ -70,27 +84,28 @@ def test_an_independent_codec_reads_every_packet_and_the_log_has_them_all(
     assert b"".join(packets) == logged[-len(b"".join(packets)) :]
 
 
-def test_times_are_unix_time_also_at_theta_30(shown: tuple[Path, list[bytes]], codec: Codec) -> None:
+def test_times_are_unix_time_also_at_theta_30(shown: tuple[ImcGateway, list[bytes]], codec: Codec) -> None:
     now_s = time.time()
     for packet in shown[1]:
         assert now_s - 600 < header_of(codec.read(packet)).timestamp <= now_s
 
 
 def test_the_systems_are_announced_where_the_journal_says_that_they_are(
-    flown: Path, shown: tuple[Path, list[bytes]], codec: Codec
+    flown: Path, shown: tuple[ImcGateway, list[bytes]], codec: Codec
 ) -> None:
     frame = LocalFrame.about(load(flown / "scenario.yaml").area.origin)
     newest: dict[int, dict[str, Any]] = {}
+    apad, amussels = apad_and_amussels(shown[0])
     for line in read_journal(flown / "journal.jsonl").lines:
         if line["kind"] == "belief":
-            newest[0x9A00 + line["id"]] = line
+            newest[amussels + line["id"]] = line
         elif line["kind"] == "apad":
-            newest[APAD] = line
-            docked = {0x9A00 + it for it in line["docks"] if it >= 0}
+            newest[apad] = line
+            docked = {amussels + it for it in line["docks"] if it >= 0}
     said = by_kind([codec.read(it) for it in shown[1]])
     assert {src for src, _ in said} == newest.keys() and len(newest) == 7
     for src, line in newest.items():
-        place = newest[APAD] if src in docked else line
+        place = newest[apad] if src in docked else line
         (announced,), state = said[src, "Announce"], said[src, "EstimatedState"][-1]
         latitude, longitude = map(math.radians, frame.to_geographic(place["north_m"], place["east_m"]))
         assert (announced.lat, announced.lon) == pytest.approx((latitude, longitude), abs=1e-12)
@@ -98,31 +113,37 @@ def test_the_systems_are_announced_where_the_journal_says_that_they_are(
             (math.radians(frame.latitude_deg), math.radians(frame.longitude_deg)), abs=1e-15
         )
         assert (state.x, state.y) == pytest.approx((place["north_m"], place["east_m"]), abs=1e-4)
-        charge = line["battery"] if src == APAD else line["charge"]
+        charge = line["battery"] if src == apad else line["charge"]
         assert said[src, "FuelLevel"][-1].value == pytest.approx(100 * charge, abs=1e-4)
-        volts = line["voltage_v"] if src == APAD else 3.6 + 0.6 * charge
+        volts = line["voltage_v"] if src == apad else 3.6 + 0.6 * charge
         assert said[src, "Voltage"][-1].value == pytest.approx(volts, abs=1e-3)
         assert said[src, "Heartbeat"] != []
         assert announced.services.startswith("imc+udp://127.0.0.1:")
     names = {said[src, "Announce"][0].sys_name: said[src, "Announce"][0].sys_type for src in newest}
-    assert names == {"apad1": 3, **{f"amussel{n}": 7 for n in range(1, 7)}}
+    assert names == {
+        f"apad1{suffix(shown[0])}": 3,
+        **{f"amussel{n}{suffix(shown[0])}": 7 for n in range(1, 7)},
+    }
     for src, line in newest.items():
-        if src != APAD:
+        if src != apad:
             assert said[src, "EntityState"][-1].description == line["state"].lower().replace("_", " ")
-    assert said[APAD, "PlanControlState"][-1].state == 0  # blocked: the run has ended
+    assert said[apad, "PlanControlState"][-1].state == 0  # blocked: the run has ended
 
 
 def test_a_large_fleet_is_reported_by_the_apad_alone(
     flown: Path, codec: Codec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(messages, "MOST_ANNOUNCED", 5)
-    _, packets = show(flown)
+    gateway, packets = show(flown)
+    apad, _ = apad_and_amussels(gateway)
     said = by_kind([codec.read(it) for it in packets])
-    assert {src for src, _ in said} == {APAD}
-    assert {it.sid for it in said[APAD, "ReportedState"]} == {f"amussel{n}" for n in range(1, 7)}
-    sensor = said[APAD, "RemoteSensorInfo"][-1]
-    assert sensor.id == "amussel6" and "fuel=" in sensor.data
-    assert abs(sensor.lat - said[APAD, "Announce"][0].lat) < 1e-5
+    assert {src for src, _ in said} == {apad}
+    assert {it.sid for it in said[apad, "ReportedState"]} == {
+        f"amussel{n}{suffix(gateway)}" for n in range(1, 7)
+    }
+    sensor = said[apad, "RemoteSensorInfo"][-1]
+    assert sensor.id == f"amussel6{suffix(gateway)}" and "fuel=" in sensor.data
+    assert abs(sensor.lat - said[apad, "Announce"][0].lat) < 1e-5
 
 
 def test_samples_are_told_in_the_units_of_imc(codec: Codec) -> None:
@@ -136,7 +157,7 @@ def test_samples_are_told_in_the_units_of_imc(codec: Codec) -> None:
     }
     read = {}
     for message in messages.of_sample(sample):
-        stamped = messages.stamped(message, amussel_system(3), 1e9)
+        stamped = messages.stamped(message, Systems().amussel(3), 1e9)
         got = codec.read(packed(stamped))
         read[name_of(got)] = got.value
     assert read == {
@@ -237,9 +258,15 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
     ):
         for link in (console, stranger):
             link.bind(("127.0.0.1", 0))
-        settings = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname()),))
-        gateway = ImcGateway(flown, load(flown / "scenario.yaml"), settings, pytest.fail)
-        for link, asked in ((console, APAD), (console, 0x9A03), (console, 0x9A63), (stranger, 0x9A04)):
+        asked = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname()),))
+        gateway = ImcGateway(flown, load(flown / "scenario.yaml"), asked, lambda _: None)
+        apad, amussels = apad_and_amussels(gateway)
+        for link, asked in (
+            (console, apad),
+            (console, amussels + 3),
+            (console, amussels + 7),
+            (stranger, amussels + 4),
+        ):
             query = codec.make("EntityList", op=1)
             link.sendto(codec.pack(query, 0x4001, asked), gateway.address)
         # The run has ended, and the gateway with it: what it hears is given to it by hand.
@@ -248,6 +275,7 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
                 gateway._take(received)
         gateway._wire.close()
         gateway._log.close()
+        gateway._number.close()
         console.setblocking(False)
         answers = []
         while True:
@@ -257,4 +285,116 @@ def test_each_shown_system_answers_for_its_entities_to_the_console_that_asked(
                 break
             if name_of(message) == "EntityList":
                 answers.append((header_of(message).src, header_of(message).dst, message.list))
-    assert answers == [(APAD, 0x4001, messages.ENTITIES), (0x9A03, 0x4001, messages.ENTITIES)]
+    assert answers == [(apad, 0x4001, messages.ENTITIES), (amussels + 3, 0x4001, messages.ENTITIES)]
+
+
+@pytest.fixture
+def copy_of_run(flown: Path, tmp_path: Path) -> Callable[[str], Path]:
+    return lambda name: Path(shutil.copytree(flown, tmp_path / name, ignore=shutil.ignore_patterns("imc")))
+
+
+@contextmanager
+def opened(run: Path, tell: Callable[[str], None] = pytest.fail) -> Iterator[ImcGateway]:
+    """A gateway at the port that it chooses by itself."""
+    asked = GatewaySettings(("127.0.0.1", None), (Console(("127.0.0.1", 9)),))
+    gateway = ImcGateway(run, load(run / "scenario.yaml"), asked, tell)
+    try:
+        yield gateway
+    finally:
+        gateway.run(lambda: True)
+
+
+def announced_by(run: Path, codec: Codec, tell: Callable[[str], None] = pytest.fail) -> dict[str, int]:
+    """The ids by name of the systems that a gateway of the run announces from its beginning to its end."""
+    asked = GatewaySettings(("127.0.0.1", None), (Console(("127.0.0.1", 9)),))
+    gateway = ImcGateway(run, load(run / "scenario.yaml"), asked, tell)
+    gateway.run(lambda: False)
+    said = codec.read_log((gateway.log_folder / "Data.lsf").read_bytes())
+    return {it.sys_name: header_of(it).src for it in said if name_of(it) == "Announce"}
+
+
+def test_runs_that_a_machine_shows_at_once_share_no_id_name_or_port(
+    copy_of_run: Callable[[str], Path], codec: Codec
+) -> None:
+    with opened(copy_of_run("a")) as first, opened(copy_of_run("b")) as second:
+        third = announced_by(copy_of_run("c"), codec)
+        systems = [first.systems, second.systems, {number: name for name, number in third.items()}]
+        assert [len(it) for it in systems] == [7, 7, 7]
+        assert len({it for one in systems for it in one}) == 21
+        assert len({name for one in systems for name in one.values()}) == 21
+        assert first.address != second.address
+
+
+def test_a_run_that_is_shown_again_has_the_systems_that_it_had(
+    copy_of_run: Callable[[str], Path], codec: Codec
+) -> None:
+    with opened(copy_of_run("a")):
+        second = copy_of_run("b")
+        had = announced_by(second, codec)
+    assert announced_by(second, codec) == had  # the lower ids are free by now, and not taken
+
+
+def test_a_run_whose_systems_another_run_has_by_now_takes_others_and_says_so(
+    copy_of_run: Callable[[str], Path], codec: Codec
+) -> None:
+    first, second, told = copy_of_run("a"), copy_of_run("b"), list[str]()
+    had = announced_by(first, codec)
+    (second / "imc").mkdir()
+    shutil.copy(first / "imc" / "number", second / "imc" / "number")
+    with opened(second):
+        now = announced_by(first, codec, told.append)
+    assert not set(now.values()) & set(had.values()) and not set(now) & set(had)
+    assert told == ["another run has the IMC ids and names that this run had: it has others now"]
+
+
+def test_gateways_of_one_run_of_several_apads_share_its_ids(copy_of_run: Callable[[str], Path]) -> None:
+    whole = copy_of_run("whole")
+    for name in ("apad1", "apad2"):
+        shutil.copytree(whole, whole / name, ignore=shutil.ignore_patterns("imc", "apad*"))
+        scenario = yaml.safe_load((whole / "scenario.yaml").read_text())
+        scenario["apad"]["name"] = name
+        (whole / name / "scenario.yaml").write_text(yaml.safe_dump(scenario))
+    with opened(whole / "apad1") as first, opened(whole / "apad2") as second:
+        assert second.apad.imc_id == first.apad.imc_id + 1
+        assert second.address[1] == first.address[1] + 1
+        assert apad_and_amussels(first)[1] == second.apad.imc_id // 0x10 * 0x40 - 0x2A0 * 0x40 + 0x9A00
+
+
+def test_no_ids_left_is_one_line(
+    copy_of_run: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    large = copy_of_run("large")
+    scenario = yaml.safe_load((large / "scenario.yaml").read_text())
+    scenario["fleet"]["first_id"] = 1500
+    (large / "scenario.yaml").write_text(yaml.safe_dump(scenario))
+    with opened(copy_of_run("a")):
+        assert main.main(["imc", str(large)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    clock_s=st.lists(st.floats(1e9, 2e9), min_size=1, max_size=20),
+    consoles_s=st.lists(st.floats(1e9, 2e9), max_size=5),
+)
+def test_a_log_never_goes_back_in_time(
+    flown: Path, codec: Codec, clock_s: list[float], consoles_s: list[float]
+) -> None:
+    """Whatever the clock of a console, and wherever this machine's clock is set while the gateway serves."""
+    readings = iter(clock_s)
+    with pytest.MonkeyPatch.context() as patch, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as console:
+        console.bind(("127.0.0.1", 0))
+        asked = GatewaySettings(("127.0.0.1", 0), (Console(console.getsockname(), 0x4001),))
+        gateway = ImcGateway(flown, load(flown / "scenario.yaml"), asked, lambda _: None)
+        patch.setattr(time, "time", lambda: next(readings, clock_s[-1]))
+        for sent_s in consoles_s:
+            store = codec.make("PlanDB", op=6)
+            message = unpacked(codec.pack(store, 0x4001, gateway.apad.imc_id))
+            message.timestamp = sent_s
+            gateway._take(Received(message, console.getsockname(), by_multicast=False))
+            gateway._send(gateway.apad, [messages.entity_list()])
+        gateway.run(lambda: True)
+    said = codec.read_log((gateway.log_folder / "Data.lsf").read_bytes())
+    times_s = [header_of(it).timestamp for it in said]
+    assert times_s == sorted(times_s)
+    assert sum(header_of(it).src == 0x4001 for it in said) == len(set(consoles_s))

@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from imc_codec import Codec, inner, name_of
 
-from apad_bridge.commands.look.imc import NEPTUS_PORT
 from apad_bridge.imc.messages import stamped
 from apad_bridge.imc.orders import MOST_PLANS, ConsoleOrders, Order, Unfit
-from apad_bridge.imc.systems import amussel_system, apad_number, apad_system
+from apad_bridge.imc.systems import Systems
 from apad_bridge.scenario.area.local_frame import LocalFrame
 from apad_bridge.supervisor.control_client import Act, Answer
 
@@ -45,7 +44,7 @@ class Desk:
         return taken if taken is None or isinstance(taken, Order) else self.read(taken)
 
     def read(self, reply: Any) -> Any:
-        return self.codec.read(imcpy.Packet.serialize(stamped(reply, apad_system("apad1"), 1e9, NEPTUS)))
+        return self.codec.read(imcpy.Packet.serialize(stamped(reply, Systems().apad("apad1"), 1e9, NEPTUS)))
 
     def plan(self, *manoeuvres: Any, name: str = "go") -> Any:
         make = self.codec.make
@@ -178,31 +177,31 @@ def test_the_store_of_plans_is_bounded(desk: Desk) -> None:
 
 
 def test_ids_follow_the_addressing_scheme() -> None:
-    assert [apad_system(it).imc_id for it in ("apad1", "apad12", "boat", "/lab/apad2")] == [
+    assert [Systems().apad(it).imc_id for it in ("apad1", "apad12", "boat", "/lab/apad2")] == [
         0x2A01,
         0x2A0C,
         0x2A01,
         0x2A02,
     ]
-    assert amussel_system(7).imc_id == 0x9A07
+    assert Systems().amussel(7).imc_id == 0x9A07
     # Of a list of its ids, IMC_Addresses.xml: wg-sv3-127, ntnu-nest-01 and -02 have the first of the ranges.
     assert not {0x2801, 0x9001, 0x9002} & {
-        apad_system("apad1").imc_id,
-        *(amussel_system(n).imc_id for n in range(51)),
+        Systems().apad("apad1").imc_id,
+        *(Systems().amussel(n).imc_id for n in range(51)),
     }
-    assert all(0x9A00 <= amussel_system(n).imc_id <= 0x9FFF for n in (1, 1535, 1536, 0xFFFF))
-    assert all(0x2A00 <= apad_system(f"apad{n}").imc_id <= 0x2BFF for n in (1, 511, 512, 99_999))
+    assert all(0x9A00 <= Systems().amussel(n).imc_id <= 0x9FFF for n in (1, 1535, 1536, 0xFFFF))
+    assert all(0x2A00 <= Systems().apad(f"apad{n}").imc_id <= 0x2BFF for n in (1, 511, 512, 99_999))
 
 
 def test_the_shipped_definition_is_that_of_the_aPad_which_the_gateway_shows() -> None:
     root = ElementTree.parse(Path(__file__).parents[3] / "launch_scripts/neptus/90-apad1.nvcl").getroot()
-    system = apad_system("apad1")
+    system = Systems().apad("apad1")
     assert root.findtext("properties/id") == system.name and root.findtext("properties/type") == "ASV"
     imc = root.find("communication-means/comm-mean/protocols-args/imc")
     assert imc is not None
     high, low = (imc.findtext("imc-id") or "").split(":")
     assert int(high + low, 16) == system.imc_id
-    assert int(imc.findtext("port") or 0) == NEPTUS_PORT + apad_number("apad1")
+    assert int(imc.findtext("port") or 0) == Systems().port("apad1")
     manoeuvres = {it[0].tag: it[0] for it in root.findall("feasibleManeuvers/maneuver")}
     assert manoeuvres.keys() == {"Goto", "StationKeeping"}
     for manoeuvre in manoeuvres.values():
