@@ -263,6 +263,10 @@ OF_APAD = Section(
         _topic("{apad}/position", "auv_msgs/NavSts", _AB, "10 Hz"),
         _topic("{apad}/stateRef", "auv_msgs/NavSts", _AB, "10 Hz; ours also after each time of /clock"),
         _topic("{apad}/battery_level", "std_msgs/Float64", _AB, "1 Hz, percent"),
+        *(
+            NameRow(f"{{apad}}/LocalOrigin{it}", NameKind.PARAMETER, "double", _AB, "the origin, in degrees")
+            for it in ("Lat", "Lon")
+        ),
         NameRow("{apad}/action_server", NameKind.ACTION, "apad/aPad", _A, "go to, perch, release"),
         _topic("{apad}/charging", "std_msgs/Float64", "anybody", "generation A subscribes: percent gained"),
         _topic("{apad}/draining", "std_msgs/Float64", "anybody", "generation A subscribes: percent lost"),

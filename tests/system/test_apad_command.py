@@ -47,12 +47,18 @@ def test_it_offers_its_generation_alone_and_ends_when_it_is_asked_to(
             assert apad.stdout.readline() == "ready\n", apad.stderr.read()
             with xmlrpc.client.ServerProxy(master.uri) as proxy:
                 _, _, state = proxy.getSystemState("/test")  # type: ignore[misc]
+                parameters: Any = proxy.getParam("/test", "/apad1")
             offered: Any = state
+            origin = [parameters[2][it] for it in ("LocalOriginLat", "LocalOriginLon")]
+            assert origin == [43.9330937, 15.4443468]  # as the legacy stack gives Biograd
             nodes = {node for kind in offered for _, nodes in kind for node in nodes}
             assert service in {name for name, _ in offered[2]}
             assert nodes - {"/rosout"} == {"/apad1_simulated"}
             apad.send_signal(number)
             assert apad.wait(PATIENCE_S) == 130, apad.stderr.read()
+            with xmlrpc.client.ServerProxy(master.uri) as proxy:
+                names: Any = proxy.getParamNames("/test")
+            assert not [it for it in names[2] if "LocalOrigin" in it]
     finally:
         master.stop()
 

@@ -6,6 +6,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, Generic, Self, TypeVar
 
 import rospy
@@ -43,6 +44,7 @@ class LegacyServer(ABC, Generic[Vehicle]):
         self._lock = lock
         self._position = rospy.Publisher(of_apad(name, "position"), NavSts, queue_size=QUEUE)
         self._state = rospy.Publisher(of_apad(name, "stateRef"), NavSts, queue_size=QUEUE)
+        _set_origin(name, frame)
 
     @classmethod
     @abstractmethod
@@ -106,3 +108,23 @@ class LegacyServer(ABC, Generic[Vehicle]):
         message.orientation.yaw = pose.heading_rad
         message.status = NavSts.STATUS_ALL_OK
         publisher.publish(message)
+
+
+def _set_origin(name: str, frame: LocalFrame) -> None:
+    """Sets the parameters of the origin, in degrees, in the aPad's namespace, until the node ends.
+
+    One that was left would vouch for the next vehicle of this name, to its guards too.
+    """
+    degrees = {
+        of_apad(name, "LocalOriginLat"): frame.latitude_deg,
+        of_apad(name, "LocalOriginLon"): frame.longitude_deg,
+    }
+    for parameter, value in degrees.items():
+        rospy.set_param(parameter, value)
+
+    def remove() -> None:
+        with suppress(OSError, rospy.ROSException, KeyError):  # a master that has ended has no parameters
+            for parameter in degrees:
+                rospy.delete_param(parameter)
+
+    rospy.on_shutdown(remove)
