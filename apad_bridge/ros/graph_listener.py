@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from io import BytesIO
 from typing import Any
 
 import rospy
@@ -73,4 +74,13 @@ class GraphListener:
             self._connections[key] = RecordedConnection(
                 topic, kind, header["message_definition"], header["md5sum"]
             )
-        self._inbox.put(RecordedMessage(self._connections[key], at_ns, bytes(message._buff)))
+        self._inbox.put(RecordedMessage(self._connections[key], at_ns, _bytes_of(message)))
+
+
+def _bytes_of(message: Any) -> bytes:
+    """The message as it came. rospy has one reader a topic, and itself reads a simulated /clock by its class."""
+    if isinstance(message, rospy.AnyMsg):
+        return bytes(message._buff)
+    buffer = BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()

@@ -125,7 +125,7 @@ def test_120_aMussels_are_seen_each_second_and_a_viewer_orders_nothing(
     process, url = flight
     assert url.startswith("ws://127.0.0.1:")
     viewer = Viewer(url)
-    wanted = {"/musselbed/markers", "/tf_static", *map(BATTERY.format, IDS)}
+    wanted = {"/clock", "/musselbed/markers", "/tf_static", *map(BATTERY.format, IDS)}
     viewer.read_until(lambda: wanted <= viewer.channels.keys())
     uri = json.loads((tmp_path / "run" / "run.json").read_text())["master_uri"]
     # Nobody looks: the flight sends it the clock and nothing else.
@@ -136,7 +136,7 @@ def test_120_aMussels_are_seen_each_second_and_a_viewer_orders_nothing(
     stamps: dict[str, list[int]] = {}
     charges: dict[str, float] = {}
     decode = decoder(viewer.channels[BATTERY.format(1)])
-    while min(heard[BATTERY.format(it)] for it in IDS) < 5:
+    while min(heard[it] for it in ("/clock", *map(BATTERY.format, IDS))) < 5:
         if (message := viewer.read()) is not None:
             topic, at_ns, data = message
             heard[topic] += 1

@@ -9,6 +9,7 @@ import genmsg
 import genpy
 import genpy.dynamic
 import roslib.message
+import rospy
 from genmsg.gentools import compute_full_text
 from genmsg.msg_loader import load_depends, load_msg_by_type
 
@@ -43,7 +44,13 @@ class AnyMessages:
         self._classes: dict[str, Any] = {}
 
     def decode(self, message: Any) -> Any:
-        """Decodes a rospy.AnyMsg by its publisher's definition. ValueError when the definition or the bytes are wrong."""
+        """Decodes a rospy.AnyMsg by its publisher's definition. ValueError when the definition or the bytes are wrong.
+
+        A message of a class is returned as it is: rospy has one reader a topic, which decodes by the class of the first
+        subscriber in the process.
+        """
+        if not isinstance(message, rospy.AnyMsg):
+            return message
         made = self.class_of_sender(message)
         try:
             return made().deserialize(message._buff)

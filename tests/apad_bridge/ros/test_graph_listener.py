@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import rospy
+from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros import graph_listener
 from apad_bridge.ros.graph_listener import GraphListener
@@ -45,3 +46,24 @@ def test_what_comes_once_and_before_the_clock_is_handed_on_with_its_first_time(
         ("/pose", b"first", 7 * 10**9),
         ("/pose", b"second", 7 * 10**9),
     ]
+
+
+def test_a_topic_that_rospy_itself_reads_by_its_class_is_handed_on_as_bytes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """/clock under use_sim_time: rospy has one connection a topic, and gives each subscriber the first one's class."""
+    monkeypatch.setattr(graph_listener, "start_node", lambda *_, **__: None)
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(7))
+    listener = GraphListener((), "listener")
+    clock = Clock(rospy.Time(1, 2))
+    clock._connection_header = {
+        "callerid": "/clock_node",
+        "md5sum": Clock._md5sum,
+        "type": Clock._type,
+        "message_definition": Clock._full_text,
+        "latching": "0",
+    }
+    listener._put(clock, "/clock")
+    (heard,) = listener.take(1.0)
+    assert heard.data == (1).to_bytes(4, "little") + (2).to_bytes(4, "little")
+    assert (heard.connection.kind, heard.connection.md5) == ("rosgraph_msgs/msg/Clock", Clock._md5sum)

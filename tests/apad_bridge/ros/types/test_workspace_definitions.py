@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
+import rospy
 
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -93,7 +93,8 @@ def test_a_message_is_read_by_the_text_that_comes_with_it(workspace: Path) -> No
     buffer = io.BytesIO()
     pair(left=4.0).serialize(buffer)
     header = {"type": "misc_msgs/Pair", "md5sum": pair._md5sum, "message_definition": pair._full_text}
-    raw = SimpleNamespace(_connection_header=header, _buff=buffer.getvalue())
+    raw = rospy.AnyMsg()
+    raw._connection_header, raw._buff = header, buffer.getvalue()
     assert AnyMessages().decode(raw).left == 4.0
     raw._buff = raw._buff[:5]
     with pytest.raises(ValueError, match="misc_msgs/Pair"):
