@@ -94,9 +94,9 @@ def apad_battery(battery: BatteryReported, name: str, body: str) -> BatteryState
 def fix(
     frame: LocalFrame, at_ms: int, body: str, north_m: float, east_m: float, variance_m2: Vector
 ) -> NavSatFix:
-    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east), all 0 where it is not known.
+    """Degrees on WGS-84. `variance_m2` is (north, covariance, east), all 0 where it is not known.
 
-    The message's order is east, north, up. A place of ours has no height, and no variance of it.
+    The message's order is east, north, up. A place of ours has no height, for which the message wants NaN.
     """
     latitude_deg, longitude_deg = frame.to_geographic(north_m, east_m)
     north, between, east = variance_m2
@@ -106,7 +106,7 @@ def fix(
         status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=NavSatStatus.SERVICE_GPS),
         latitude=latitude_deg,
         longitude=longitude_deg,
-        altitude=0.0,
+        altitude=math.nan,
         position_covariance=[east, between, 0.0, between, north, 0.0, 0.0, 0.0, 0.0],
         position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN
         if known

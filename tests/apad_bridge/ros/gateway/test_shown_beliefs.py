@@ -68,6 +68,7 @@ def test_a_fix_has_its_covariance_as_the_message_asks_for_it() -> None:
     message = fix(LocalFrame(43.9, 15.4), 300_000, "amussel7/base_link", 10.0, 20.0, (4.0, 0.5, 9.0))
     assert message.position_covariance == [9.0, 0.5, 0.0, 0.5, 4.0, 0.0, 0.0, 0.0, 0.0]
     assert message.position_covariance_type == NavSatFix.COVARIANCE_TYPE_KNOWN
+    assert math.isnan(message.altitude)  # the message's own comment: NaN if no altitude is available
     nobody_knows = fix(LocalFrame(43.9, 15.4), 1000, "amussel7/base_link", 10.0, 20.0, (0.0, 0.0, 0.0))
     assert nobody_knows.position_covariance_type == NavSatFix.COVARIANCE_TYPE_UNKNOWN
 
