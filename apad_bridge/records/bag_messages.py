@@ -16,6 +16,7 @@ from rosbags.typesys.store import Typestore
 from agents.time_scale import MissionMs, TimeScale
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
+from apad_bridge.ros_names.frames import Frames
 
 _DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions"
 _STANDARD = Path(__file__).parent / "definitions"
@@ -28,6 +29,8 @@ APAD = "musselbed_msgs/msg/APadStatus"
 EVENT = "musselbed_msgs/msg/MissionEvent"
 SOUND = "underwater_msgs/msg/MediumTransmission"
 
+_FRAME = Frames().ned
+"""A bag's names do not depend on the namespace on the graph."""
 _MODES = BeliefSample._fields.index("mode_probabilities")
 _COUNT = Struct("<I")
 _TRUTH_ROW = Struct("<HBffddf?Q").pack
@@ -156,7 +159,7 @@ class Messages:
 
     def _head(self, now_ms: int) -> object:
         stamp_ms = self._stamp_ms(now_ms)
-        return self._header(0, self._time(stamp_ms // 1000, stamp_ms % 1000 * 1_000_000), "ned")
+        return self._header(0, self._time(stamp_ms // 1000, stamp_ms % 1000 * 1_000_000), _FRAME)
 
     def _serialize(self, message: object, name: str) -> bytes:
         return cast(bytes, self._store.serialize_ros1(message, name))

@@ -55,7 +55,9 @@ def _written(path: Path, seconds: int, closed: bool = True) -> Path:
     )
     for second in range(seconds):
         at_ms = 1000 * second
-        header = types["std_msgs/msg/Header"](0, types["builtin_interfaces/msg/Time"](second, 0), "ned")
+        header = types["std_msgs/msg/Header"](
+            0, types["builtin_interfaces/msg/Time"](second, 0), "musselbed/ned"
+        )
         truth = types["musselbed_msgs/msg/AgentTruth"](
             7, int(State.ACTIVE), 0.5, 1.0, 1.5, -2.5, 3.0, False, 0
         )

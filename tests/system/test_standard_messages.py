@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,7 +13,9 @@ from typing import Any
 
 import pytest
 import yaml
+from graphs import lines_of, served_pool, wait_until
 from layout_topics import TYPES, named_topics
+from rosbags.highlevel import AnyReader
 from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.layouts.fleet import layout_fleet
@@ -112,6 +116,68 @@ def test_frames_have_z_up(environment: dict[str, str]) -> None:
     assert apad["transform"]["rotation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0})
     (ned,) = one(environment, "/tf_static")["transforms"]
     assert ned["child_frame_id"] == "musselbed/ned"
+
+
+def frames_in(message: Any) -> Iterator[str]:
+    """Every frame that a message names, in its own header and in those of its parts, but for an empty one."""
+    if isinstance(message, list):
+        for part in message:
+            yield from frames_in(part)
+    for name, value in vars(message).items() if hasattr(message, "__msgtype__") else ():
+        if name in ("frame_id", "child_frame_id") and value:
+            yield value
+        yield from frames_in(value)
+
+
+def read_frames(bag: Path) -> tuple[dict[str, str], dict[str, set[str]]]:
+    """The parent of each frame of TF, and the frames that each topic names."""
+    parents, named = dict[str, str](), dict[str, set[str]]()
+    with AnyReader([bag]) as reader:
+        for connection, _, data in reader.messages():
+            message: Any = reader.deserialize(data, connection.msgtype)
+            named.setdefault(connection.topic, set()).update(frames_in(message))
+            if connection.topic in ("/tf", "/tf_static"):
+                for it in message.transforms:
+                    assert parents.setdefault(it.child_frame_id, it.header.frame_id) == it.header.frame_id
+    return parents, named
+
+
+@pytest.mark.parametrize(("generation", "namespace"), [("a", ""), ("b", "basin")])
+def test_tf_has_every_frame_that_a_flight_or_its_bag_names(
+    generation: str, namespace: str, tmp_path: Path
+) -> None:
+    """By the transforms on the graph, followed to their root, which is the fixed frame of the layouts."""
+    run, recorded = tmp_path / "run", tmp_path / "all.bag"
+    scenario = served_pool(tmp_path / "frames.yaml", 6.0, 400.0)
+    asked = [*("run", str(scenario), "--speed", "10", "--generation", generation, "--out", str(run))]
+    with subprocess.Popen(
+        [sys.executable, "-m", "apad_bridge.commands.main", *asked],
+        env={**os.environ, "ROS_NAMESPACE": f"/{namespace}"},
+        stdout=subprocess.DEVNULL,
+    ) as flight:
+        wait_until(lambda: bool(lines_of(run)), flight)
+        environment = loopback_environment(
+            tmp_path / "ros", json.loads((run / "run.json").read_text())["master_uri"]
+        )
+        record = ["/usr/bin/rosbag", "record", "-a", "-O", str(recorded)]
+        with subprocess.Popen(record, env=environment, start_new_session=True) as recorder:
+            wait_until(lambda: any(it["kind"] == "released" for it in lines_of(run)), flight)
+            os.killpg(recorder.pid, signal.SIGINT)
+            recorder.wait(PATIENCE_S)
+        assert flight.wait(PATIENCE_S) == 0
+    parents, named = read_frames(recorded)
+    own, of_bag = read_frames(run / "run.bag")
+    assert own == {} and set().union(*of_bag.values()) == {"musselbed/ned"}
+    world = f"{namespace}/musselbed/enu".strip("/")
+    in_bag = {topic: {f"{namespace}/{it}".strip("/") for it in names} for topic, names in of_bag.items()}
+    assert named.keys() > {f"/{namespace}/apad1/position".replace("//", "/"), "/tf", "/tf_static"}
+    # The legacy stack's broadcast names an aMussel there, and no frame.
+    for topic, names in [*named.items(), *in_bag.items()]:
+        for name in names if topic != "/battery_alert" else ():
+            root = name
+            while root in parents:
+                root = parents[root]
+            assert root == world, f"{topic} names {name}"
 
 
 def test_the_plan_leads_from_the_aPad_to_its_aMussel(environment: dict[str, str]) -> None:

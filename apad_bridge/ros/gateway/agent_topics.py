@@ -19,6 +19,7 @@ from std_msgs.msg import Float64
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
+from apad_bridge.ros.system.node import ned_frame
 from apad_bridge.ros.system.ros_time import stamp, to_ms
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel
@@ -141,7 +142,7 @@ def nav_sts(shown: AgentReport, now_ms: int, frame: LocalFrame | None) -> NavSts
     """Leaves global_position and origin at 0, with a status to that effect, without a `frame` on the globe."""
     message = NavSts()
     message.header.stamp = stamp(now_ms)
-    message.header.frame_id = "local"
+    message.header.frame_id = ned_frame()
     message.position.north, message.position.east = shown.north_m, shown.east_m
     message.position.depth = shown.depth_m
     if frame is None:

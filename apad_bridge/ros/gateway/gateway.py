@@ -34,9 +34,9 @@ from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
+from apad_bridge.ros.gateway.standard_messages import header
 from apad_bridge.ros.system.lost_links import bound_calls
-from apad_bridge.ros.system.node import start_node
-from apad_bridge.ros.system.ros_time import stamp
+from apad_bridge.ros.system.node import ned_frame, start_node
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
 from apad_bridge.scenario.area.local_frame import LocalFrame
@@ -122,6 +122,7 @@ class Gateway:
         self._simulated = simulated
         self._truth = truth
         self._shown: Mapping[int, AgentReport] = MappingProxyType({})
+        self._ned = ned_frame()
         ids = list(agent_ids)
         self.agent_topics = AgentTopics(ids, frame)
         self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
@@ -161,11 +162,11 @@ class Gateway:
         """Publishes an event of the mission on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
         if isinstance(event, PacketPassed) and self._sound.get_num_connections() > 0:
             for row in sound_rows(event.data):
-                self._sound.publish(_transmission(row, at_ms))
+                self._sound.publish(_transmission(row, at_ms, self._ned))
         if event.is_for_journal_alone or self._events.get_num_connections() == 0:
             return
         message = MissionEvent(mission_time_ms=at_ms, kind=event.kind, data=json.dumps(event.data))
-        message.header.stamp = stamp(at_ms)
+        message.header = header(at_ms, self._ned)
         self._events.publish(message)
 
     def show_forecast(self, now_ms: int, forecast: Forecast) -> None:
@@ -176,7 +177,7 @@ class Gateway:
             name: math.nan if value is None else value for name, value in dataclasses.asdict(forecast).items()
         }
         message = ForecastMessage(mission_time_ms=now_ms, **values)
-        message.header.stamp = stamp(now_ms)
+        message.header = header(now_ms, self._ned)
         self._forecast.publish(message)
 
     def close(self) -> None:
@@ -188,7 +189,7 @@ class Gateway:
         if self._beliefs.get_num_connections() == 0:
             return
         message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._scale.agent_ms(now_ms))
-        message.header.stamp = stamp(now_ms)
+        message.header = header(now_ms, self._ned)
         message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
         self._beliefs.publish(message)
 
@@ -197,8 +198,7 @@ class Gateway:
         if self._apad.get_num_connections() == 0 or pose is None:
             return
         message = APadStatus(mission_time_ms=now_ms, primitive=supervisor.primitive)
-        message.header.stamp = stamp(now_ms)
-        message.header.frame_id = "local"
+        message.header = header(now_ms, self._ned)
         message.north, message.east, message.heading = pose.north_m, pose.east_m, pose.heading_rad
         if battery is not None:
             message.voltage, message.battery_fraction = battery.voltage_v, battery.fraction
@@ -246,7 +246,7 @@ def _publisher(topic: str, kind: Any, queue_size: int) -> rospy.Publisher:
     return rospy.Publisher(topic, kind, queue_size=queue_size)
 
 
-def _transmission(row: SoundRow, now_ms: int) -> MediumTransmission:
+def _transmission(row: SoundRow, now_ms: int, frame: str) -> MediumTransmission:
     """The same message as in the bag: see `SoundRow`."""
     message = MediumTransmission(
         message=row.message,
@@ -258,5 +258,5 @@ def _transmission(row: SoundRow, now_ms: int) -> MediumTransmission:
         listener_id=row.listener,
         conflict=row.conflict,
     )
-    message.header.stamp = stamp(now_ms)
+    message.header = message.position.header = header(now_ms, frame)
     return message

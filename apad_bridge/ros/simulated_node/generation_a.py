@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from apad_bridge.assembly import parts
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer
+from apad_bridge.ros.system.node import ned_frame
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
@@ -172,7 +173,7 @@ class Server(LegacyServer[GenerationAVehicle]):
             self._held[held.name] = publisher
         message = NavSts()
         message.header.stamp = to_ros(held.at_ms)
-        message.header.frame_id = "local"
+        message.header.frame_id = ned_frame()
         message.position.north, message.position.east = held.north_m, held.east_m
         message.status = _RELEASED_STATUS if held.released else _HELD_STATUS
         publisher.publish(message)

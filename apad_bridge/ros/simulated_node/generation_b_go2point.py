@@ -12,6 +12,7 @@ from typing import Any
 import rospy
 from actionlib.action_server import ActionServer
 
+from apad_bridge.ros.system.node import ned_frame
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
@@ -95,7 +96,7 @@ class Go2Point:
         self._commanded += 1
         message = GoToPointActionGoal()
         message.goal_id.id = self._commanders_key
-        message.goal.T2.header.frame_id = "local"
+        message.goal.T2.header.frame_id = ned_frame()
         message.goal.T2.point.x, message.goal.T2.point.y = order.north_m, order.east_m
         message.goal.speed, message.goal.victory_radius = order.speed_m_s, order.victory_radius_m
         self._server.internal_goal_callback(message)
@@ -105,7 +106,7 @@ class Go2Point:
         handle, self._running = self._running, None
         result = GoToPointResult(distance=ended.left.distance_m, bearing=ended.left.bearing_rad)
         result.position.header.stamp = to_ros(ended.left.at_ms)
-        result.position.header.frame_id = "local"
+        result.position.header.frame_id = ned_frame()
         result.position.point.x, result.position.point.y = ended.pose.north_m, ended.pose.east_m
         match ended.status:
             case PrimitiveStatus.DONE:

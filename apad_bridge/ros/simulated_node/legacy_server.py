@@ -12,6 +12,7 @@ from typing import Any, Generic, Self, TypeVar
 import rospy
 from rosgraph_msgs.msg import Clock
 
+from apad_bridge.ros.system.node import ned_frame
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import CLOCK, CLOCK_REACHED, of_apad
@@ -98,7 +99,7 @@ class LegacyServer(ABC, Generic[Vehicle]):
             return
         message, frame = NavSts(), self._frame
         message.header.stamp = to_ros(at_ms)
-        message.header.frame_id = "local"
+        message.header.frame_id = ned_frame()
         message.origin.latitude, message.origin.longitude = frame.latitude_deg, frame.longitude_deg
         place_deg = frame.to_geographic(pose.north_m, pose.east_m)
         message.global_position.latitude, message.global_position.longitude = place_deg

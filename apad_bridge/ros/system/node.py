@@ -10,6 +10,7 @@ import rospy.core
 from rospy.impl.paramserver import get_param_server_cache
 
 from apad_bridge.ros.system.handshakes import bound_handshakes
+from apad_bridge.ros_names.frames import Frames
 
 _HOLD_S = 30.0
 """The longest time for which an end of the node waits for the end of its flight, which takes a tick and its records."""
@@ -45,6 +46,11 @@ def start_node(
     if logs_on_graph:
         # While it is not set, rospy asks the master for it at each line of a node's log, and waits where that stands still.
         get_param_server_cache().set(_LOGS_WITHOUT_TOPICS, rospy.get_param(_LOGS_WITHOUT_TOPICS, False))
+
+
+def ned_frame() -> str:
+    """The frame of all our messages in north, east and depth, by its name in TF: that of this node's namespace."""
+    return Frames(rospy.get_namespace().strip("/")).ned
 
 
 class OrderedEnd:

@@ -94,7 +94,7 @@ def test_an_mcap_in_ros_2_s_form_is_read_byte_by_byte_as_cdr(pool_run, tmp_path)
         at += length
         return value
 
-    assert (number("i"), number("I"), string()) == (600, 0, "ned")
+    assert (number("i"), number("I"), string()) == (600, 0, "musselbed/ned")
     assert number("q") == 600_000
     status = [number("d") for _ in range(5)]
     primitive, docks = string(), [number("i") for _ in range(int(number("I")))]

@@ -134,4 +134,8 @@ def test_an_alert_says_whose_it_is_and_where(namespace: str, frame_id: str) -> N
 
 def test_a_position_without_an_origin_does_not_claim_a_global_frame() -> None:
     message = nav_sts(AgentReport(10.0, 20.0, 3.0, 0.5), 1000, None)
-    assert (message.global_position.latitude, message.status, message.header.frame_id) == (0.0, 57, "local")
+    assert (message.global_position.latitude, message.status, message.header.frame_id) == (
+        0.0,
+        57,
+        "musselbed/ned",
+    )
