@@ -33,10 +33,14 @@ def layout(fleet: LayoutFleet) -> str:
 
 
 def _plot(fleet: LayoutFleet, apad: LayoutAPad) -> Group:
-    topics = [apad.topic("apad/battery_state"), *fleet.batteries(apad).values()]
+    # rqt takes the first topic that begins such a name: one with `apad/battery_state` is a field of `apad` to it.
+    names = [
+        f"{apad.topic('apad')}/battery_fraction",
+        *(f"{topic}/percentage" for topic in fleet.batteries(apad).values()),
+    ]
     settings = {
         "autoscroll": _value(True),
-        "topics": _value([f"{topic}/percentage" for topic in topics]),
+        "topics": _value(names),
         "y_limits": _value([0.0, 1.0]),
     }
     title = {"dock_widget_title": _value(f"{apad.name}: batteries")}

@@ -22,6 +22,9 @@ from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.main import main
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.bag_messages import typestore
+from apad_bridge.ros_names.names import in_full
+from apad_bridge.ros_names.namespaces import below_apad
+from apad_bridge.ros_names.table import SECTIONS, NameKind
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -61,12 +64,38 @@ def shipped(kind: str) -> str:
     return (SHIPPED / f"musselbed{KINDS[kind].ending}").read_text()
 
 
-@pytest.mark.parametrize("kind", ["rqt", "plotjuggler", "foxglove"])
+@pytest.mark.parametrize("kind", ["plotjuggler", "foxglove"])
 def test_the_shipped_layouts_plot_the_batteries_of_twelve_and_of_the_aPad(kind: str) -> None:
     topics = re.findall(r"(/[a-z0-9_/]*battery_state)[/.]percentage", shipped(kind))
     assert sorted(topics) == sorted(
         ["/musselbed/apad/battery_state", *(f"/amussel{n}/battery_state" for n in range(1, 13))]
     )
+
+
+def test_the_shipped_layout_for_rqt_plots_the_batteries_of_twelve_and_of_the_aPad(pool: LayoutFleet) -> None:
+    assert rqt_plots(pool) == [
+        [
+            "/musselbed/apad/battery_fraction",
+            *(f"/amussel{n}/battery_state/percentage" for n in range(1, 13)),
+        ]
+    ]
+
+
+@pytest.mark.parametrize("scenario", ["pool-12", "bay-120"])
+def test_rqt_finds_one_topic_for_each_field(scenario: str) -> None:
+    """rqt_py_common's topic_helpers take the first topic, in the master's order, that a field's name begins with."""
+    fleet = of_scenario(scenario)
+    names = [row.name for section in SECTIONS for row in section.rows if row.kind is NameKind.TOPIC]
+    on_graph = {
+        topic.replace("{apad}", apad.name).replace("{id}", str(agent_id))
+        for apad in fleet.apads
+        for agent_id in apad.ids
+        for name in names
+        for topic in (in_full("", name), in_full("", below_apad(name, apad.name)))
+    }
+    for name in (name for plot in rqt_plots(fleet) for name in plot):
+        (topic,) = (it for it in on_graph if name == it or name.startswith(f"{it}/"))
+        assert topic_and_field(name)[0] == topic
 
 
 def test_the_shipped_layout_for_rviz_shows_markers_plan_and_path() -> None:
@@ -148,7 +177,7 @@ def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, bay_members: tupl
         assert battery_ids(curves[name]) == battery_ids(paths[name]) == ids
         assert f"{battery}/percentage" in curves[name] and f"{battery}.percentage" in paths[name]
         plotted = rqt_plots(fleet)[number]
-        assert battery_ids(plotted) == ids and f"{battery}/percentage" in plotted
+        assert battery_ids(plotted) == ids and f"/musselbed/{name}/apad/battery_fraction" in plotted
     assert rviz_topics(fleet) == [
         f"/musselbed/{name}/{topic}" for name in wanted for topic in ("markers", "plan", "apad/path")
     ]
