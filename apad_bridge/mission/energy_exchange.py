@@ -156,7 +156,7 @@ class EnergyExchange(OrderBook):
     def unheard(self) -> str:
         return super().unheard or ("battery" if self._needs_battery and self.apad_battery is None else "")
 
-    def await_person(self, reason: str) -> None:
+    def await_person(self, reason: str, pilot: str = "") -> None:
         """Waits for a person; the step under way begins anew when that one has spoken."""
         if reason and not self._awaits_person:
             self._must_begin, self._began_ms = True, None

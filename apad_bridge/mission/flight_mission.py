@@ -65,7 +65,7 @@ class FlightMission:
         self._calls = calls
         self.now_ms = 0
         self._pose: tuple[float, float] | None = None
-        self._awaits_person = ""
+        self._awaits_person = self._pilot = ""
         self._steering = steering
         """The party that flies by hand; the plan's time has none."""
         self._orders: list[Order] = []
@@ -103,9 +103,9 @@ class FlightMission:
     def docks_named(self, named: Mapping[int, bool]) -> None:
         self._flying.docks_named(named)
 
-    def await_person(self, reason: str) -> None:
-        self._awaits_person = reason
-        self._flying.await_person(reason)
+    def await_person(self, reason: str, pilot: str = "") -> None:
+        self._awaits_person, self._pilot = reason, pilot
+        self._flying.await_person(reason, pilot)
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         return self._flying.receive(outcome, now_ms)
@@ -177,6 +177,7 @@ class FlightMission:
         planned = self._flying
         assert isinstance(planned, EnergyExchange)
         manual = self._by_hand(self.state)
+        manual.await_person(self._awaits_person, self._pilot)
         manual.go_on_with(planned.docking_routine.mechanism)
         self._change(manual, taken=True, by=by)
 
@@ -256,6 +257,7 @@ class FlightMission:
         """Goes on with a person's order that was paused; else the mission goes on, unless a person took the aPad over."""
         manual = self.by_hand
         if manual is not None:
+            manual.await_person("")  # this is the word that was awaited
             manual.resume()
         if manual is None or self._may_go_on:
             self._give_back(allowed)
@@ -267,6 +269,7 @@ class FlightMission:
             self.take_over()
         manual = self.by_hand
         assert manual is not None
+        manual.await_person("")  # a person's order is the word that was awaited, as the gate has judged
         if self._planned is not None:
             manual.forget_stopped()
         return manual

@@ -90,11 +90,13 @@ class ManualMission(OrderBook):
         self._target: GoTo | None = None
         """The target of the running or paused go-to."""
         self._begun = False
+        self._awaited = self._pilot = ""
+        """The reason why nothing moves before a person allows it, and why the aPad does not for a pilot; empty for none."""
 
     # The supervisor's interface.
 
-    def await_person(self, reason: str) -> None:
-        """Changes nothing: whoever gives an order is told why it is refused."""
+    def await_person(self, reason: str, pilot: str = "") -> None:
+        self._awaited, self._pilot = reason, pilot
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
@@ -184,7 +186,7 @@ class ManualMission(OrderBook):
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
     ) -> None:
         """Goes to a point; the scenario gives the default speed and victory radius."""
-        self._require_place()
+        self._require_leave()
         target = self.go_to_target(north_m, east_m, speed_m_s, radius_m)
         self._pre_empt_docking()
         self.goto_orders += 1
@@ -209,7 +211,7 @@ class ManualMission(OrderBook):
 
     def hold(self, north_m: float | None = None, east_m: float | None = None) -> None:
         """Dynamic positioning at a point, or at the aPad's place; it pre-empts any primitive."""
-        here = self._require_place()
+        here = self._require_leave()
         point = (here[0] if north_m is None else north_m, here[1] if east_m is None else east_m)
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
@@ -219,7 +221,7 @@ class ManualMission(OrderBook):
 
     def dock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Permits the aMussel to surface, waits until it floats, and closes the mechanism around it."""
-        here = self._require_place()
+        here = self._require_leave()
         self._refuse_dock(dock_index, agent_id, here)
         self._pre_empt_docking()
         if self.goto is Status.RUNNING:
@@ -232,7 +234,7 @@ class ManualMission(OrderBook):
 
     def undock(self, dock_index: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Opens a mechanism, and tells its aMussel that it is clear to sink."""
-        self._require_place()
+        self._require_leave()
         agent_id = self.docks[dock_index]
         if agent_id is None:
             raise Refused(f"dock {dock_of(dock_index)} is empty")
@@ -242,14 +244,14 @@ class ManualMission(OrderBook):
         self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:
-        self._require_place()
+        self._require_leave(moves=False)
         self._belief_of(agent_id)
         self._let_go.discard(agent_id)
         self._docking_routine.permit_surfacing(agent_id)
 
     def call_up(self, agent_id: int) -> None:
         """Permits the aMussel to surface, and repeats it on the way there; for a go-to that was just ordered."""
-        self._require_place()
+        self._require_leave(moves=False)
         self._belief_of(agent_id)
         self._let_go.discard(agent_id)
         self._docking_routine.call_up(agent_id, self.now_ms)
@@ -275,6 +277,7 @@ class ManualMission(OrderBook):
         """Goes on where `pause` stopped. False, and nothing happens, when the mission was not paused."""
         if not self.paused:
             return False
+        self._refuse_held()
         self.paused = False
         self._docking_routine.paused_for(self.now_ms - self._paused_ms)
         if self.goto is Status.RUNNING and self._target is not None:
@@ -312,6 +315,18 @@ class ManualMission(OrderBook):
         let_go = [belief for belief in self.beliefs.all() if belief.agent_id in self._let_go]
         for agent_id in self._sink_reminders.take_due(let_go, (), self._let_go, now_ms):
             self.order(TellClear(agent_id))
+
+    def _require_leave(self, *, moves: bool = True) -> tuple[float, float]:
+        """The aPad's place, for an order that moves it, or else an aMussel. Refused where the gate would not let it out."""
+        if self.state.phase is not Phase.ENDED:
+            self._refuse_held(moves=moves)
+        return self._require_place()
+
+    def _refuse_held(self, *, moves: bool = True) -> None:
+        if self._awaited:
+            raise Refused(f"nothing moves until a person continues: {self._awaited}")
+        if moves and self._pilot:
+            raise Refused(self._pilot)
 
     def _require_place(self) -> tuple[float, float]:
         if self.state.phase is Phase.ENDED:

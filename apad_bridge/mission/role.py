@@ -39,8 +39,11 @@ class MissionRole(Protocol):
         """Takes the word of the vehicle's service about its docks: whether it names each aMussel reported in one."""
         ...
 
-    def await_person(self, reason: str) -> None:
-        """From now on no order moves the aPad before a person allows it, for this reason; empty: orders may."""
+    def await_person(self, reason: str, pilot: str = "") -> None:
+        """From now on no order moves the aPad before a person allows it, for this reason; empty: orders may.
+
+        `pilot` is the reason why none does for a pilot's sake.
+        """
         ...
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]: ...

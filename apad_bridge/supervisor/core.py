@@ -197,7 +197,7 @@ class Supervisor:
         due = sorted(entry for entry in self._facts if entry[0] <= now_ms)
         self._facts = [entry for entry in self._facts if entry[0] > now_ms]
         self.beliefs.advance(now_ms)
-        self.mission.await_person(self._gate.awaits_person)
+        self.mission.await_person(self._gate.awaits_person, self._gate.pilot)
         actions: list[SupervisorAction] = self._tell_if_late(now_ms)
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)

@@ -228,9 +228,8 @@ def test_who_commands_the_apad_is_no_word_that_a_persons_hold_is_over(pool: Scen
     flying.call_mission(lambda mission: getattr(mission, word)())
     orders = flying.events("primitive")
     if word == "take_over":
-        flying.call(lambda mission: mission.go_to(20.0, 12.0))
-        flying.until(lambda: flying.by_hand.goto is Status.FAILED)
-        assert "stop 1 (hold, by Anna) is in force" in flying.events("refused")[-1]["reason"]
+        with pytest.raises(Refused, match=r"until a person continues: stop 1 \(hold, by Anna\) is in force"):
+            flying.call(lambda mission: mission.go_to(20.0, 12.0))
     flying.seconds(60)
     assert flying.gate.stops.in_force is not None and flying.gate.stops.in_force.rest_ms is not None
     moved = [it for it in flying.events("primitive")[len(orders) :] if it["phase"] == "succeeded"]

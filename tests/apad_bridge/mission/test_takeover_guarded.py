@@ -9,7 +9,8 @@ import pytest
 from flying import Flying
 
 from apad_bridge.events.mission import Phase
-from apad_bridge.mission.values import Status
+from apad_bridge.mission.manual import ManualMission
+from apad_bridge.mission.values import Refused, Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.control import carry_out
@@ -104,9 +105,8 @@ def test_after_another_party_steered_it_only_a_person_lets_it_go_on(fenced: Scen
     overheard[0].facts.append(CommandedByOthers(flying.now_ms))
     flying.seconds(30)
     assert flying.phase is Phase.COMMANDED and "take it over" in gate.awaits_person
-    flying.call(lambda hand: hand.go_to(14.0, 10.5))
-    flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
-    assert flying.events("refused")[-1]["guard"] == "person"
+    with pytest.raises(Refused, match="continue, take it over, or give it back"):
+        flying.call(lambda hand: hand.go_to(14.0, 10.5))
     WORDS[word](flying)
     flying.seconds(2)
     assert gate.awaits_person == ""
@@ -169,10 +169,71 @@ def test_without_a_mission_of_ours_a_person_s_word_lets_a_stopped_apad_move(
     flying.seconds(3)
     gate = flying.flight._vehicle.gate
     gate.note_others("a person must let the aPad go on")
-    flying.call(lambda hand: hand.go_to(20.0, 12.0))
-    flying.until(lambda: flying.calls.wait(0).goto is Status.FAILED)
-    assert flying.events("refused")[-1]["guard"] == "person"
+    flying.seconds(1)
+    with pytest.raises(Refused, match="a person must let the aPad go on"):
+        flying.call(lambda hand: hand.go_to(20.0, 12.0))
     HAND_WORDS[word](flying)
     flying.seconds(2)
     flying.call(lambda hand: hand.go_to(20.0, 12.0))
+    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
+
+
+MOVES: dict[str, Callable[[ManualMission], object]] = {
+    "go to": lambda hand: hand.go_to(20.0, 12.0),
+    "hold": lambda hand: hand.hold(),
+    "dock": lambda hand: hand.dock(0, 3),
+    "undock": lambda hand: hand.undock(0),
+    "permit to surface": lambda hand: hand.permit_surfacing(3),
+    "call up": lambda hand: hand.call_up(3),
+}
+
+
+@pytest.mark.parametrize("stopped_by", ["a person", "a guard", "a pilot"])
+def test_an_order_that_could_not_leave_is_refused_and_not_accepted_first(
+    fenced: Scenario, stopped_by: str
+) -> None:
+    """By a service, an action or a script: they call the same. A pilot keeps no aMussel from surfacing."""
+    overheard: list[Overheard] = []
+
+    def with_pilot(context: FlightContext) -> FlightContext:
+        overheard.append(Overheard(context.vehicle))
+        return replace(context, vehicle=overheard[0])
+
+    flying = Flying.by_calls(fenced, with_pilot)
+    flying.seconds(10)
+    if stopped_by == "a person":
+        assert flying.answered(
+            lambda: carry_out(Request(Act.STOP, "Anna"), flying.calls, flying.gate)
+        ).accepted
+    elif stopped_by == "a guard":
+        flying.flight._vehicle.stop("position", flying.now_ms)
+    else:
+        overheard[0].facts.append(PilotReported(flying.now_ms, True))
+    flying.seconds(10)
+    why = {
+        "a person": "until a person continues: stop 1 .*by Anna",
+        "a guard": "until a person continues: stop 1 .*by position",
+        "a pilot": PILOT_STEERS,
+    }[stopped_by]
+    may = ("permit to surface", "call up") if stopped_by == "a pilot" else ()
+    for name, move in MOVES.items():
+        if name not in may:
+            with pytest.raises(Refused, match=why):
+                flying.call(move)
+    assert (flying.calls.wait(0).goto, flying.calls.wait(0).docking) == (Status.IDLE, Status.IDLE)
+    for name in may:
+        flying.call(MOVES[name])
+
+
+def test_a_paused_script_does_not_go_on_under_a_stop(fenced: Scenario) -> None:
+    flying = Flying.by_calls(fenced)
+    flying.seconds(3)
+    flying.call(lambda hand: hand.go_to(20.0, 12.0))
+    flying.call(lambda hand: hand.pause())
+    assert flying.answered(lambda: carry_out(Request(Act.STOP, "Anna"), flying.calls, flying.gate)).accepted
+    with pytest.raises(Refused, match=r"stop 1 .*by Anna"):
+        flying.call(lambda hand: hand.resume())
+    flying.seconds(60)
+    assert flying.calls.wait(0).goto is Status.RUNNING
+    continue_by_command(flying)
     flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
