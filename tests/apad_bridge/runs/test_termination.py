@@ -76,3 +76,28 @@ def test_the_command_runs_by_the_python_beside_it(tmp_path: Path) -> None:
     elsewhere.symlink_to(installed / "musselbed")
     done = subprocess.run([elsewhere, "--version"], capture_output=True, text=True, timeout=60)
     assert done.stdout.startswith("musselbed ") and done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("number", "program"), [(signal.SIGINT, "readlink"), *((it, "python3") for it in ENDING)]
+)
+def test_the_command_ends_in_silence_before_python_can_take_a_signal(
+    number: int, program: str, tmp_path: Path
+) -> None:
+    """The signal comes, as by Ctrl-C to all of its processes, while the shell runs or the interpreter starts."""
+    installed = tmp_path / "musselbed"
+    installed.write_bytes(SCRIPT.read_bytes())
+    real = sys.executable if program == "python3" else "/usr/bin/readlink"
+    (tmp_path / program).write_text(f'#!/bin/sh\nkill -{int(number)} 0\nexec {real} "$@"\n')
+    for made in (installed, tmp_path / program):
+        made.chmod(0o755)
+    if program == "readlink":
+        (tmp_path / "python3").symlink_to(sys.executable)
+    done = subprocess.run(
+        [installed, "--version"],
+        env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
+        start_new_session=True,
+        capture_output=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (Exit.INTERRUPTED, b"", b"")
