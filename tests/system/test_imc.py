@@ -195,5 +195,7 @@ def test_a_scripted_console_watches_a_run_moves_the_apad_inside_the_fence_alone_
         assert time.monotonic() < deadline_s
         pause.wait(0.1)
     assert {header_of(it).src for it in aborts()} == {NEPTUS}
+    times_s = [header_of(it).timestamp for it in console.codec.read_log(log.read_bytes())]
+    assert len(times_s) > 100 and times_s == sorted(times_s)
     assert "not listed" in (run_dir / "imc.log").read_text()
     assert json.loads((run_dir / "summary.json").read_text())["end_reason"] == "a call"
