@@ -11,6 +11,15 @@ debian_packages=(
   ros-sensor-msgs ros-nav-msgs ros-visualization-msgs ros-diagnostic-msgs ros-tf2-msgs
   libsensor-msgs-dev libnav-msgs-dev libvisualization-msgs-dev libdiagnostic-msgs-dev libtf2-msgs-dev
 )
+# The modules of Debian's Python that .venv sees: ROS, and those that ROS imports and no pinned package brings. Any other one
+# could shadow a pinned package. Message packages are all seen, since a scenario may name a type of any of them.
+debian_modules=(
+  rospy rosbag roslaunch rosmaster rosnode rostopic rosservice rosmsg rosparam rosgraph roslib rosclean roslz4 rospkg roscpp
+  actionlib genpy genmsg catkin catkin_pkg '*_msgs' '*_srvs'
+  Cryptodome defusedxml gnupg netifaces
+  # its version, for the records of a run
+  'rospy-*.egg-info'
+)
 # The extras of setup.cfg.
 extras=studies,export,imc,foxglove
 # The Pythons of Debian 12 and 13, for which launch_scripts/make-lock pins versions.

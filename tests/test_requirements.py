@@ -1,12 +1,23 @@
-"""The pinned packages of launch_scripts/requirements agree with the bounds of setup.cfg, and are whole."""
+"""The pinned packages of launch_scripts/requirements agree with the bounds of setup.cfg, and are whole.
+
+Of Debian's Python the environment sees the modules that needed-packages.bash lists: ROS needs all of them, and no other.
+"""
 
 from __future__ import annotations
 
+import ast
 import configparser
 import platform
 import re
+import subprocess
+import sys
+import sysconfig
+import warnings
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, distribution, version
+from fnmatch import fnmatch
+from importlib.metadata import PackageNotFoundError, distribution, packages_distributions, version
+from inspect import getmodulename
+from modulefinder import ModuleFinder
 from pathlib import Path
 
 import pytest
@@ -124,3 +135,81 @@ def test_the_pythons_of_the_lock_are_those_that_are_tested_here() -> None:
 )
 def test_the_installer_has_brought_the_pinned_versions() -> None:
     assert {name: version(name) for name in pins(HERE, "test")} == pins(HERE, "test")
+
+
+DEBIAN = Path("/usr/lib/python3/dist-packages")
+LEFT_OUT = ("paramiko",)
+"""roslaunch imports it to start nodes on other machines. Debian's own roslaunch does that, not one in the environment."""
+
+
+def listed(name: str) -> set[str]:
+    """The words of a list in needed-packages.bash. Those of `debian_modules` that end in -info are of metadata."""
+    text = (SCRIPTS / "needed-packages.bash").read_text()
+    found = re.search(rf"^{name}=\((.*?)^\)$", text, re.MULTILINE | re.DOTALL)
+    assert found
+    return set(re.sub(r"#.*|'", "", found[1]).split())
+
+
+def module_names(folder: Path) -> set[str]:
+    """The names of all modules in a folder: packages, with or without __init__.py, files and compiled ones."""
+    return {getmodulename(it.name) or it.name for it in folder.iterdir()} - {"__pycache__"}
+
+
+def imports_of_our_code() -> Iterator[str]:
+    for folder in ("agents", "apad_bridge", "firmware_model", "benchmarks", "tests"):
+        for file in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.Import):
+                    yield from (it.name for it in node.names)
+                elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                    yield node.module
+
+
+def test_the_list_of_debians_modules_is_that_which_ros_and_our_code_import() -> None:
+    """ROS is the Python packages of Debian's that the installer names: users' own nodes import them in the environment.
+
+    Imports within functions count: rospy imports netifaces when it looks for this machine's address.
+    """
+    ros = {it.removeprefix("python3-").replace("-", "_") for it in listed("debian_packages")}
+    pinned = module_names(Path(sysconfig.get_path("purelib")))
+    finder = ModuleFinder(path=[str(DEBIAN)], excludes=[*pinned, *LEFT_OUT])
+    of_debian = module_names(DEBIAN) - pinned - sys.stdlib_module_names
+    bringing = packages_distributions()
+    with warnings.catch_warnings(action="ignore"):  # of Debian's code, as it is compiled
+        for name in (*ros, *imports_of_our_code()):
+            if name.partition(".")[0] in of_debian:
+                finder.import_hook(name)
+    imported = {name.partition(".")[0] for name in finder.modules} & of_debian
+    patterns = {it for it in listed("debian_modules") if not it.endswith("-info")}
+    assert {it for it in imported if not any(fnmatch(it, pattern) for pattern in patterns)} == set()
+    assert {it for it in patterns if not any(fnmatch(name, it) for name in imported)} == set()
+    assert {it for it in pinned if any(fnmatch(it, pattern) for pattern in patterns)} == set()
+    from_pins = {name.partition(".")[0] for name in finder.badmodules} & pinned
+    assert "yaml" in from_pins
+    brought = {
+        it for it in from_pins if {*map(canonicalize_name, bringing[it])} & pins(PYTHONS[0], "run").keys()
+    }
+    assert from_pins - brought == set()
+
+
+@pytest.mark.skipif(Path(sys.prefix) != ROOT / ".venv", reason="these tests do not run in an installed .venv")
+def test_the_environment_sees_nothing_else_of_debians_python() -> None:
+    look = (
+        "import sys, importlib.metadata as it; print(*sys.path[1:], sep='\\n'); print(); "
+        "print(*{str(found.locate_file('')) + ' ' + found.name for found in it.distributions()}, sep='\\n')"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-I", "-c", look], capture_output=True, text=True, check=True, timeout=60
+    ).stdout
+    path, distributions = (part.splitlines() for part in printed.split("\n\n"))
+    assert [it for it in path if "dist-packages" in it] == []
+    links = Path(sys.prefix) / "share/musselbed/debian"
+    assert path[-1] == str(links)
+    assert {it.name for it in links.iterdir() if it.name != "__pycache__"} == {
+        it.name
+        for it in DEBIAN.iterdir()
+        for pattern in listed("debian_modules")
+        if fnmatch(it.name, pattern) or fnmatch(str(getmodulename(it.name)), pattern)
+    }
+    elsewhere = {it.rpartition(" ")[2] for it in distributions if it.startswith(str(links))}
+    assert elsewhere == {it.partition("-")[0] for it in listed("debian_modules") if it.endswith("-info")}

@@ -34,9 +34,8 @@ def environment(tmp_path: Path) -> dict[str, str]:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", place], check=True, timeout=180)
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     beside = sysconfig.get_path("purelib")
-    debian = "/usr/lib/python3/dist-packages"
-    lines = "".join(f"import site; site.addsitedir({folder!r})\n" for folder in (beside, debian))
-    (place / "lib" / version / "site-packages" / "beside.pth").write_text(lines)
+    line = f"import site; site.addsitedir({beside!r})\n"
+    (place / "lib" / version / "site-packages" / "beside.pth").write_text(line)
     program = place / "bin" / "musselbed"
     program.write_text(
         f"#!{place}/bin/python\nfrom apad_bridge.commands.main import main\nraise SystemExit(main())\n"

@@ -7,14 +7,13 @@ clone whose one package comes from an index of the test's own.
 from __future__ import annotations
 
 import os
-import pty
 import re
 import shutil
 import subprocess
 import sys
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 
@@ -146,34 +145,6 @@ def test_a_pipe_shows_steps_while_they_are_slow(programs: Path) -> None:
     replace(programs, "apt-get", slow)
     done = run_install(programs)
     assert re.search(r"^ +1\d s: Unpacking rosbash$", done.stdout, re.MULTILINE)
-
-
-def test_what_pip_leaves_in_place_is_in_the_log_and_not_shown(programs: Path) -> None:
-    replace(programs, "dpkg-query", LACKING_TWO)
-    replace(programs, "id", "echo 0")
-    left = "Can't uninstall 'python-dateutil'. No files were found to uninstall."
-    failed = "Can't uninstall 'python-dateutil'. It is a distutils installed project."
-    replace(programs, "apt-get", f"""printf '    %s\\n' "Unpacking rosbash" "{left}" "{failed}"; exit 100""")
-    # A terminal gets each line as it comes.
-    ours, its = pty.openpty()
-    done = subprocess.run(
-        [str(INSTALL)],
-        env=os.environ | {"PATH": f"{programs}:/usr/bin:/bin", "TMPDIR": str(programs.parent)},
-        stdin=subprocess.DEVNULL,
-        stdout=its,
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=300,
-    )
-    os.close(its)
-    shown = ""
-    # The read of a terminal that its programs have closed is an error.
-    with os.fdopen(ours, "rb", buffering=0) as terminal, suppress(OSError):
-        while chunk := terminal.read(4096):
-            shown += chunk.decode()
-    assert "Unpacking rosbash" in shown and failed in shown
-    assert "No files were found" not in shown
-    assert left in Path(done.stderr.rsplit("its log: ", 1)[1].rstrip(")\n")).read_text()
 
 
 @pytest.mark.parametrize(
@@ -410,3 +381,31 @@ def test_a_processor_without_pins_takes_what_the_bounds_allow(
     )
     assert re.search(r"the package index has no file of setuptools\S* for Python 3\.\d+ on riscv64", printed)
     assert "trust" not in printed
+
+
+def test_an_environment_of_an_older_install_is_mended_and_keeps_the_users_packages(
+    clone: Path, programs: Path, index: Path
+) -> None:
+    pin(clone, b"another file")
+    environment = clone / ".venv"
+    command = ["/usr/bin/python3", "-m", "venv", "--system-site-packages", environment]
+    subprocess.run(command, check=True, timeout=180)
+    (site,) = environment.glob("lib/*/site-packages")
+    (site / "lab_strategies.py").touch()
+    (environment / "share/musselbed").mkdir(parents=True)
+    version = subprocess.run(
+        ["/usr/bin/python3", "-V"], check=True, capture_output=True, text=True
+    ).stdout.strip()
+    (environment / "share/musselbed/installed").write_text(f"{clone} {version}\nof an older install\n")
+    with served(index) as port:
+        printed = install_from(f"http://127.0.0.1:{port}/simple", clone, programs)
+    assert printed.startswith(
+        "mending .venv: it saw all Python packages of Debian's, and now sees those of ROS alone\n"
+    )
+    look = (
+        "import lab_strategies, sys; from importlib.util import find_spec\n"
+        "assert not any('dist-packages' in it for it in sys.path), sys.path\n"
+        # Debian's genpy needs yaml, and a pinned package brings it.
+        "assert find_spec('genpy') and not find_spec('yaml')"
+    )
+    subprocess.run([environment / "bin/python", "-I", "-c", look], check=True, timeout=60)
