@@ -1,4 +1,4 @@
-"""Checks this Python, its packages, and other packages that shadow ours, such as another `agents`."""
+"""Checks this Python, its packages, and other packages that shadow ours, such as another `agents`, or theirs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import importlib.metadata
 import os
 import re
 import sys
+import sysconfig
 from collections.abc import Iterable, Iterator
+from importlib.machinery import PathFinder
+from importlib.util import find_spec
+from inspect import getmodulename
 from pathlib import Path
 
 from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
@@ -14,6 +18,7 @@ from apad_bridge.doctor.finding import Check, Finding, fail, ok, warn
 INSTALL = "run launch_scripts/install"
 OUR_PACKAGES = ("agents", "apad_bridge", "firmware_model")
 DEBIAN_PYTHON = Path("/usr/bin/python3")
+DEBIAN_PACKAGES = Path("/usr/lib/python3/dist-packages")
 OUR_ROOT = Path(__file__).parents[2]
 """The folder of this code: the clone, or site-packages."""
 
@@ -45,9 +50,12 @@ def check_python(
                 f"{INSTALL} and use .venv/bin/musselbed",
             )
         ]
-    if not re.search(r"^include-system-site-packages\s*=\s*true\s*$", settings.read_text(), re.MULTILINE):
-        return [fail("python", f"{environment} does not see Debian's packages", f"delete it and {INSTALL}")]
-    return [ok("python", f"{version} of Debian, with its packages, in {environment}")]
+    if PathFinder.find_spec("rospy") is None:
+        return [fail("python", f"{environment} does not see Debian's rospy", INSTALL)]
+    if re.search(r"^include-system-site-packages\s*=\s*true\s*$", settings.read_text(), re.MULTILINE):
+        every = "sees all Python packages of Debian's, and each may shadow a pinned one"
+        return [warn("python", f"{environment} {every}", f"{INSTALL}, which mends .venv")]
+    return [ok("python", f"{version} of Debian, with its ROS, in {environment}")]
 
 
 def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
@@ -84,6 +92,48 @@ def check_numpy(version: str, python: tuple[int, int] = sys.version_info[:2]) ->
             "numpy", f"{version}: publishing by rospy.numpy_msg fails with it", "publish lists instead"
         )
     return fail("numpy", f"{version} does not go with Debian's rospy (1.26.4 or later, below 2.3)", INSTALL)
+
+
+def check_pinned(site: Path | None = None, links: Path | None = None) -> Iterator[Finding]:
+    """Checks that the modules of the environment's packages, and of Debian's ROS in it, are those that are imported.
+
+    `site` and `links` are the folders of both, by default of the running environment. A workspace's own ROS may be meant.
+    """
+    site = site or Path(sysconfig.get_path("purelib"))
+    links = links or Path(sys.prefix) / "share" / "musselbed" / "debian"
+    for folder, tell in ((site, fail), (links, warn)):
+        taken: dict[Path, list[str]] = {}
+        for name in sorted(_modules_in(folder)):
+            if (elsewhere := _imported_from_elsewhere(name, folder)) is not None:
+                taken.setdefault(elsewhere, []).append(name)
+        for elsewhere, names in taken.items():
+            found = f"{', '.join(names)} would be imported from {elsewhere}, and not from {folder}"
+            yield tell("shadowed packages", found, _removal(elsewhere))
+        if not taken:
+            yield ok("shadowed packages", f"none of {folder}")
+
+
+def _modules_in(folder: Path) -> set[str]:
+    """Names of packages and modules, without those of the standard library, which always come first."""
+    entries = folder.iterdir() if folder.is_dir() else ()
+    names = {getmodulename(it.name) or it.name for it in entries} - sys.stdlib_module_names
+    return {it for it in names if it.isidentifier() and it != "__pycache__"}
+
+
+def _imported_from_elsewhere(name: str, folder: Path) -> Path | None:
+    """The folder from which a module is, or would be, imported; None if it is `folder`.
+
+    A package without an __init__.py may be in several folders: None if `folder` is one of them.
+    """
+    try:
+        spec = find_spec(name)
+    except (ImportError, ValueError):
+        return None
+    if spec is None:
+        return None
+    places = spec.submodule_search_locations or ([spec.origin] if spec.has_location and spec.origin else [])
+    parents = [Path(it).parent for it in places]
+    return None if folder in parents or not parents else parents[0]
 
 
 def check_shadows(
@@ -132,6 +182,8 @@ def _removal(module: Path) -> str:
     for entry in listed:
         if module.is_relative_to(entry):
             return f"take {entry} off PYTHONPATH"
+    if module.is_relative_to(DEBIAN_PACKAGES):
+        return INSTALL
     return "uninstall the package it belongs to from this environment, or give musselbed one of its own"
 
 
@@ -139,4 +191,5 @@ CHECKS: tuple[Check[None], ...] = (
     Check("python", lambda _: check_python()),
     Check("packages", lambda _: check_packages()),
     Check("our packages", lambda _: check_shadows()),
+    Check("shadowed packages", lambda _: check_pinned()),
 )

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import sys
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec
 from pathlib import Path
 
 import pytest
 
 from apad_bridge.doctor.finding import CheckStatus
-from apad_bridge.doctor.interpreter import check_numpy, check_packages, check_python, check_shadows
+from apad_bridge.doctor.interpreter import (
+    check_numpy,
+    check_packages,
+    check_pinned,
+    check_python,
+    check_shadows,
+)
 
 
 @pytest.fixture
 def environment(tmp_path: Path) -> Path:
-    (tmp_path / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = true\n")
+    (tmp_path / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
     return tmp_path
 
 
-def test_debians_python_in_an_environment_that_sees_its_packages(environment: Path) -> None:
+def test_debians_python_in_an_environment_that_sees_its_ros(environment: Path) -> None:
     (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
     assert finding.status is CheckStatus.OK
 
@@ -29,10 +38,16 @@ def test_another_python_does_not_see_rospy(environment: Path) -> None:
     assert str(other) in finding.found and "launch_scripts/install" in str(finding.mend)
 
 
-def test_an_environment_that_hides_debians_packages(environment: Path) -> None:
-    (environment / "pyvenv.cfg").write_text("include-system-site-packages = false\n")
+def test_an_environment_that_hides_debians_ros(environment: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", [str(environment)])
     (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
-    assert finding.status is CheckStatus.FAIL
+    assert finding.status is CheckStatus.FAIL and "rospy" in finding.found
+
+
+def test_an_environment_that_sees_all_of_debians_packages(environment: Path) -> None:
+    (environment / "pyvenv.cfg").write_text("include-system-site-packages = true\n")
+    (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
+    assert finding.status is CheckStatus.WARN and "launch_scripts/install" in str(finding.mend)
 
 
 @pytest.mark.parametrize(
@@ -124,3 +139,53 @@ def test_another_agents_in_the_folder_that_a_run_starts_in(places: Places) -> No
     assert found["agents"].startswith("FAIL") and "in another folder" in found["agents"]
     (places.empty / "firmware_model.py").touch()
     assert places.status(places.root)["firmware_model"].startswith("FAIL")
+
+
+@pytest.fixture
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path, Path]:
+    """The packages of an environment, ROS in it, and a workspace before both on the path, which is empty."""
+    site, links, workspace = (tmp_path / name for name in ("site", "links", "workspace"))
+    for file in (site / "lab_plots/__init__.py", site / "lab_tool.py", links / "lab_ros/__init__.py"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    workspace.mkdir()
+    for folder in (links, site, workspace):
+        monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", str(workspace))
+    return site, links, workspace
+
+
+def test_the_environments_own_packages_are_imported(folders: tuple[Path, Path, Path]) -> None:
+    site, links, _ = folders
+    assert [it.status for it in check_pinned(site, links)] == [CheckStatus.OK, CheckStatus.OK]
+
+
+def test_what_a_workspace_shadows_is_named_with_the_workspace(folders: tuple[Path, Path, Path]) -> None:
+    site, links, workspace = folders
+    (workspace / "lab_tool").mkdir()
+    for name in ("lab_tool/__init__.py", "lab_plots.py", "lab_ros.py"):
+        (workspace / name).touch()
+    pinned, ros = check_pinned(site, links)
+    assert pinned.status is CheckStatus.FAIL and ros.status is CheckStatus.WARN
+    assert f"lab_plots, lab_tool would be imported from {workspace}" in pinned.found
+    assert f"lab_ros would be imported from {workspace}" in ros.found
+    assert pinned.mend == ros.mend == f"take {workspace} off PYTHONPATH"
+
+
+def test_what_another_package_claimed_as_the_interpreter_began_is_named(
+    folders: tuple[Path, Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a .pth file does: that of Debian's matplotlib puts its own mpl_toolkits into sys.modules."""
+    site, links, _ = folders
+    claimed = tmp_path / "debian"
+    (claimed / "lab_plots").mkdir(parents=True)
+    (claimed / "lab_plots/__init__.py").touch()
+    spec = PathFinder.find_spec("lab_plots", [str(claimed)])
+    assert spec
+    monkeypatch.setitem(sys.modules, "lab_plots", module_from_spec(spec))
+    pinned, _ = check_pinned(site, links)
+    assert pinned.status is CheckStatus.FAIL and f"lab_plots would be imported from {claimed}" in pinned.found
+
+
+def test_nothing_is_shadowed_in_the_environment_of_these_tests() -> None:
+    assert [it.found for it in check_pinned() if it.status is not CheckStatus.OK] == []
