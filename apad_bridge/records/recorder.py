@@ -174,7 +174,9 @@ class Recorder:
                 f"{directory.journal}: two of its lines contradict each other: {error}"
             ) from error
         torn_bytes = recorder._journal.torn_bytes
-        lost_ms = 0 if repair is None else max(0, contents.last_ms - repair.last_ms)
+        # A bag whose supervisor died at once has no sample: it lacks those since that supervisor began.
+        begun_ms = max((at_ms for at_ms, _ in contents.events(RunResumed)), default=0)
+        lost_ms = 0 if repair is None else max(0, contents.last_ms - max(repair.last_ms, begun_ms))
         recorder.event(
             contents.last_ms,
             RunResumed(

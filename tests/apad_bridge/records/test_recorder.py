@@ -167,6 +167,20 @@ def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
         assert reader.end_time // 1_000_000 == 600_000
 
 
+def test_a_supervisor_that_dies_before_its_first_samples_lost_none_of_the_former_ones(tmp_path, scenario):
+    ids = scenario.fleet.ids
+    first = Recorder(new_directory(tmp_path / "run"), scenario, ids)
+    first.event(30_000, LegBegan(1.0))
+    first.tick(31_000, [], None, None, "none", ())
+    first.close()
+    second, _ = Recorder.resume(RunDirectory.open(tmp_path / "run"), scenario, ids)
+    shutil.copytree(tmp_path / "run", tmp_path / "killed")  # its bag is open, and empty on the disk
+    second.close()
+    third, report = Recorder.resume(RunDirectory.open(tmp_path / "killed"), scenario, ids)
+    third.close()
+    assert (report.bag, report.bag_lost_ms) == ("run-1.bag", 0)
+
+
 def hand_made(at_ms, agent_id=3, *, east_um=0, docked=False, charge=FULL, state=State.ACTIVE):
     physical = Physical(
         Battery(0, charge, Flow.RESTING),
