@@ -7,8 +7,6 @@ otherwise than documented. A variable in their environment marks the processes o
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import pty
 import random
@@ -16,16 +14,13 @@ import resource
 import select
 import signal
 import socket
-import statistics
 import struct
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import uuid
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -33,51 +28,28 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
-from killing import kill_supervisor
 from rich.console import Console
 from rich.table import Table
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
-from agents.mussel.outputs import Truth
-from agents.mussel.stimuli import ChargeLost, from_json
-from apad_bridge.analysis.invariants import check_run
-from apad_bridge.events.fleet import ProcessDied, Stimulated, TruthChanged
-from apad_bridge.events.mission import (
-    AMusselReleased,
-    DockSwitched,
-    LegBegan,
-    PlanMade,
-    PrimitiveChanged,
-    StepGivenUp,
-)
-from apad_bridge.events.vehicle import APadMoved
-from apad_bridge.records.journal import JournalContents, JournalTail, Line, read_journal
-from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.truth_lines import truth_of
-from apad_bridge.runs.exits import Exit
-from apad_bridge.scenario.firmware_config import charge_models
+from apad_bridge.records.journal import read_journal
 from apad_bridge.scenario.loader import load, write_resolved
-from apad_bridge.scenario.schema import Fleet, RandomStart
-from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
+from apad_bridge.scenario.schema import Fleet
+from apad_bridge.scenario.timed_faults import Faults
 from benchmarks.rows import told
-from firmware_model.power.charge import FULL, ChargeModel
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
 SEVERAL = ROOT / "launch_scripts" / "scenarios" / "bay-120.yaml"
 MUSSELBED = Path(sys.executable).with_name("musselbed")
 TRIES = 3
-MINUTES, SHORT_MINUTES = 1.0, 0.1
 SEED = 20261122
 _VARIABLE = "MUSSELBED_FAULT_TRY"
 _GONE_S = 10.0
 """The time that a run's processes have to be gone, once its command has ended."""
 _END_S = 240.0
 """The longest time that a command may take to begin or to end: some seconds, and minutes on a busy machine."""
-_KILLS_WITH_LEAKS = 14
-_UPTIME_POINTS = 1.0
-"""Percent points of uptime that deaths with restarts may cost."""
 _TRACEBACK = "Traceback (most recent call last)"
 _WALL = ("--time", "wall", "--speed", "20")
 _NURSERY, _SUPERVISOR = "agents.nursery", "runs.supervisor_process"
@@ -163,10 +135,6 @@ class Try:
 
     folder: Path
     rng: random.Random
-    minutes: float = MINUTES
-    """Duration of a recurring fault."""
-    figures: dict[str, float] = field(default_factory=dict)
-    """Measurements of the fault besides its consequences."""
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     terminals: list[Terminal] = field(default_factory=list)
 
@@ -207,12 +175,6 @@ class Try:
         return sorted(found)
 
     @property
-    def agents(self) -> dict[str, int]:
-        """The pid of each aMussel that lives, by its process's name."""
-        named = {_comm(pid): pid for pid in self.processes(_NURSERY)}
-        return {name: pid for name, pid in sorted(named.items()) if name.startswith("amussel")}
-
-    @property
     def nurseries(self) -> list[int]:
         """The nurseries that live: an agent has the command line of its nursery, but a name of its own."""
         return [pid for pid in self.processes(_NURSERY) if not _comm(pid).startswith("amussel")]
@@ -228,17 +190,6 @@ class Try:
             lambda: (journal.exists() and read_journal(journal).last_ms >= 1000 * mission_s) or None,
             f"{mission_s:g} s of mission time",
         )
-
-    def flown_ms(self) -> int:
-        return read_journal(self.run_dir / "journal.jsonl").last_ms
-
-    def wait(self, seconds: float) -> None:
-        """Reads what the commands say for so long."""
-        until_s = time.monotonic() + seconds
-        while (left_s := until_s - time.monotonic()) > 0:
-            for terminal in self.terminals:
-                terminal.run_for(min(0.05, left_s))
-            time.sleep(min(0.02, left_s))
 
     def wait_for(self, look: Callable[[], Found | None], what: str, timeout_s: float = _END_S) -> Found:
         """The first answer of `look` that is not None; TimeoutError when there is none in time."""
@@ -269,13 +220,12 @@ class Consequences:
     torn_records: int
     lost_missions: int
     notes: tuple[str, ...]
-    figures: Mapping[str, float]
 
 
-def tried(fault: Fault, seed: str, minutes: float = MINUTES) -> Consequences:
+def tried(fault: Fault, seed: str) -> Consequences:
     """Inflicts a fault once. Ends whatever it leaves over."""
     with tempfile.TemporaryDirectory(prefix="fault-") as folder, ExitStack() as stack:
-        attempt = Try(Path(folder), random.Random(seed), minutes)
+        attempt = Try(Path(folder), random.Random(seed))
         stack.callback(_kill_all, attempt)
         try:
             lost = fault.inflict(attempt)
@@ -302,7 +252,6 @@ def tried(fault: Fault, seed: str, minutes: float = MINUTES) -> Consequences:
         len(torn),
         int(lost is not None),
         tuple(notes),
-        attempt.figures,
     )
 
 
@@ -399,272 +348,6 @@ def _resumed_twice(attempt: Try) -> str | None:
     return None if refused == 1 and codes.count(0) == 2 else f"exit codes {codes}"
 
 
-def _killed_again_and_again(attempt: Try) -> str | None:
-    """An agent every two seconds; and in turn the nursery, and the supervisor, which one or two callers resume at once."""
-    speed, period_s = 5, 12.0
-    # Thirty agents a minute, and all of them with their nursery.
-    fleet = replace(load(SCENARIO).fleet, count=24, start=RandomStart(charge=(0.3, 0.9)))
-    first = attempt.run(
-        *("--time", "wall", "--speed", str(speed)), duration_s=60 * speed * attempt.minutes, fleet=fleet
-    )
-    attempt.has_flown(5)
-    until_s, pilot, nurseries, supervisors = time.monotonic() + 60 * attempt.minutes, first, 0, 0
-    with _killing_agents(attempt, 2.0) as killed:
-        while time.monotonic() + period_s < until_s:
-            attempt.wait(period_s)
-            if nurseries == supervisors:
-                os.kill(
-                    attempt.wait_for(lambda: next(iter(attempt.nurseries), None), "a nursery"), signal.SIGKILL
-                )
-                nurseries += 1
-                continue
-            supervisors += 1
-            pilot, lost = _resumed(attempt, first, pilot, callers=1 + (supervisors - 1) % 2)
-            if lost is not None:
-                return lost
-    lost = _expect(pilot, {0}, within_s=600.0) or _expect(first, {0}, within_s=60.0)
-    attempt.figures |= {
-        "agents_killed": len(killed),
-        "nurseries_killed": nurseries,
-        "supervisors_killed": supervisors,
-    }
-    return lost or _contradiction(attempt)
-
-
-@contextmanager
-def _killing_agents(attempt: Try, period_s: float) -> Iterator[list[str]]:
-    """Kills one agent after the other in the background; gives the names of the killed ones."""
-    killed: list[str] = []
-    over = threading.Event()
-
-    def kill() -> None:
-        while not over.wait(period_s):
-            agents = attempt.agents
-            waiting = sorted(agents, key=killed.count)  # the first was killed least often
-            if waiting:
-                with suppress(ProcessLookupError):
-                    os.kill(agents[waiting[0]], signal.SIGKILL)
-                    killed.append(waiting[0])
-
-    thread = threading.Thread(target=kill)
-    thread.start()
-    try:
-        yield killed
-    finally:
-        over.set()
-        thread.join()
-
-
-def _killed_at_random(attempt: Try) -> str | None:
-    """A random agent every two seconds and the supervisor three times; compared with the same mission undisturbed."""
-    duration_s = 60 * 20 * attempt.minutes
-    calm_dir = attempt.folder / "undisturbed"
-    calm = attempt.run("--time", "asap", duration_s=duration_s, run_dir=calm_dir)
-    if (lost := _expect(calm, {0}, within_s=600.0)) is not None:
-        return lost
-    flying = attempt.run(*_WALL, "--on-supervisor-death", "resume", duration_s=duration_s)
-    attempt.has_flown(5)
-    supervisors_due_ms = [1000 * duration_s * number / 4 for number in (1, 2, 3)]
-    supervisors, back_s = 0, list[float]()
-    while flying.code is None:
-        attempt.wait(2.0)
-        if supervisors < len(supervisors_due_ms) and attempt.flown_ms() >= supervisors_due_ms[supervisors]:
-            os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
-            supervisors += 1
-            _flies_on(attempt)
-        elif agents := attempt.agents:
-            name = attempt.rng.choice(list(agents))
-            back_s += _back_s(attempt, name, agents[name])
-    attempt.figures |= {
-        "agents_killed": len(back_s),
-        "nurseries_killed": 0,
-        "supervisors_killed": supervisors,
-        "back_s_median": round(statistics.median(back_s), 3),
-        "back_s_worst": round(max(back_s), 3),
-    }
-    if (lost := _expect(flying, {0}) or _contradiction(attempt)) is not None:
-        return lost
-    uptimes = [
-        json.loads((folder / "summary.json").read_text())["uptime_paper"]["mean"]
-        for folder in (calm_dir, attempt.run_dir)
-    ]
-    attempt.figures |= {"uptime_undisturbed": uptimes[0], "uptime": uptimes[1]}
-    if abs(uptimes[0] - uptimes[1]) > _UPTIME_POINTS:
-        return f"the uptime is {uptimes[1]:.2f} %, and {uptimes[0]:.2f} % undisturbed"
-    broken = check_run(RunDirectory.open(attempt.run_dir))
-    return str(broken[0]) if broken else None
-
-
-def _killed_with_leaks(attempt: Try) -> str | None:
-    """The supervisor again and again, just after it journaled what leaking batteries lose: their next window brings it."""
-    duration_s = 20 * 60 * attempt.minutes
-    leaks = [
-        FaultAt(fault=TimedFault.BATTERY_AGEING, at_s=5, id=n, for_s=duration_s)
-        for n in load(SCENARIO).fleet.ids
-    ]
-    flying = attempt.run(
-        *(*_WALL, "--on-supervisor-death", "resume"), duration_s=duration_s, faults=Faults(at=tuple(leaks))
-    )
-    attempt.has_flown(10)
-    journal, supervisors, under_way = attempt.run_dir / "journal.jsonl", 0, 0
-    with closing(JournalTail(journal)) as tail:
-        while supervisors < _KILLS_WITH_LEAKS and flying.code is None:
-            tail.read_new()
-            leaked_ms = attempt.wait_for(lambda: _leaked_ms(tail.read_new().lines), "a leak")
-            kill_supervisor(attempt.run_dir)
-            under_way += all(it["t"] <= leaked_ms for it in tail.read_new().lines)
-            supervisors += 1
-            _flies_on(attempt)
-    attempt.figures |= {"supervisors_killed": supervisors, "kills_with_stimuli_under_way": under_way}
-    if (lost := _expect(flying, {0})) is not None:
-        return lost
-    broken = check_run(RunDirectory.open(attempt.run_dir))
-    return f"{len(broken)} broken rules, the first: {broken[0].rule}: {broken[0].reason}" if broken else None
-
-
-def _leaked_ms(lines: Sequence[Line]) -> int | None:
-    """The mission time of the newest of these lines, if one of them is a leak's stimulus."""
-    leaked = any(
-        it["kind"] == Stimulated.kind and isinstance(from_json(it["wire"]), ChargeLost) for it in lines
-    )
-    return max(it["t"] for it in lines) if leaked else None
-
-
-def _flies_on(attempt: Try) -> None:
-    """Returns when another supervisor has flown on for five seconds of mission time."""
-    before_ms = attempt.flown_ms()
-    attempt.wait_for(lambda: attempt.flown_ms() >= before_ms + 5000 or None, "a resumed flight")
-
-
-def _back_s(attempt: Try, name: str, pid: int) -> list[float]:
-    """Kills an agent; the wall seconds until it lives again. None of them for an agent or a flight that had just ended."""
-    try:
-        os.kill(pid, signal.SIGKILL)
-    except ProcessLookupError:
-        return []
-    killed_s = time.monotonic()
-    while attempt.agents.get(name, pid) == pid:
-        attempt.wait(0.01)
-        if attempt.terminals[-1].code is not None:
-            return []
-        if time.monotonic() > killed_s + _END_S:
-            raise TimeoutError(f"{name} did not live again within {_END_S:g} s")
-    return [time.monotonic() - killed_s]
-
-
-def _resumed(attempt: Try, first: Terminal, pilot: Terminal, callers: int) -> tuple[Terminal, str | None]:
-    """Kills the supervisor and has the run resumed; returns the command that flies it now, and what was lost."""
-    os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
-    attempt.wait_for(lambda: (not attempt.processes(_SUPERVISOR)) or None, "the supervisor's end")
-    if pilot is not first and (lost := _expect(pilot, {Exit.PEER_FAILED}, "the supervisor died (SIGKILL)")):
-        return pilot, lost
-    before_ms = attempt.flown_ms()
-    both = [attempt.start("resume", attempt.run_dir) for _ in range(callers)]
-    attempt.wait_for(lambda: attempt.flown_ms() >= before_ms + 5000 or None, "a resumed flight")
-    attempt.wait_for(
-        lambda: sum(it.code is not None for it in both) == callers - 1 or None, "one caller alone"
-    )
-    refused = [it.code for it in both if it.code is not None]
-    (pilot,) = [it for it in both if it.code is None]
-    wrong = [code for code in refused if code not in (Exit.USER_MISTAKE, Exit.PEER_FAILED)]
-    return pilot, f"a second caller ended with {wrong[0]}" if wrong else None
-
-
-def _contradiction(attempt: Try) -> str | None:
-    """Contradictions in the records of a resumed run."""
-    journal, scenario = (
-        read_journal(attempt.run_dir / "journal.jsonl"),
-        load(attempt.run_dir / "scenario.yaml"),
-    )
-    summary = json.loads((attempt.run_dir / "summary.json").read_text())
-    jump = _greatest_jump(journal, charge_models(scenario))
-    low_m, high_m = _driven_m(journal.lines)
-    gap = max(0.0, low_m - summary["cost_m"], summary["cost_m"] - high_m) / high_m
-    died = sum(line["kind"] == ProcessDied.kind for line in journal.lines)
-    figures = attempt.figures
-    figures |= {
-        "died": died,
-        "services": summary["services"],
-        "battery_jump": jump,
-        "cost_gap": round(gap, 5),
-    }
-    # A supervisor that dies in a tick may lose the word of a death, never add one.
-    most = figures["agents_killed"] + (figures["nurseries_killed"]) * scenario.fleet.count
-    twice = [line for line, count in Counter(map(_event, journal.lines)).items() if count > 1 and line]
-    full = sum(line["kind"] == AMusselReleased.kind and line["full"] for line in journal.lines)
-    if jump > 1e-9:
-        return f"a battery jumped by {jump:g} of its charge"
-    if summary["gave_up"]:
-        return f"{summary['gave_up']} aMussels stayed dead, and each had lived since it died before"
-    if gap > 0.01:
-        return f"the cost is {summary['cost_m']:.1f} m, and {low_m:.1f} to {high_m:.1f} m were driven"
-    if twice:
-        return f"twice in the journal: {twice[0]}"
-    if died > most:
-        return f"{died} deaths, and no more than {most} agents were killed"
-    return (
-        None if full == summary["services"] else f"{full} released full, and {summary['services']} services"
-    )
-
-
-def _driven_m(lines: Sequence[Line]) -> tuple[float, float]:
-    """Bounds of the way driven on go-tos, by the aPad's track: each ends somewhere between two of its points."""
-    track = [(line["t"], line["north_m"], line["east_m"]) for line in lines if line["kind"] == APadMoved.kind]
-    low_m = high_m = 0.0
-    for begin_ms, end_ms in _go_tos(lines):
-        before = [point for point in track if point[0] <= begin_ms][-1:]
-        way = [*before, *(point for point in track if begin_ms < point[0] <= end_ms)]
-        chords = [math.dist(first[1:], second[1:]) for first, second in pairwise(way)]
-        low_m, high_m = low_m + sum(chords[:-1]), high_m + sum(chords)
-    return low_m, high_m
-
-
-def _go_tos(lines: Sequence[Line]) -> Iterator[tuple[int, int]]:
-    """The begin and the end of each go-to, in mission ms; a supervisor that died left one without an end."""
-    begin_ms = None
-    for line in lines:
-        if line["kind"] != PrimitiveChanged.kind:
-            continue
-        is_start, is_go_to = line["phase"] == "started", line["name"] == "go to point"
-        if begin_ms is not None and (is_start or (is_go_to and line["t"] > begin_ms)):
-            yield begin_ms, line["t"]
-            begin_ms = None
-        if is_start and is_go_to:
-            begin_ms = line["t"]
-    if begin_ms is not None:
-        yield begin_ms, lines[-1]["t"]
-
-
-def _event(line: Line) -> str:
-    """The text of an event that happens once; empty for another line."""
-    once = (
-        DockSwitched.kind,
-        AMusselReleased.kind,
-        LegBegan.kind,
-        PlanMade.kind,
-        StepGivenUp.kind,
-        TruthChanged.kind,
-    )
-    return json.dumps(line) if line["kind"] in once else ""
-
-
-def _greatest_jump(journal: JournalContents, charge_of: Callable[[int], ChargeModel]) -> float:
-    """The greatest difference, of a full battery, between its charges by two truths in a row at the time of the second."""
-    newest: dict[int, Truth] = {}
-    greatest = 0
-    for line in journal.lines:
-        if line["kind"] != TruthChanged.kind:
-            continue
-        truth = truth_of(line)
-        before, charge = newest.get(truth.agent_id, truth).physical, charge_of(truth.agent_id)
-        now = truth.physical
-        for was, is_now in ((before.primary, now.primary), (before.secondary, now.secondary)):
-            jump = charge.charge_at(is_now, truth.at_ms) - charge.charge_at(was, truth.at_ms)
-            greatest = max(greatest, abs(jump))
-        newest[truth.agent_id] = truth
-    return greatest / FULL
-
-
 def _disk_full(attempt: Try, *, over_ros: bool) -> str | None:
     with _small_disk(attempt.folder / "disk") as disk:
         run_dir = disk / "run"
@@ -716,16 +399,6 @@ def _comm(pid: int) -> str:
         return "amussel that has ended"
 
 
-def _master_stopped(attempt: Try) -> str | None:
-    terminal = attempt.run(*_WALL)
-    attempt.has_flown(5)
-    master = attempt.the_process("master_process.py")
-    os.kill(master, signal.SIGSTOP)
-    terminal.run_for(4.0)
-    os.kill(master, signal.SIGCONT)
-    return _expect(terminal, {0})
-
-
 def _silent_connections(attempt: Try) -> str | None:
     """Connects to every port of the run as soon as it listens, and says nothing."""
     terminal = attempt.run(*_WALL)
@@ -764,34 +437,24 @@ FAULTS = (
     Fault("full disk, asap", partial(_disk_full, over_ros=False)),
     Fault("full disk, over ROS", partial(_disk_full, over_ros=True)),
     Fault("fleet given up", _fleet_given_up),
-    Fault("master stopped and continued", _master_stopped),
     Fault("silent TCP connections", _silent_connections),
-    Fault("agents, nursery and supervisor killed again and again", _killed_again_and_again),
-    Fault("a random agent killed every two seconds, the supervisor three times", _killed_at_random),
-    Fault("the supervisor killed again and again, with leaking batteries", _killed_with_leaks),
 )
 SHORT = ("SIGINT while a run starts, asap", "two resumes at once", "full disk, asap")
 """Names of the faults whose flights take some seconds each."""
 
 
-def measure(tries: int = TRIES, minutes: float = MINUTES, short: bool = False) -> dict[str, Any]:
-    """Each fault `tries` times; one that comes again and again lasts so many `minutes`.
-
-    The rows' counts are sums over the tries; a further figure of a fault is the greatest of its tries.
-    """
-    if short:
-        tries, minutes = 1, SHORT_MINUTES
+def measure(tries: int = TRIES, short: bool = False) -> dict[str, Any]:
+    """Each fault `tries` times. The rows' counts are sums over the tries."""
+    tries = 1 if short else tries
     faults = [it for it in FAULTS if it.name in SHORT or not short]
-    return {"rows": [_measured(fault, tries, minutes) for fault in faults]}
+    return {"rows": [_measured(fault, tries) for fault in faults]}
 
 
-def _measured(fault: Fault, tries: int, minutes: float) -> dict[str, Any]:
-    results = [tried(fault, f"{SEED} {fault.name} {n}", minutes) for n in range(tries)]
+def _measured(fault: Fault, tries: int) -> dict[str, Any]:
+    results = [tried(fault, f"{SEED} {fault.name} {n}") for n in range(tries)]
     row: dict[str, Any] = {"fault": fault.name, "tries": tries}
     for key in _COUNTS:
         row[key] = sum(getattr(it, key) for it in results)
-    for key in results[0].figures if results else ():
-        row[key] = max(it.figures.get(key, 0) for it in results)
     row["notes"] = [note for it in results for note in it.notes]
     return told(row)
 
@@ -801,11 +464,3 @@ def show(result: dict[str, Any], console: Console) -> None:
     for row in result["rows"]:
         table.add_row(row["fault"], str(row["tries"]), *(str(row[key]) for key in _COUNTS))
     console.print(table)
-    for row in result["rows"]:
-        figures = [
-            f"{key} {value:g}"
-            for key, value in row.items()
-            if key not in (*_COUNTS, "fault", "tries", "notes")
-        ]
-        if figures:
-            console.print(f"{row['fault']}: {', '.join(figures)}")

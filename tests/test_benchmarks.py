@@ -21,13 +21,12 @@ from hypothesis import strategies as st
 from shapely import Point, Polygon
 
 from apad_bridge.planning.registry import collection
-from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.studies.figures import COLUMNS
 from apad_bridge.runs.studies.models import Model, fly
 from apad_bridge.runs.studies.specification import load_study
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Dispatch, DriftMode
-from benchmarks import bounds, chaos, planner, plans, second_model, ten_days
+from benchmarks import bounds, planner, plans, second_model, ten_days
 from benchmarks.instances import check
 from benchmarks.mutations import first_changes, fresh_changes, held_out_changes
 from benchmarks.plan_study import route
@@ -119,41 +118,6 @@ def test_one_prints_json_and_refuses_what_it_has_no_use_for(run: Path) -> None:
     refused = flown(run, "good", "--minutes", "1")
     assert refused.returncode == 2 and "leave out --minutes" in refused.stderr
     assert flown(run, "all").returncode == 2
-
-
-@given(st.sets(st.integers(0, 40), min_size=1), st.data())
-def test_what_breaks_a_law_is_shrunk_to_what_is_needed(items: set[int], data: st.DataObject) -> None:
-    needed = data.draw(st.sets(st.sampled_from(sorted(items))))
-    assert chaos.shrunk(sorted(items), lambda part: needed <= set(part)) == sorted(needed)
-
-
-def test_a_flight_with_faults_is_checked_by_the_laws_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = chaos.in_one_process(chaos.SCENARIO, flight_s=10)
-    resets = [
-        chaos.FaultAt(fault=chaos.TimedFault.BROWN_OUT, at_s=5, id=3),
-        chaos.FaultAt(fault=chaos.TimedFault.COIL_SLIP, at_s=7, id=4),
-    ]
-    assert chaos.flown(scenario, resets) == chaos.Outcome(1, ())  # none is in a dock yet
-    real = chaos.check_run
-
-    def without_a_charge(directory: RunDirectory) -> list[object]:
-        """Of a run with a defect: aMussel 3 loses the charge that its reset should leave."""
-        lines = [json.loads(it) for it in directory.journal.read_text().splitlines()]
-        last = [it for it in lines if it["kind"] == "truth" and it["id"] == 3][-1]
-        last["primary"][1] //= 2
-        directory.journal.write_text("".join(json.dumps(it) + "\n" for it in lines))
-        return real(directory)
-
-    monkeypatch.setattr(chaos, "check_run", without_a_charge)
-    (broken,) = chaos.flown(scenario, resets).broken
-    assert broken.startswith("energy is neither made nor lost: aMussel 3")
-
-
-def test_supervisors_that_are_killed_lose_no_stimulus_of_theirs() -> None:
-    """Batteries that leak in every tick, so that each kill leaves a loss of charge that the aMussels have not felt."""
-    scenario = chaos.in_one_process(chaos.SCENARIO, flight_s=240)
-    leaks = [chaos.FaultAt(fault=chaos.TimedFault.BATTERY_AGEING, at_s=2, id=n) for n in scenario.fleet.ids]
-    assert chaos.flown(scenario, leaks, kills=5) == chaos.Outcome(len(leaks), (), 5)
 
 
 @pytest.mark.parametrize("file", ["pool-12.yaml", "bay-24.yaml"])

@@ -21,6 +21,7 @@ from kills.records import Charge, Line, Records
 NOT_IN_BAGS = {"truth", "belief", "apad", "tick", "stimulus", "capacity", "resumed"}
 BAG_LOSES_MS = 10_000
 """A bag that was never closed may lack so much of its end."""
+AT_ONCE = {"truth", "resumed", "restored", "died"}
 ONCE = {"dock", "released", "leg", "plan", "given_up", "truth", "end", "run", "stop"}
 """Two equal lines of these kinds tell the same thing twice."""
 FULL_GRAINS = 6e14
@@ -100,9 +101,11 @@ def _order(found: Records) -> Iterator[str]:
 def _seconds(found: Records, clock: Clock) -> Iterator[str]:
     """Each second of mission time has a line: an event, or a `tick`."""
     have = {math.ceil(it["t"] / 1000) for it in found.lines}
-    for line, after in pairwise(found.lines):
-        if clock == "followed" and line["kind"] in ("resumed", "restored"):
-            have |= set(range(line["t"] // 1000, after["t"] // 1000 + 1))
+    if clock == "followed":
+        for line in found.of_kind("resumed"):
+            # The fleet's truths of the time between come at once.
+            later = [it["t"] for it in found.lines if it["kind"] not in AT_ONCE and it["t"] > line["t"]]
+            have |= set(range(line["t"] // 1000, min(later, default=line["t"]) // 1000))
     missing = [it for it in range(max(have, default=0)) if it not in have]
     if missing:
         yield f"{len(missing)} seconds of mission time have no line, the first {missing[0]} s"

@@ -16,7 +16,8 @@ from kills.machine import AGENT, NURSERY, PARENT
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 STOPPED_S = (0.3, 3.5)
 """Wall seconds from SIGSTOP to SIGCONT: shorter than the patience of any process with another."""
-FAULTS = 12
+FAULTS = 60
+"""Of boards and aPad, in a mix in virtual time. A mix over ROS is much shorter."""
 SERVICES = ("console", "IMC gateway", "Foxglove server")
 Victim = tuple[str, Signals]
 
@@ -167,10 +168,14 @@ def _scenario(row: Row, generation: str, rng: random.Random) -> dict[str, Any]:
     data["seed"] = rng.randrange(1, 1 << 20)
     if row.speed is not None and not data.get("apads"):
         data["apad"]["generation"] = generation
-    if row.speed is None or rng.random() < 0.4:
-        data["faults"] = {
-            "mix": {"seed": rng.randrange(1, 1 << 20), "count": FAULTS * (5 if row.speed is None else 1)}
-        }
+    ids, kind = range(1, data["fleet"]["count"] + 1), rng.random()
+    if row.speed is None or kind < 0.3:
+        count = FAULTS if row.speed is None else FAULTS // 5
+        data["faults"] = {"mix": {"seed": rng.randrange(1, 1 << 20), "count": count}}
+    elif kind < 0.5:
+        # A loss of charge is under way in each tick, whenever the supervisor is killed.
+        leak = {"fault": "battery_ageing", "at_s": 5, "for_s": data["duration_s"]}
+        data["faults"] = {"at": [leak | {"id": it} for it in ids]}
     if isinstance(data["fleet"]["start"], str):
         data["fleet"]["start"] = {"charge": [0.4, 0.9]}
     return data

@@ -1,0 +1,114 @@
+"""Supervisors that are killed one after the other, with stimuli under way, while their aMussels and their aPad live on."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from scenario_files import POOL_FILE
+
+from agents.hosting.in_process import InProcessHost
+from apad_bridge.analysis.invariants import check_run
+from apad_bridge.assembly import fleet_parts, parts
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.safety import safety_of
+from apad_bridge.records.journal import JournalTail, read_journal
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.flying import PreparedFlight, RunSpec, prepare
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.resuming import begin_run, ongoing_faults, resume_run
+from apad_bridge.scenario.choices import Hosting
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, BenchPart, OnDeath, RunOptions, TimeSource
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.timed_faults import FaultAt, Faults, TimedFault
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.contacts import Contacts
+from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.vehicle.link import InProcessVehicle
+
+KILLS = 5
+OPTIONS = RunOptions(
+    BenchPart.WHOLE, APadKind.SIM, TimeSource.ASAP, 1.0, OnDeath.WAIT, owns_master=True, epoch=1
+)
+
+
+class Supervisors:
+    """Makes one supervisor after the other for the same aMussels and the same aPad."""
+
+    def __init__(self, scenario: Scenario, stack: ExitStack) -> None:
+        self._scenario, self._stack = scenario, stack
+        self._progress = stack.enter_context(FlightProgress(scenario.name, scenario.duration_ms, quiet=True))
+        self._config = flight_config(scenario)
+        bodies = fleet_parts.initial_states(scenario, starts_of(scenario))
+        self._host = InProcessHost(fleet_parts.fleet_config(self._config), bodies)
+        self._vehicle = InProcessVehicle(parts.simulated_apad(scenario))
+        self._granted_ms: Mapping[int, int] = dict.fromkeys(bodies, 0)
+
+    def begin(self, directory: RunDirectory, epoch: int) -> PreparedFlight:
+        """The flight of a supervisor; one after the first goes on from the files in the directory."""
+        config, options = self._config, replace(OPTIONS, epoch=epoch)
+        if epoch > 1:
+            state = resume_run(directory, config, options, lambda line: None)
+        else:
+            state = begin_run(directory, config, options)
+        self._stack.callback(state.recorder.close)
+        fleet = fleet_parts.fleet_of(config, self._host, self._granted_ms, state.start_ms)
+        self._granted_ms = fleet.coordinator.granted_ms
+        state = state.deliver_again(fleet.coordinator)
+        last_ms = state.journal.last_ms if state.journal.lines else -1
+        context = FlightContext(
+            vehicle=self._vehicle,
+            pace=AsFastAsPossible(),
+            fleet=fleet,
+            safety=safety_of(self._scenario),
+            contacts=Contacts(state.held),
+            faults=parts.fault_injection(config, fleet, last_ms, ongoing_faults(state.journal)),
+        )
+        state.recorder.begin_checkpoint(state.learned, state.start_ms)
+        spec = RunSpec(state.resume_point, state.learned)
+        return prepare(config, context, state.recorder, self._progress, spec)
+
+
+def fly_until_a_stimulus(flying: PreparedFlight, directory: RunDirectory, due_ms: float) -> None:
+    """Flies to the first tick from `due_ms` on that queues a stimulus."""
+    with closing(JournalTail(directory.journal)) as tail:
+        queued = False
+        while not (queued and flying.flight.now_ms > due_ms):
+            assert not flying.flight.step(), "the flight ended before"
+            queued = any(it["kind"] == "stimulus" for it in tail.read_new().lines)
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def test_supervisors_that_are_killed_lose_no_stimulus_of_theirs(stack: ExitStack, tmp_path: Path) -> None:
+    """Batteries that leak in every tick, so that each kill leaves a loss of charge that the aMussels have not felt."""
+    scenario = load(POOL_FILE)
+    leaks = [FaultAt(fault=TimedFault.BATTERY_AGEING, at_s=2, id=n) for n in scenario.fleet.ids]
+    fleet = replace(scenario.fleet, hosting=Hosting.ONE_PROCESS)
+    scenario = replace(scenario, duration_s=240, fleet=fleet, faults=Faults(at=tuple(leaks)))
+    directory = RunDirectory(tmp_path / "run")
+    directory.path.mkdir()
+    directory.write_inputs(scenario, starts_of(scenario))
+    supervisors = Supervisors(scenario, stack)
+    flying = supervisors.begin(directory, 1)
+    for n in range(1, KILLS + 1):
+        fly_until_a_stimulus(flying, directory, 1000 * scenario.duration_s * n / (KILLS + 1))
+        left = RunDirectory(tmp_path / f"resumed-{n}")
+        shutil.copytree(directory.path, left.path)  # what a kill leaves: closing would write more
+        flying.recorder.close()
+        directory, flying = left, supervisors.begin(left, n + 1)
+    flying.flight.run()
+    flying.finish()
+    assert check_run(directory) == []
+    kinds = [it["kind"] for it in read_journal(directory.journal).lines]
+    assert kinds.count("resumed") == KILLS and kinds.count("fault") == len(leaks)
