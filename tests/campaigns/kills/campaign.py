@@ -17,7 +17,7 @@ from tries import Job, Kept, NoFlight, Result, fly_all, in_cells, in_turns
 
 from kills.flight import ROOT, Flight
 from kills.judge import Ending, judge
-from kills.machine import why_no_machine
+from kills.machine import DISK, why_no_machine
 from kills.mixes import ROWS, drawn
 from kills.records import records_of
 
@@ -63,8 +63,7 @@ def measure(
 
 def flown(job: Job, kept: Kept) -> Result:
     seed = f"{SEED} {job.row} {job.generation} {job.number}"
-    # Not in /tmp, which is empty after a restart.
-    home = Path(tempfile.mkdtemp(prefix="musselbed-kills-", dir="/var/tmp"))
+    home = Path(tempfile.mkdtemp(prefix="musselbed-kills-", dir=DISK))
     flight = Flight(
         home, ROWS[job.row], drawn(job.row, job.generation, seed), random.Random(seed), kept.ended
     )

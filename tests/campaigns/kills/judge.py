@@ -195,8 +195,10 @@ def _plans(found: Records) -> Iterator[str]:
                 left.pop(line["agent"], None)
             case "released" | "given_up":
                 left.pop(line["agent"], None)
-            case "left_alone" | "beyond_reach" | "presence" | "died":
-                left.pop(line["agent"] if "agent" in line else line["id"], None)
+            case "left_alone" | "beyond_reach":
+                left.pop(line["agent"], None)
+            case "died" if line["gave_up"]:
+                left.pop(line["id"], None)
             case "override" | "handed_on" | "stuck" | "stands_down" | "end":
                 left = {}
 
