@@ -45,7 +45,7 @@ Clock = Literal["own", "followed", "virtual"]
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How the run's last command ended; `code` is None if nobody waited for it, as after a crash."""
+    """The end of the run's last command; `code` is None if nobody waited for it, as after a crash."""
 
     code: int | None
     said: str
@@ -72,11 +72,12 @@ def _ids(found: Records) -> Iterator[str]:
         yield f"{len(begins)} lines `run`, and the first line is `{found.lines[0]['kind'] if found.lines else ''}`"
         return
     ids = [it["id"] for it in begins[0]["agents"]]
+    served = {*ids, *(it["id"] for it in found.of_kind("took_on"))}
     if len(set(ids)) != len(ids):
         yield f"the fleet has an id twice: {ids}"
     for line in found.lines:
         named = line.get("agent", line.get("id"))
-        if named is not None and named not in ids:
+        if named is not None and named not in served:
             yield f"a line `{line['kind']}` is about aMussel {named}, which is not of the fleet"
     numbers = [it["snapshot"]["primitive_id"] or 0 for it in found.of_kind("mission")]
     if fallen := [(a, b) for a, b in pairwise(numbers) if b < a]:
@@ -112,7 +113,12 @@ def _seconds(found: Records, clock: Clock) -> Iterator[str]:
 
 
 def _bags(found: Records) -> Iterator[str]:
-    """The bags and the journal tell the same events; a bag that was not closed may lack its end."""
+    """The bags and the journal tell the same events; a bag that was not closed may lack its end.
+
+    The last bag of a run without an end waits for its repair by a resume.
+    """
+    if found.unclosed and (found.unclosed > 1 or found.of_kind("end")):
+        yield f"{found.unclosed} bags were not closed, and nobody repaired them"
     if not found.bags:
         return
     ours = Counter(_text(it) for it in found.lines if it["kind"] not in NOT_IN_BAGS)
@@ -122,7 +128,7 @@ def _bags(found: Records) -> Iterator[str]:
     cut_ms = [it["t"] for it in found.of_kind("resumed")]
     if not found.of_kind("end"):
         cut_ms.append(found.lines[-1]["t"])
-    for text in ours - theirs:
+    for text in ours - theirs if not found.unclosed else ():
         at_ms = json.loads(text)["t"]
         if not any(it - BAG_LOSES_MS - 1000 <= at_ms <= it for it in cut_ms):
             yield f"in the journal, and in no bag: {text[:160]}"

@@ -17,7 +17,7 @@ SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 STOPPED_S = (0.3, 3.5)
 """Wall seconds from SIGSTOP to SIGCONT: shorter than the patience of any process with another."""
 FAULTS = 60
-"""Of boards and aPad, in a mix in virtual time. A mix over ROS is much shorter."""
+"""Faults of boards and aPad in a mix in virtual time. A mix over ROS is much shorter."""
 SERVICES = ("console", "IMC gateway", "Foxglove server")
 Victim = tuple[str, Signals]
 

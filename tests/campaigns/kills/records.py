@@ -19,7 +19,7 @@ Line = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Charge:
-    """What an aMussel's batteries hold together at a time of its own, in batteries, and if a dock holds it."""
+    """The charge of both batteries of an aMussel at a time of its own, in batteries, and if a dock holds it."""
 
     agent_ms: int
     held: float
@@ -39,6 +39,8 @@ class Records:
     in_bags: list[Line] = field(default_factory=list)
     """The mission's events in the bags, in the form of the journal's lines."""
     bags: int = 0
+    unclosed: int = 0
+    """Those of them that have no index."""
     charges: dict[int, list[Charge]] = field(default_factory=dict)
     """Truths of the bags, by aMussel."""
     places: list[tuple[int, float, float]] = field(default_factory=list)
@@ -66,7 +68,10 @@ def records_of(run: Path) -> Records:
         try:
             _read_bag(path, found)
         except (ReaderError, OSError, AssertionError, struct.error) as error:
-            found.unread.append(f"{path.name}: {error}")
+            if "not indexed" in str(error):
+                found.unclosed += 1
+            else:
+                found.unread.append(f"{path.name}: {error}")
     places = {it["t"]: (it["t"], it["north_m"], it["east_m"]) for it in found.of_kind("apad")}
     found.places = sorted((places | {it[0]: it for it in found.places}).values())
     return found
