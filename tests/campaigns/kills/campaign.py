@@ -70,7 +70,7 @@ def flown(job: Job, kept: Kept) -> Result:
     try:
         flight.fly()
         failures = [*flight.failures, *flight.tracebacks(), *flight.check()]
-        is_over = flight.mix.crash_s is None or flight.row.resumes
+        is_over = flight.was_resumed or not flight.lost_power
         for run in flight.run_dirs:
             ending = Ending(flight.code, flight.said, is_over, flight.row.clock)
             failures += [f"{run.name}: {it}" for it in judge(records_of(run), ending)]

@@ -47,6 +47,7 @@ class Flight:
     """The acts that found their victim."""
     code: int | None = None
     said: str = ""
+    lost_power: bool = False
     was_resumed: bool = False
 
     @property
@@ -61,7 +62,7 @@ class Flight:
         before = [it for it in self.mix.acts if it.at_s < crash_s]
         words = ("run", "scenario.yaml", "--out", "run", "--time", *time_words, *self.row.words)
         self._on_machine("run", words, before)
-        if self.mix.crash_s is not None and not self.failures:
+        if self.lost_power and not self.failures:
             self.was_resumed = self.row.resumes
             self._on_machine("resume", ("resume", str(self.run_dirs[0])), self.mix.acts[len(before) :])
 
@@ -78,11 +79,12 @@ class Flight:
             for it in acts:
                 if self._comes_to(machine, name, it.at_s):
                     self._act(machine, it)
-            if name == "resume" or self.mix.crash_s is None:
-                self._end(machine, name)
-            else:
-                self._comes_to(machine, name, self.mix.crash_s)
+            crash_s = self.mix.crash_s
+            if name == "run" and crash_s is not None and self._comes_to(machine, name, crash_s):
+                self.lost_power = True
                 self.done.append(f"power off at {self.flown_s():.0f} s")
+            elif not self.failures:
+                self._end(machine, name)
 
     def _environment(self) -> dict[str, str]:
         """A shell of its own user: nothing of this one's ROS, Python, or earlier runs."""

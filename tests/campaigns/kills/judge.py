@@ -21,7 +21,7 @@ from kills.records import Charge, Line, Records
 NOT_IN_BAGS = {"truth", "belief", "apad", "tick", "stimulus", "capacity", "resumed"}
 BAG_LOSES_MS = 10_000
 """A bag that was never closed may lack so much of its end."""
-AT_ONCE = {"truth", "resumed", "restored", "died"}
+AT_ONCE = {"truth", "resumed", "restored", "died", "stands_down"}
 ONCE = {"dock", "released", "leg", "plan", "given_up", "truth", "end", "run", "stop"}
 """Two equal lines of these kinds tell the same thing twice."""
 FULL_GRAINS = 6e14
@@ -104,7 +104,7 @@ def _seconds(found: Records, clock: Clock) -> Iterator[str]:
     have = {math.ceil(it["t"] / 1000) for it in found.lines}
     if clock == "followed":
         for line in found.of_kind("resumed"):
-            # The fleet's truths of the time between come at once.
+            # These come at once, for the time between.
             later = [it["t"] for it in found.lines if it["kind"] not in AT_ONCE and it["t"] > line["t"]]
             have |= set(range(line["t"] // 1000, min(later, default=line["t"]) // 1000))
     missing = [it for it in range(max(have, default=0)) if it not in have]

@@ -14,9 +14,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from tries import NoFlight
 
@@ -118,7 +118,7 @@ class Machine:
                     found.append(int(entry.name))
         return found
 
-    def _read(self, is_so: Any, within_s: float) -> bool:
+    def _read(self, is_so: Callable[[], bool], within_s: float) -> bool:
         """Reads what the first process tells until it is so; False when the time is over."""
         assert self._process.stdout is not None
         until_s = time.monotonic() + within_s
