@@ -96,7 +96,7 @@ class _Line:
     """The rank of the newest order that it carried away."""
 
     def may_hold_bytes_older_than(self, stop: Outgoing) -> bool:
-        """Of a line that does not answer. A HOLD follows the orders on their own line, and so does an OFF on its own."""
+        """A HOLD follows the orders on their own line, and so does an OFF on its own."""
         is_other = stop.rank is Rank.OFF and self.name != stop.line
         return is_other and not self.answers and self.newest < Rank.OFF
 
