@@ -272,6 +272,12 @@ def test_done_means_that_the_hull_truly_slows() -> None:
     late = judged([*slower, *go(), *off(STOPS_S, took_s=16.0)], told=(told(17.0),), is_rest_due=False)
     assert late.untaken == 0
     assert judged([*slower, *go(), *off(15.0)], told=(told(17.0),), is_rest_due=False).untaken == 1
+    back = sailing(STOPS_S)
+    for it in back:
+        it["north"] -= 0.45 * max(
+            0.0, it["at_s"] - 14.0
+        )  # it has overshot the place of its HOLD, and comes back
+    assert judged([*back, *go(), *off(STOPS_S)], told=(told(15.0),), is_rest_due=False).untaken == 0
     # Half of its speed is the water's, which carries it along for good.
     carried = {"told": (told(30.0),), "is_rest_due": False, "current_m_s": (SPEED_M_S - 0.2, 0.0)}
     assert judged([*sailing(), *go(), *off(STOPS_S)], **carried).failures == []

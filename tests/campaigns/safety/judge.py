@@ -455,7 +455,8 @@ def _judge_done(
 ) -> None:
     """The hull slows by the time when somebody is told that a stop is done.
 
-    A service that answers late took the order at some time before: the greatest speed since its arrival counts.
+    A service that answers late took the order at some time before: the greatest speed since its arrival counts. A hull that
+    comes back to the place of a HOLD has slowed: its speed counts along the way that it made then.
     """
     taken = [it for it in orders if it.kind in (Kind.HOLD, Kind.OFF) and it.taken_s is not None]
     first = min(
@@ -463,8 +464,11 @@ def _judge_done(
     )
     assert first.taken_s is not None
     times_s = [first.at_s, first.taken_s, *(it for it, _ in track.since(first.at_s) if it < first.taken_s)]
-    before_m_s = max(track.speed_m_s(it, case.current_m_s) for it in times_s)
-    speed_m_s = track.speed_m_s(told.answered_s, case.current_m_s)
+    before = max((track.velocity_m_s(it, case.current_m_s) for it in times_s), key=lambda it: math.hypot(*it))
+    before_m_s = math.hypot(*before)
+    then = track.velocity_m_s(told.answered_s, case.current_m_s)
+    along = then[0] * before[0] + then[1] * before[1]
+    speed_m_s = along / before_m_s if before_m_s > 0 else math.hypot(*then)
     if speed_m_s >= SLOW_M_S and speed_m_s > SLOW_SHARE * before_m_s:
         verdict.untaken += 1
         verdict.failures.append(

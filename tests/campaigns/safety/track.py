@@ -75,12 +75,15 @@ class Track:
 
     def speed_m_s(self, at_s: float, current_m_s: Place = (0.0, 0.0)) -> float:
         """The true speed through water that flows so; 0 where nothing is known."""
+        return math.hypot(*self.velocity_m_s(at_s, current_m_s))
+
+    def velocity_m_s(self, at_s: float, current_m_s: Place = (0.0, 0.0)) -> Place:
         (begin_s, begin), (end_s, end) = self._stamp_at(at_s - SPEED_S), self._stamp_at(at_s + SPEED_S)
         if end_s <= begin_s:
-            return 0.0
+            return 0.0, 0.0
         lasts_s = max(end_s - begin_s, SPEED_S)
         north_m_s, east_m_s = ((b - a) / lasts_s for a, b in zip(begin, end, strict=True))
-        return math.hypot(north_m_s - current_m_s[0], east_m_s - current_m_s[1])
+        return north_m_s - current_m_s[0], east_m_s - current_m_s[1]
 
     def _stamp_at(self, at_s: float) -> tuple[float, Place]:
         number = bisect_right(self._stamped, at_s, key=lambda it: it[0]) - 1
