@@ -76,6 +76,12 @@ class Vehicle:
         command = ["/usr/bin/rostopic", "pub", "-r", "2", topic, "std_msgs/String", text]
         self._start(*command, path="", says_ready=False)
 
+    def forget_origin(self) -> None:
+        """The master has the vehicle's parameters no more."""
+        with xmlrpc.client.ServerProxy(self.uri) as master:
+            for it in ("Lat", "Lon"):
+                master.deleteParam("/test", f"/apad1/LocalOrigin{it}")
+
     def take_away(self, part: str) -> None:
         """The topics and services below `part` have no node any more, for all that the master knows."""
         with xmlrpc.client.ServerProxy(self.uri) as proxy:
@@ -221,6 +227,7 @@ def test_each_fault_of_vehicle_and_scenario_is_red_by_its_own_line_and_a_healthy
             agree(pages["swapped"], {"origin": "latitude and longitude look swapped in area.origin"})
             assert pages["astray"].red["position"].startswith("none within") and pages["astray"].code == 3
 
+        it.forget_origin()
         it.order("relay", position={"kind": "yaw_nan"}, battery={"percent": 150})
         it.watchdog.send_signal(signal.SIGSTOP)
         for amussel in ("amussel3", "amussel7") if is_a else ():
