@@ -94,23 +94,18 @@ def check_numpy(version: str, python: tuple[int, int] = sys.version_info[:2]) ->
     return fail("numpy", f"{version} does not go with Debian's rospy (1.26.4 or later, below 2.3)", INSTALL)
 
 
-def check_pinned(site: Path | None = None, links: Path | None = None) -> Iterator[Finding]:
-    """Checks that the modules of the environment's packages, and of Debian's ROS in it, are those that are imported.
-
-    `site` and `links` are the folders of both, by default of the running environment. A workspace's own ROS may be meant.
-    """
+def check_pinned(site: Path | None = None) -> Iterator[Finding]:
+    """Checks that the packages in `site`, the environment's own folder of them by default, are those that are imported."""
     site = site or Path(sysconfig.get_path("purelib"))
-    links = links or Path(sys.prefix) / "share" / "musselbed" / "debian"
-    for folder, tell in ((site, fail), (links, warn)):
-        taken: dict[Path, list[str]] = {}
-        for name in sorted(_modules_in(folder)):
-            if (elsewhere := _imported_from_elsewhere(name, folder)) is not None:
-                taken.setdefault(elsewhere, []).append(name)
-        for elsewhere, names in taken.items():
-            found = f"{', '.join(names)} would be imported from {elsewhere}, and not from {folder}"
-            yield tell("shadowed packages", found, _removal(elsewhere))
-        if not taken:
-            yield ok("shadowed packages", f"none of {folder}")
+    taken: dict[Path, list[str]] = {}
+    for name in sorted(_modules_in(site)):
+        if (elsewhere := _imported_from_elsewhere(name, site)) is not None:
+            taken.setdefault(elsewhere, []).append(name)
+    for elsewhere, names in taken.items():
+        found = f"{', '.join(names)} would be imported from {elsewhere}, and not from {site}"
+        yield fail("shadowed packages", found, _removal(elsewhere))
+    if not taken:
+        yield ok("shadowed packages", f"none of {site}")
 
 
 def _modules_in(folder: Path) -> set[str]:

@@ -36,6 +36,15 @@ def test_it_is_named_and_no_traceback_is_shown(tmp_path: Path) -> None:
     assert "Traceback" not in doctor.stderr
 
 
+def test_a_ros_of_python_2_that_a_shell_has_sourced_is_not_used(tmp_path: Path) -> None:
+    for name in ("rospy", "std_msgs", "genpy"):
+        (tmp_path / f"{name}.py").write_text("print 'of Python 2'")
+    lines = musselbed(tmp_path, "doctor", "--all").stdout.splitlines()
+    for name in ("rospy", "std_msgs", "genpy"):
+        (line,) = (it for it in lines if it.startswith(f"OK   {name}:"))
+        assert str(tmp_path) not in line
+
+
 @pytest.mark.parametrize("command", ["run", "study"])
 def test_packages_of_ours_in_the_users_folder_are_not_taken_for_ours(tmp_path: Path, command: str) -> None:
     """Neither by the command, as it is installed, nor by the processes that it starts."""

@@ -142,49 +142,49 @@ def test_another_agents_in_the_folder_that_a_run_starts_in(places: Places) -> No
 
 
 @pytest.fixture
-def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path, Path]:
-    """The packages of an environment, ROS in it, and a workspace before both on the path, which is empty."""
-    site, links, workspace = (tmp_path / name for name in ("site", "links", "workspace"))
-    for file in (site / "lab_plots/__init__.py", site / "lab_tool.py", links / "lab_ros/__init__.py"):
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The packages of an environment, with an empty workspace before them on the path."""
+    site, workspace = tmp_path / "site", tmp_path / "workspace"
+    for file in (site / "lab_plots/__init__.py", site / "lab_tool.py"):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.touch()
     workspace.mkdir()
-    for folder in (links, site, workspace):
+    for folder in (site, workspace):
         monkeypatch.syspath_prepend(str(folder))
     monkeypatch.setenv("PYTHONPATH", str(workspace))
-    return site, links, workspace
+    return site
 
 
-def test_the_environments_own_packages_are_imported(folders: tuple[Path, Path, Path]) -> None:
-    site, links, _ = folders
-    assert [it.status for it in check_pinned(site, links)] == [CheckStatus.OK, CheckStatus.OK]
+def test_the_environments_own_packages_are_imported(site: Path) -> None:
+    (finding,) = check_pinned(site)
+    assert finding.status is CheckStatus.OK
 
 
-def test_what_a_workspace_shadows_is_named_with_the_workspace(folders: tuple[Path, Path, Path]) -> None:
-    site, links, workspace = folders
+def test_what_a_workspace_shadows_is_named_with_the_workspace(site: Path, tmp_path: Path) -> None:
+    workspace = tmp_path / "workspace"
     (workspace / "lab_tool").mkdir()
-    for name in ("lab_tool/__init__.py", "lab_plots.py", "lab_ros.py"):
+    for name in ("lab_tool/__init__.py", "lab_plots.py"):
         (workspace / name).touch()
-    pinned, ros = check_pinned(site, links)
-    assert pinned.status is CheckStatus.FAIL and ros.status is CheckStatus.WARN
-    assert f"lab_plots, lab_tool would be imported from {workspace}" in pinned.found
-    assert f"lab_ros would be imported from {workspace}" in ros.found
-    assert pinned.mend == ros.mend == f"take {workspace} off PYTHONPATH"
+    (finding,) = check_pinned(site)
+    assert finding.status is CheckStatus.FAIL
+    assert f"lab_plots, lab_tool would be imported from {workspace}" in finding.found
+    assert finding.mend == f"take {workspace} off PYTHONPATH"
 
 
 def test_what_another_package_claimed_as_the_interpreter_began_is_named(
-    folders: tuple[Path, Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a .pth file does: that of Debian's matplotlib puts its own mpl_toolkits into sys.modules."""
-    site, links, _ = folders
     claimed = tmp_path / "debian"
     (claimed / "lab_plots").mkdir(parents=True)
     (claimed / "lab_plots/__init__.py").touch()
     spec = PathFinder.find_spec("lab_plots", [str(claimed)])
     assert spec
     monkeypatch.setitem(sys.modules, "lab_plots", module_from_spec(spec))
-    pinned, _ = check_pinned(site, links)
-    assert pinned.status is CheckStatus.FAIL and f"lab_plots would be imported from {claimed}" in pinned.found
+    (finding,) = check_pinned(site)
+    assert (
+        finding.status is CheckStatus.FAIL and f"lab_plots would be imported from {claimed}" in finding.found
+    )
 
 
 def test_nothing_is_shadowed_in_the_environment_of_these_tests() -> None:
