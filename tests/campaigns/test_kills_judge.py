@@ -173,6 +173,21 @@ def test_a_run_without_an_end_may_say_why_or_be_cut_off_by_a_crash(records: Reco
     assert judge(records, Ending(None, "", is_over=False, clock="virtual")) == []
 
 
+def test_the_bag_may_show_a_life_until_its_end_becomes_known(records: Records) -> None:
+    charges = records.charges[2]
+    at = len(charges) // 2
+    records.charges[2] = [
+        replace(it, held=it.held - 0.01 * (at <= n < at + 3)) for n, it in enumerate(charges)
+    ]
+    assert len(judge(records, ENDED)) == 2
+    told_ms, died = charges[at + 3].agent_ms // 600, {"kind": "died", "id": 2, "cause": "BROWN_OUT"}
+    after = next(n for n, it in enumerate(records.lines) if it["t"] > told_ms)
+    records.lines.insert(
+        after, died | {"t": told_ms, "agent_ms": charges[at].agent_ms, "reason": "killed", "gave_up": None}
+    )
+    assert [it for it in judge(records, ENDED) if "energy" in it] == []
+
+
 def test_a_line_that_is_no_json_is_told_by_its_number(run: Path, tmp_path: Path) -> None:
     for name in ("scenario.yaml", "run.json"):
         (tmp_path / name).write_bytes((run / name).read_bytes())

@@ -311,7 +311,9 @@ def _energies(found: Records) -> Iterator[str]:
     docked = _docked_spans(found)
     lossy, misread = _spans(found, LOSSES), _spans(found, WRONG_READINGS)
     truths, told = _journal_charges(found, theta)
+    untrue = _untrue_spans(found, theta)
     for agent, charges in found.charges.items():
+        charges = [it for it in charges if not _touches(untrue[agent], it.agent_ms, it.agent_ms)]
         yield from _energy(agent, "the bag", charges, rates, theta, docked[agent], lossy[agent], EXACT)
     for agent, charges in truths.items():
         yield from _energy(agent, "the journal", charges, rates, theta, docked[agent], lossy[agent], EXACT)
@@ -371,6 +373,14 @@ def _energy(
             yield f"energy from nowhere: {where}, at most {most:+.6f}{'' if is_docked else ' in no dock'}"
         if change < least - error and not _touches(lossy, begin_ms, end_ms):
             yield f"energy is lost: {where}, at least {least:+.6f}"
+
+
+def _untrue_spans(found: Records, theta: int) -> dict[int, list[tuple[float, float]]]:
+    """Spans of agent ms from a death to the tick at which it became known: the bag shows a life that ended."""
+    spans: dict[int, list[tuple[float, float]]] = defaultdict(list)
+    for line in found.of_kind("died"):
+        spans[line["id"]].append((line["agent_ms"], line["t"] * theta - 1))
+    return spans
 
 
 def _docked_spans(found: Records) -> dict[int, list[tuple[float, float]]]:
