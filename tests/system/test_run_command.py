@@ -545,7 +545,15 @@ def test_resume_refuses_what_cannot_be_resumed(scenario: Path, tmp_path: Path) -
     foreign.on_master("http://127.0.0.1:9").save(run)
     alone = musselbed("resume", run)
     assert alone.returncode == 3 and len(alone.stderr.splitlines()) == 1
-    assert "the ROS master at http://127.0.0.1:9 is gone" in alone.stderr
+    assert (
+        "the ROS master at http://127.0.0.1:9 is gone" in alone.stderr and "start both again" in alone.stderr
+    )
+    (tmp_path / "ros").mkdir()
+    (tmp_path / "ros" / "master.log").touch()
+    replace(foreign, apads=("apad1", "apad2")).on_master("http://127.0.0.1:9").save(run)
+    member = musselbed("resume", run)
+    assert member.returncode == 3 and len(member.stderr.splitlines()) == 1
+    assert "a run of several aPads ends with it" in member.stderr
     assert children_of(run) == []
     journal = run / "journal.jsonl"
     journal.write_text(journal.read_text().replace('"format":2', '"format":1', 1))

@@ -99,10 +99,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_foreign_master(path: Path, options: RunOptions) -> None:
-    """PeerFailed when somebody else's master is gone. One of the run's own is started again."""
+    """PeerFailed when a master is gone that nobody starts again: somebody else's, or that of several aPads."""
     from apad_bridge.ros.system.route import why_gone
 
     if not options.owns_master and (gone := why_gone(options.master_uri)) is not None:
+        if len(options.apads) > 1 and (path.parent / "ros" / "master.log").exists():
+            raise PeerFailed(
+                f"{gone}: it was the run's own, and a run of several aPads ends with it; its records: {path.parent}"
+            )
         raise PeerFailed(
             f"{gone}: the run flew with the aPad on that master; start both again, then: musselbed resume {path}"
         )
