@@ -52,7 +52,7 @@ _END_S = 240.0
 """The longest time that a command may take to begin or to end: some seconds, and minutes on a busy machine."""
 _TRACEBACK = "Traceback (most recent call last)"
 _WALL = ("--time", "wall", "--speed", "20")
-_NURSERY, _SUPERVISOR = "agents.nursery", "runs.supervisor_process"
+_NURSERY = "agents.nursery"
 _COUNTS = ("left_over", "tracebacks", "torn_records", "lost_missions")
 
 Found = TypeVar("Found")
@@ -178,10 +178,6 @@ class Try:
     def nurseries(self) -> list[int]:
         """The nurseries that live: an agent has the command line of its nursery, but a name of its own."""
         return [pid for pid in self.processes(_NURSERY) if not _comm(pid).startswith("amussel")]
-
-    def the_process(self, words: str) -> int:
-        """The pid of the first process with these words, as soon as there is one."""
-        return self.wait_for(lambda: next(iter(self.processes(words)), None), words)
 
     def has_flown(self, mission_s: float) -> None:
         """Returns when the journal has come to this mission time."""
@@ -333,21 +329,6 @@ def _interrupted(attempt: Try, kind: signal.Signals, where: str) -> str | None:
     return None if terminal.code == -kind and not attempt.run_dir.exists() else lost
 
 
-def _resumed_twice(attempt: Try) -> str | None:
-    first = attempt.run(*_WALL)
-    attempt.has_flown(5)
-    os.kill(attempt.the_process(_SUPERVISOR), signal.SIGKILL)
-    attempt.wait_for(lambda: "musselbed resume" in first.output or None, "the parent's word")
-    both = [attempt.start("resume", attempt.run_dir) for _ in range(2)]
-    codes = []
-    for terminal in [*both, first]:
-        if not terminal.run_for(_END_S):
-            return "a command did not end"
-        codes.append(terminal.code)
-    refused = sum(code in (2, 3) for code in codes[:2])
-    return None if refused == 1 and codes.count(0) == 2 else f"exit codes {codes}"
-
-
 def _disk_full(attempt: Try, *, over_ros: bool) -> str | None:
     with _small_disk(attempt.folder / "disk") as disk:
         run_dir = disk / "run"
@@ -433,13 +414,12 @@ FAULTS = (
         for kind in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         for where in _STARTS
     ),
-    Fault("two resumes at once", _resumed_twice),
     Fault("full disk, asap", partial(_disk_full, over_ros=False)),
     Fault("full disk, over ROS", partial(_disk_full, over_ros=True)),
     Fault("fleet given up", _fleet_given_up),
     Fault("silent TCP connections", _silent_connections),
 )
-SHORT = ("SIGINT while a run starts, asap", "two resumes at once", "full disk, asap")
+SHORT = ("SIGINT while a run starts, asap", "full disk, asap")
 """Names of the faults whose flights take some seconds each."""
 
 

@@ -83,7 +83,8 @@ def flown(job: Job, kept: Kept) -> Result:
             "code": flight.code,
         }
     except (NoFlight, TimeoutError, OSError):
-        shutil.copytree(home, kept.folder / "not-begun" / job.name, ignore=_sockets, dirs_exist_ok=True)
+        if not kept.ended.is_set():
+            shutil.copytree(home, kept.folder / "not-begun" / job.name, ignore=_sockets, dirs_exist_ok=True)
         raise
     finally:
         shutil.rmtree(home, ignore_errors=True)
