@@ -178,6 +178,7 @@ class EnergyExchange(OrderBook):
         if leg is not None and outcome.primitive_id == leg.primitive_id:
             self._breakdown.go_to_ended(outcome)
         if progress is Progress.GOES_ON:
+            self.snapshot()  # a search has legs of its own, which a resume must count
             return self.take_orders()
         if progress is Progress.NOT_FOUND:
             self._dock_again(NOT_FOUND, now_ms)

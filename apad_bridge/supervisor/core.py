@@ -391,6 +391,7 @@ class Supervisor:
 
     def _carry_out(self, orders: list[Order], now_ms: MissionMs) -> list[SupervisorAction]:
         actions: list[SupervisorAction] = []
+        outcomes: list[VehicleCommand | Outcome] = []
         for order in orders:
             match order:
                 case PermitSurfacing(agent_id) if not self._gate.passes(self._surfacing(agent_id), now_ms):
@@ -409,8 +410,13 @@ class Supervisor:
                 case _:
                     self._named[order.command_id] = order
                     actions.append(_primitive_event(order, PrimitivePhase.STARTED))
-                    actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
-        return actions
+                    for item in self.port.receive(order, now_ms):
+                        if isinstance(item, PrimitiveEnded | DockChanged):
+                            outcomes.append(item)
+                        else:
+                            actions.append(item)
+        # The mission made its other orders before these outcomes. A snapshot among them must not follow a newer one.
+        return actions + self._pass_on(outcomes, now_ms)
 
     def _surfacing(self, agent_id: int) -> Surfacing:
         belief = self.beliefs.get(agent_id)

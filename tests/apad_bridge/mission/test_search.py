@@ -7,7 +7,8 @@ import math
 from dataclasses import replace
 
 import pytest
-from scenario_files import POOL_FILE
+from flying import Flying
+from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.docking_routine import (
@@ -149,3 +150,13 @@ def test_a_pre_empted_search_takes_no_further_step() -> None:
     ended = PrimitiveSucceeded(world.now_ms, go_to.command_id)
     assert world.routine.receive(ended, world.now_ms) is Progress.NOT_OURS
     assert world.book.take_orders() == []
+
+
+def test_each_leg_of_a_search_is_in_the_newest_snapshot() -> None:
+    """A supervisor that dies in a search is followed by one that knows the snapshot alone."""
+    flying = Flying(load(SOUND_FILE))
+    flying.until(lambda: any(it["phase"] == "nothing_caught" for it in flying.events("primitive")), 6000)
+    planned_m = sum(it["metres"] for it in flying.events("leg"))
+    snapshot = flying.events("mission")[-1]["snapshot"]
+    assert snapshot["planned_m"] == pytest.approx(planned_m, abs=0.001)
+    assert snapshot["primitive_id"] == flying.flight.supervisor.mission.state.primitive_id
