@@ -26,7 +26,8 @@ MUSSELBED = (sys.executable, "-m", "apad_bridge.commands.main")
 BEGINS_S = 180.0
 PATIENCE_S = 240.0
 """Wall seconds for the mission to come to the next act, or to its end."""
-VICTIM_S = 30.0
+VICTIM_S = 5.0
+"""The time for a victim that is just started again."""
 GONE_S = 20.0
 """The time that a run's processes have to be gone, once its command has ended."""
 _LOOK_S = 0.1
@@ -80,7 +81,8 @@ class Flight:
                 if self._comes_to(machine, name, it.at_s):
                     self._act(machine, it)
             crash_s = self.mix.crash_s
-            if name == "run" and crash_s is not None and self._comes_to(machine, name, crash_s):
+            flies = crash_s is not None and self._comes_to(machine, name, crash_s)
+            if name == "run" and flies and not self._has_ended(machine, name):
                 self.lost_power = True
                 self.done.append(f"power off at {self.flown_s():.0f} s")
             elif not self.failures:
