@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -36,7 +36,7 @@ from apad_bridge.events.run import KnowledgeRestored, RunEnded
 from apad_bridge.events.vehicle import APadMoved
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
-from apad_bridge.records.journal import JournalContents
+from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
@@ -250,6 +250,10 @@ def resume_run(
     recorder, resumed = Recorder.resume(directory, scenario, ids, stamp_ms)
     if others_ms is not None:
         without_supervisor_ms = max(0, others_ms - resumed.journal.last_ms)
+    elif not options.owns_master:
+        # The clock that several aPads follow may be faster than the wall's.
+        siblings_ms = _newest_of_siblings_ms(directory, scenario.apad.name, options.apads)
+        without_supervisor_ms = max(without_supervisor_ms, siblings_ms - resumed.journal.last_ms)
     start = find_resume_point(resumed.journal, options.epoch, without_supervisor_ms)
     presences = Presences(ids, scenario.area.depth_m, presence_changes(resumed.journal))
     learned = _nothing_learned(config, options)
@@ -263,6 +267,12 @@ def resume_run(
         report(line)
     recorder.event(resumed.journal.last_ms, KnowledgeRestored(lines))
     return StartState(recorder, presences, learned, start, resumed.journal)
+
+
+def _newest_of_siblings_ms(directory: RunDirectory, name: str, apads: Iterable[str]) -> int:
+    """The mission time to which the journals of the run's other aPads have come; 0 where there are none."""
+    siblings = [RunDirectory(directory.path.with_name(it)).journal for it in apads if it != name]
+    return max((read_journal(it).last_ms for it in siblings if it.exists()), default=0)
 
 
 def restore_allocation(learned: LearnedState, journal: JournalContents) -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -229,6 +230,19 @@ def test_without_a_checkpoint_it_goes_on_and_says_that_it_believes_nothing(
     start_state.recorder.close()
     assert start_state.learned.beliefs.all() == []
     assert lines[-1].startswith(f"no beliefs until the aMussels report again: {why}")
+
+
+def test_one_of_several_aPads_goes_on_at_the_time_of_the_others(tmp_path: Path) -> None:
+    """They follow one clock, which may be faster than the wall's: its supervisor died, and the others flew on to 90 s."""
+    directory, _ = a_crash(tmp_path)
+    sibling = tmp_path / "apad2"
+    sibling.mkdir()
+    with (sibling / "journal.jsonl").open("w") as journal:
+        journal.write('{"t":90000,"kind":"tick"}\n')
+    several = replace(OPTIONS.next_epoch(), apads=(CONFIG.scenario.apad.name, "apad2"))
+    start_state = resume_run(directory, CONFIG, several, lambda line: None)
+    start_state.recorder.close()
+    assert start_state.start_ms >= 90_000
 
 
 def ticked(recorder: Recorder, now_ms: int, dropped: dict[str, int]) -> None:
