@@ -42,6 +42,8 @@ _UP = "3s permission 70s"
 """It floats."""
 _DOCKED = f"{_UP} rises 10min"
 _RELEASED = f"{_DOCKED} falls 1s"
+_TOLD_IN_A_REPORT = f"{_UP} rises 3529s release"
+"""A dock's only release that the board hears: in the hour's report its Wi-Fi is on."""
 _SLOT_MS = 2
 """The tolerance of a timeslot."""
 _LEVEL_MS = 40_000
@@ -481,7 +483,8 @@ _TRAVEL = [
         "release-before-the-edge",
         RequirementSource.STATES,
         "docked, it sinks as soon as the pin has fallen",
-        f"{_DOCKED} release 1s falls 10min",
+        f"{_TOLD_IN_A_REPORT} 20s falls 1min",
+        shows="motors sink",
     ),
     _case(
         "bounces",
@@ -1175,13 +1178,15 @@ _ROUND = [
         "a-release-is-used-once",
         RequirementSource.STATES,
         "a release belongs to one docking",
-        f"{_DOCKED} release 1s falls 3min permission 70s rises 1min falls 10min",
+        f"{_TOLD_IN_A_REPORT} 20s falls 3min permission 70s rises 1min falls 10min",
+        shows="motors sink",
     ),
     _case(
         "release-forgotten",
         RequirementSource.STATES,
         "a reset forgets a release",
-        f"{_DOCKED} release brown_out 1min falls 10min",
+        f"{_TOLD_IN_A_REPORT} brown_out 1min falls 10min",
+        shows="state RELEASED",
     ),
     _case(
         "a-touch",

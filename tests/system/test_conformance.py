@@ -347,6 +347,24 @@ WHOLE_MUTANTS = {
         "",
         "a-last-resort-ends-in-a-dock",
     ),
+    "a docked board that takes no release": (
+        "command_task.c",
+        "board.state == CHARGING || board.state == REPORTING",
+        "false",
+        "release-before-the-edge",
+    ),
+    "a release that ends with its report": (
+        "state_task.c",
+        "    clock_pass_over();\n    hal_rails",
+        "    board.clear_to_sink = false;\n    clock_pass_over();\n    hal_rails",
+        "release-before-the-edge",
+    ),
+    "a release that is kept for the next dock": (
+        "pin_task.c",
+        "        board.clear_to_sink = false;\n",
+        "",
+        "a-release-is-used-once",
+    ),
 }
 """Hand-written changes of the whole board: (file, text, text in its place, the case that catches it)."""
 
