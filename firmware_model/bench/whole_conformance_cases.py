@@ -67,9 +67,9 @@ _SINK = _wifi(CommandPacket(Kind.SINK, 1))
 _ASKED = _wifi(CommandPacket(Kind.BACK_UP_LOG, 1))
 _EACH_MINUTE = _sound(SleepSchedule(1, 60_000, 10_000))
 _SLOT_7 = _sound(SlotAssignment(1, 300_000, 3000, 500, 7, 0))
-_HUNDRED_SAMPLES = f"3s {_EACH_MINUTE} 100min permission 70s rises"
-"""Docked with 100 samples at 101 min 13 s; the next report is at 102 min."""
-_REPORTING = f"{_HUNDRED_SAMPLES} 48s"
+_MANY_SAMPLES = f"3s {_EACH_MINUTE} 100min permission 70s rises"
+"""Docked with 98 samples at 101 min 13 s; the next report is at 102 min."""
+_REPORTING = f"{_MANY_SAMPLES} 48s"
 """At 102 min 1 s, a second after the report."""
 _CALLS = Whole("hourly", 0.21, last_resort=LastResort.CALL)
 _SURFACES = Whole("hourly", 0.21, last_resort=LastResort.SURFACE)
@@ -86,9 +86,20 @@ def _case(
     tolerance_ms: int = 20,
     is_near_tie: bool = False,
     shows: str | Callable[[Any], bool] | None = None,
+    counts_refusals: bool = False,
 ) -> Case:
     return Case(
-        name, source, requirement, script, primary, tolerance_ms, whole, paper, is_near_tie, shows=shows
+        name,
+        source,
+        requirement,
+        script,
+        primary,
+        tolerance_ms,
+        whole,
+        paper,
+        is_near_tie,
+        counts_refusals=counts_refusals,
+        shows=shows,
     )
 
 
@@ -365,8 +376,9 @@ _PINGS = [
     _case(
         "a-ping-for-all",
         RequirementSource.STATES,
-        "nobody answers a ping to everyone",
+        "nobody answers a ping to everyone, and a board counts it",
         f"10s {_sound(CommandPacket(Kind.PING, EVERYONE))} 1min",
+        counts_refusals=True,
     ),
     _case(
         "a-ping-before-its-slot",
@@ -453,6 +465,21 @@ _TRAVEL = [
         "afloat for too long it sinks again",
         f"{_UP} 2h",
         Whole(float_min=60),
+    ),
+    _case(
+        "permission-prolongs-no-float",
+        RequirementSource.STATES,
+        "a permission afloat is refused, and it sinks when its time afloat is over",
+        f"{_UP} {_wifi(CommandPacket(Kind.PERMISSION, 1))} 2h",
+        Whole(float_min=60),
+        shows="motors sink",
+    ),
+    _case(
+        "empties-while-it-hovers",
+        RequirementSource.STATES,
+        "the table: HOVERING takes BATTERY_EMPTIED",
+        "10min hover 30min loses:90 loses:90 3h",
+        shows="motors sink",
     ),
     _case(
         "sinks-on-order",
@@ -554,13 +581,13 @@ _LOG = [
         shows=_sends(WifiStatus),
     ),
     _case(
-        "uploads", RequirementSource.PACKETS, "a report brings the waiting records", f"{_HUNDRED_SAMPLES} 50s"
+        "uploads", RequirementSource.PACKETS, "a report brings the waiting records", f"{_MANY_SAMPLES} 50s"
     ),
     _case(
         "acknowledged",
         RequirementSource.PACKETS,
         "an acknowledgement brings the next records",
-        f"{_REPORTING} {_wifi(LogAck(1, 72))} 1s {_wifi(LogAck(1, 100))} 5min",
+        f"{_REPORTING} {_wifi(LogAck(1, 72))} 1s {_wifi(LogAck(1, 98))} 5min",
     ),
     _case(
         "no-acknowledgement",
@@ -596,7 +623,7 @@ _LOG = [
         "acknowledged-in-sleep",
         RequirementSource.PACKETS,
         "without Wi-Fi none is heard",
-        f"{_HUNDRED_SAMPLES} 20s {_wifi(LogAck(1, 72))} 5min",
+        f"{_MANY_SAMPLES} 20s {_wifi(LogAck(1, 72))} 5min",
     ),
     _case(
         "asked-for-its-log",
@@ -668,6 +695,13 @@ _FAULTS = [
         RequirementSource.PACKETS,
         "a page whose first record is torn goes on with the next one",
         f"3s {_EACH_MINUTE} 172min supply:10 {_UPLOADED}",
+    ),
+    _case(
+        "torn-before-every-whole-one",
+        RequirementSource.PACKETS,
+        "every torn record is counted, the flash's first one, too",
+        f"3s {_EACH_MINUTE} writes:10 130s writes:0 10min brown_out 5min permission 70s rises 3min",
+        shows=_sends(WifiStatus, torn=1),
     ),
     _case(
         "torn-twice-at-a-page-s-edge",
@@ -803,6 +837,13 @@ _EMERGENCY = [
         Whole("field", low_level=0.5),
         0.502,
         tolerance_ms=_LOW_LEVEL_MS,
+    ),
+    _case(
+        "low-level-while-it-listens",
+        RequirementSource.STATES,
+        "the low level wakes a sleeping board alone",
+        f"3s {_sound(SetThreshold(1, Threshold.LOW_LEVEL, 0.98))} loses:20 3min",
+        shows="state SLEEPING",
     ),
     _case(
         "another-low-level",
@@ -1095,6 +1136,12 @@ _PACKETS = [
                 SlotAssignment(1, 59_999, 4000, 1500, 14, 0),
             ),
             (
+                "beyond-32-bits",
+                RequirementSource.PACKETS,
+                "a timeslot beyond its frame is refused, also where its end has more than 32 bits",
+                SlotAssignment(1, 300_000, 65_536, 500, 65_535, 0),
+            ),
+            (
                 "with-a-long-guard",
                 RequirementSource.CHOICE,
                 "a guard is shorter than its timeslot",
@@ -1243,9 +1290,44 @@ _ROUND = [
     _case(
         "a-sampling-finds-it",
         RequirementSource.STATES,
-        "a wake finds a lost edge",
-        "59min 50s rises_unseen 9s 20s",
+        "the begin of SAMPLING is a wake, and finds a lost edge",
+        f"3s {_sound(SleepSchedule(1, 90_000, 10_000))} 1337s rises_unseen 30s",
         primary=0.4,
+        shows="state CHARGING",
+    ),
+    *(
+        _case(
+            f"{name}-finds-it",
+            RequirementSource.STATES,
+            f"the begin of {begins.name} is a wake, and finds a lost edge",
+            script,
+            whole,
+            0.4,
+            shows="state CHARGING",
+        )
+        for name, begins, script, whole in (
+            ("a-boot", State.ACTIVE, "1s rises_unseen 55s", _HOURLY),
+            ("a-surface", State.FLOATING, "3s permission 58s rises_unseen 50s", _HOURLY),
+            ("a-way-down", State.SINKING, f"{_UP} rises_unseen 1s {_SINK} 40s", _HOURLY),
+            ("the-pi", State.PROCESSING, "3605s rises_unseen 50s", _FIELD),
+            ("a-hover", State.HOVERING, "10s rises_unseen 1s hover 45s", _HOURLY),
+        )
+    ),
+    _case(
+        "a-look-after-a-reset",
+        RequirementSource.PORT,
+        "the look for a lost edge comes at each whole minute of the counter, also after a reset",
+        "10s brown_out 20s rises_unseen 35s",
+        primary=0.4,
+        shows="state CHARGING",
+    ),
+    _case(
+        "a-rise-missed-in-a-touch",
+        RequirementSource.STATES,
+        "an edge that is unseen within the 50 ms is found at their end, and its level counts 50 ms later",
+        f"{_UP} rises 20ms falls 10ms rises_unseen 40s",
+        primary=0.4,
+        shows="state CHARGING",
     ),
     _case(
         "undocked-in-a-boot",
@@ -1306,7 +1388,8 @@ _UPLOADS = [
         "never-taken-by-one",
         RequirementSource.PACKETS,
         "one of records that were never taken is refused",
-        f"{_REPORTING} {_wifi(LogAck(1, 102))} 1s {_wifi(LogAck(1, 101))} 5min",
+        f"{_REPORTING} {_wifi(LogAck(1, 99))} 61s {_wifi(LogAck(1, 98))} 5min",
+        shows=_sends(WifiStatus, acknowledged=98),
     ),
     _case(
         "asked-in-its-dock",
@@ -1318,7 +1401,7 @@ _UPLOADS = [
         "asked-in-its-sleep",
         RequirementSource.PACKETS,
         "without Wi-Fi none is heard",
-        f"{_HUNDRED_SAMPLES} 20s {_ASKED} 5min",
+        f"{_MANY_SAMPLES} 20s {_ASKED} 5min",
     ),
     _case(
         "acknowledged-afloat",
@@ -1348,7 +1431,7 @@ _UPLOADS = [
         "samples-after-an-upload",
         RequirementSource.PACKETS,
         "records keep their sequence through a service",
-        f"{_REPORTING} {_wifi(LogAck(1, 101))} 5min falls 1s {_SINK} 30min permission 70s rises 5min",
+        f"{_REPORTING} {_wifi(LogAck(1, 98))} 5min falls 1s {_SINK} 30min permission 70s rises 5min",
     ),
     _case(
         "a-full-ring-acknowledged",

@@ -116,7 +116,7 @@ sub interrupted {
     packet($payload) if $type == $UART_RX;
     return if $type != $PIN;
     $settles_at = after($config{debounce}) if $line == $CHARGER;
-    enter($FLOATING) if $line == $SURFACE and in([$ACTIVE, $EMPTY, $SURFACING]);
+    enter($FLOATING) if $line == $SURFACE and in([$ACTIVE, $EMPTY, $SURFACING, $SINKING]);
     enter($ACTIVE) if $line == $BOTTOM and in([$RELEASED, $SINKING]);
     enter($EMPTY) if $line == $BATTERY_EMPTY and $state == $ACTIVE;
 }
