@@ -17,7 +17,7 @@ from typing import Any
 
 from firmware_model import packets
 from firmware_model.bench.rigs import STATE, Rig, RigEvent, RigHistory, is_wait, lasts_ms
-from firmware_model.config import LastResort
+from firmware_model.config import BoardConfig, LastResort
 from firmware_model.packets import (
     CommandPacket,
     Kind,
@@ -28,6 +28,7 @@ from firmware_model.packets import (
 )
 from firmware_model.power.charge import FULL
 from firmware_model.states import State
+from firmware_model.table_one import worst_case_board
 
 _TRACED = re.compile(r"(\d+(?:\.\d+)?)\s*([<>])\s*(.+)")
 _END_MS = 600
@@ -129,11 +130,28 @@ class Case:
     """Milliseconds decide it, so firmware that takes time may rightly decide otherwise."""
     agent_id: int = 1
     """The board's id. The commands by name are for aMussel 1."""
+    uneven: bool = False
+    """Each time of its worst case differs from the usual one, as with `Whole.uneven`."""
     counts_refusals: bool = False
     """Its board refuses as many inputs as ours."""
     shows: str | Callable[[Any], bool] | None = None
     """Without it the expected history would show nothing of the requirement: the begin of an event or of a state, or a
     test of a packet that is sent. None for a case in which nothing is to happen."""
+
+
+def worst_case_of(case: Case) -> BoardConfig:
+    """The board of a case that is no whole one's."""
+    config = worst_case_board(case.agent_id)
+    if not case.uneven:
+        return config
+    return replace(
+        config,
+        pin_debounce_ms=80,
+        boot_ms=5000,
+        surfacing_timeout_ms=240_000,
+        float_timeout_ms=28_800_000,
+        release_wait_ms=75_000,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -769,10 +769,31 @@ _COUNTER = [
         ("before-a-release", "36h 20min permission 70s rises 130s falls 10min"),
     )
 ]
+_LATE_UP = "6s permission 70s"
+"""It floats, after a boot of 5 s."""
+_TIMES = [
+    Case(
+        f"other-times-of-{name}",
+        RequirementSource.PORT,
+        f"HELLO has the scenario's times: {requirement}",
+        script,
+        is_near_tie=name == "an-edge",
+        uneven=True,
+        shows=shows,
+    )
+    for name, requirement, script, shows in (
+        ("a-boot", "a boot", "4s permission 2s permission 3min", "motors float"),
+        ("a-surfacing", "the longest surfacing", "travel:20min 6s permission 10min", "motors sink"),
+        ("a-float", "the time afloat", f"{_LATE_UP} 9h", "motors sink"),
+        ("a-release", "the wait for a release", f"{_LATE_UP} rises 1min falls 3min", "motors sink"),
+        ("an-edge", "the debounce", f"{_LATE_UP} rises 79ms falls 10s rises 81ms falls 3min", "charges"),
+    )
+]
 CASES = (
     *_PAPER,
     *_PACKETS,
     *_STATES,
     *_COUNTER,
+    *_TIMES,
     *_TABLE,
 )

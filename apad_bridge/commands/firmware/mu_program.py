@@ -13,7 +13,7 @@ from agents.mussel.board_link import SERIAL, serial_line
 from agents.mussel.firmware_failure import FirmwareFailed
 from apad_bridge.runs.exits import Exit, UserError
 from firmware_model.bench import Bench
-from firmware_model.bench.conformance import Case, Reading
+from firmware_model.bench.conformance import Case, Reading, worst_case_of
 from firmware_model.bench.costly_firmware import CostlyFirmware
 from firmware_model.bench.rigs import BenchRig, Rig
 from firmware_model.bench.trace import clock, line, vcd
@@ -99,7 +99,7 @@ def bench_of(
 def rig_of(path: Path, case: Case, cost_ms: int = 0, seed: int = 1) -> Rig:
     """The rig of a conformance case with this program on its board; as `bench_of`."""
     if case.whole is None:
-        return BenchRig(bench_of(path, case.primary, cost_ms, seed, worst_case_board(case.agent_id)))
+        return BenchRig(bench_of(path, case.primary, cost_ms, seed, worst_case_of(case)))
     return AgentRig(case, command_of(path), cost_ms, seed)
 
 
@@ -107,7 +107,7 @@ def our_rig(case: Case, release_wait_ms: int | None = None) -> Rig:
     """The rig of a conformance case with our firmware, which may wait for a release packet for another time."""
     if case.whole is not None:
         return AgentRig(case, release_wait_ms=release_wait_ms)
-    config = worst_case_board(case.agent_id)
+    config = worst_case_of(case)
     if release_wait_ms is not None:
         config = replace(config, release_wait_ms=release_wait_ms)
     return BenchRig(Bench(config, primary=case.primary))

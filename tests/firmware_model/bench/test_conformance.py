@@ -23,6 +23,7 @@ from firmware_model.bench.conformance import (
     shrunk,
     side_by_side,
     traced,
+    worst_case_of,
 )
 from firmware_model.bench.conformance_cases import CASES, WAYS_INTO
 from firmware_model.bench.costly_firmware import CostlyFirmware
@@ -51,7 +52,8 @@ def board(config: BoardConfig) -> Callable[[Case], Rig]:
     return lambda case: BenchRig(Bench(replace(config, agent_id=case.agent_id), primary=case.primary))
 
 
-OURS = board(worst_case_board())
+def our_board(case: Case) -> Rig:
+    return BenchRig(Bench(worst_case_of(case), primary=case.primary))
 
 
 def test_the_cases_are_120_and_more_with_a_name_each() -> None:
@@ -72,12 +74,12 @@ def test_the_way_into_a_state_ends_in_it(state: State) -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_each_case_can_be_played_and_ours_passes(case: Case) -> None:
-    assert judged(case, OURS, OURS, Died, {}).verdict is Verdict.PASSED
+    assert judged(case, our_board, our_board, Died, {}).verdict is Verdict.PASSED
 
 
 def test_a_history_has_motors_and_charges_at_their_times() -> None:
     """By hand: up at 3 s, docked at 73 s and charging 50 ms later, released an hour later, and down on the release."""
-    events = [str(event) for event in history(DIVE, OURS, Died).events]
+    events = [str(event) for event in history(DIVE, our_board, Died).events]
     assert events == [
         "3.000 s motors float",
         "73.050 s charges",
@@ -98,7 +100,7 @@ DIFFERENT = {
 @pytest.mark.parametrize("name", DIFFERENT)
 def test_another_time_fails_and_is_told(name: str) -> None:
     config, reason = DIFFERENT[name]
-    result = judged(DIVE, OURS, board(config), Died, {})
+    result = judged(DIVE, our_board, board(config), Died, {})
     assert result.verdict is Verdict.FAILED
     assert result.reason.startswith(reason)
     assert any(line.startswith(" !") for line in side_by_side(result))
@@ -111,14 +113,14 @@ def test_another_load_fails_by_its_energy_alone() -> None:
         charge = worst_case_board().charge
         drains = replace(charge, discharge=charge.discharge * permille // 1000)
         config = replace(worst_case_board(), charge=drains)
-        assert judged(hour, OURS, board(config), Died, {}).verdict is verdict
+        assert judged(hour, our_board, board(config), Died, {}).verdict is verdict
 
 
 def test_our_own_choice_differs_and_a_waived_case_names_its_reason() -> None:
     slower = board(DIFFERENT["a slower debounce"][0])
     choice = replace(DIVE, source=RequirementSource.CHOICE)
-    assert judged(choice, OURS, slower, Died, {}).verdict is Verdict.DIFFERS
-    waived = judged(DIVE, OURS, slower, Died, {"dive": "our contact is slow"})
+    assert judged(choice, our_board, slower, Died, {}).verdict is Verdict.DIFFERS
+    waived = judged(DIVE, our_board, slower, Died, {"dive": "our contact is slow"})
     assert waived.verdict is Verdict.WAIVED
     assert waived.reason.startswith("our contact is slow (expected 73.050 s")
 
@@ -128,11 +130,11 @@ def test_another_reading_of_the_paper_differs() -> None:
     at_the_edge = board(replace(worst_case_board(), release_wait_ms=0))
     at_once = Reading("at the edge", "3s permission 70s rises 1min falls 1s", at_the_edge)
     sinks = board(replace(worst_case_board(), release_wait_ms=0))
-    result = judged(DIVE, OURS, sinks, Died, {}, readings=[at_once])
+    result = judged(DIVE, our_board, sinks, Died, {}, readings=[at_once])
     assert result.verdict is Verdict.DIFFERS
     assert result.reason.startswith("at the edge (expected 3674.000 s motors sink, found it at 3673.050 s")
     waits = board(replace(worst_case_board(), release_wait_ms=500))
-    assert judged(DIVE, OURS, waits, Died, {}, readings=[at_once]).verdict is Verdict.FAILED
+    assert judged(DIVE, our_board, waits, Died, {}, readings=[at_once]).verdict is Verdict.FAILED
 
 
 @pytest.mark.parametrize(
@@ -142,8 +144,10 @@ def test_a_case_that_expects_nothing_of_what_it_cites_is_refused(
     shows: str | Callable[[Any], bool],
 ) -> None:
     with pytest.raises(AssertionError, match="the case dive expects nothing"):
-        judged(replace(DIVE, shows=shows), OURS, OURS, Died, {})
-    assert judged(replace(DIVE, shows="state SINKING"), OURS, OURS, Died, {}).verdict is Verdict.PASSED
+        judged(replace(DIVE, shows=shows), our_board, our_board, Died, {})
+    assert (
+        judged(replace(DIVE, shows="state SINKING"), our_board, our_board, Died, {}).verdict is Verdict.PASSED
+    )
 
 
 def test_no_case_cites_a_section_that_the_paper_does_not_have() -> None:
@@ -162,7 +166,7 @@ def test_dead_firmware_fails_whatever_the_source() -> None:
         bench.run = run  # type: ignore[method-assign, assignment]
         return BenchRig(bench)
 
-    result = judged(replace(DIVE, source=RequirementSource.CHOICE), OURS, dies, Died, {})
+    result = judged(replace(DIVE, source=RequirementSource.CHOICE), our_board, dies, Died, {})
     assert (result.verdict, result.reason) == (Verdict.FAILED, "its firmware failed: it ended")
 
 
@@ -194,13 +198,13 @@ def test_random_scripts_are_the_same_for_a_seed() -> None:
 
 def test_an_unknown_word_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match="'jump' is neither a wait nor one of permission"):
-        history(replace(DIVE, script="3s jump"), OURS, Died)
+        history(replace(DIVE, script="3s jump"), our_board, Died)
 
 
 def test_a_body_may_surface_by_itself() -> None:
     """A net brings it up after it sank; it floats, and by hand 12 h (its float time-out) later it sinks."""
     net = replace(DIVE, script="3s permission 70s sink 5min surfaced 13h")
-    events = [str(event) for event in history(net, OURS, Died).events]
+    events = [str(event) for event in history(net, our_board, Died).events]
     assert events == ["3.000 s motors float", "73.000 s motors sink", "43573.000 s motors sink"]
 
 
@@ -224,16 +228,18 @@ def test_a_captured_trace_judges_another_board() -> None:
     assert isinstance(found, RigHistory)
     slower = board(replace(worst_case_board(), pin_debounce_ms=80))
     assert judged(case, found, slower, Died, {}).verdict is Verdict.PASSED
-    result = judged(case, found, OURS, Died, {})
+    result = judged(case, found, our_board, Died, {})
     assert result.verdict is Verdict.FAILED
     assert result.reason == "expected 73.080 s charges, found it at 73.050 s"
 
 
 def test_a_trace_that_was_written_is_the_case_that_was_played() -> None:
-    ours = history(DIVE, OURS, Died)
+    ours = history(DIVE, our_board, Died)
     case, found = captured("\n".join(traced(DIVE, ours)), "dive")
     assert found.events == ours.events
-    assert history(case, OURS, Died).events == history(replace(DIVE, primary=1.0), OURS, Died).events
+    assert (
+        history(case, our_board, Died).events == history(replace(DIVE, primary=1.0), our_board, Died).events
+    )
 
 
 @pytest.mark.parametrize(
@@ -276,7 +282,7 @@ def test_firmware_that_takes_time_acts_late_and_passes(seed: int) -> None:
     assert all(0 <= it <= 10 for it in late_ms)
     assert any(late_ms)
     assert history(DIVE, costly(5, seed), Died).events == events
-    assert judged(DIVE, OURS, costly(5, seed), Died, {}, 10).verdict is Verdict.PASSED
+    assert judged(DIVE, our_board, costly(5, seed), Died, {}, 10).verdict is Verdict.PASSED
 
 
 def test_a_turn_sees_the_pin_as_it_is_when_it_acts() -> None:
