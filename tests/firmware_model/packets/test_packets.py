@@ -51,10 +51,10 @@ GOLDEN: dict[str, tuple[Packet, str]] = {
     ),
     "WIFI_STATUS": (
         WifiStatus(
-            STATUS, COUNTS, 70_000, 69_700, 69_000, 12, 1, ResetCause.BROWN_OUT, ActiveBattery.SECONDARY, 1026, -250
+            STATUS, COUNTS, 70_000, 68_988, 69_000, 12, 1, ResetCause.BROWN_OUT, ActiveBattery.SECONDARY, 1026, -250
         ),
         "020e" + _BASIC + _COUNTS
-        + "70110100" "44100100" "880d0100" "0c000000" "0100" "01" "01" "0204" "06ffffff",
+        + "70110100" "7c0d0100" "880d0100" "0c000000" "0100" "01" "01" "0204" "06ffffff",
     ),
     "SHORT_STATUS": (ShortStatus(300, State.LOST, 0.2, 1.0), "b1" "2c01" "33" "ff"),
     "PERMISSION": (CommandPacket(Kind.PERMISSION, 5), "0102" "0500"),
