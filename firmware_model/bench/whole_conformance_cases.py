@@ -478,7 +478,7 @@ _TRAVEL = [
         "empties-while-it-hovers",
         RequirementSource.STATES,
         "the table: HOVERING takes BATTERY_EMPTIED",
-        "10min hover 30min loses:90 loses:90 3h",
+        "10min hover 25min loses:90 loses:90 3h",
         shows="motors sink",
     ),
     _case(
