@@ -23,6 +23,11 @@ class Graph:
         self.subscriptions = ["/musselbed/heard"]
         self.now_s = 0.0
         self.registered_s: list[float] = []
+        self.named_s: list[float] = []
+        """The times at which the master was asked to name `said` to its readers again."""
+
+    def get_publications(self) -> list[tuple[str, str]]:
+        return [("/musselbed/said", "std_msgs/String")]
 
     def has_subscription(self, topic: str) -> bool:
         return topic in self.subscriptions
@@ -43,6 +48,7 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
     monkeypatch.setattr(master_watch, "time", SimpleNamespace(monotonic=lambda: found.now_s))
     monkeypatch.setattr(master_watch, "call_for_reply", lambda *_: (1, "", "http://here:1/"))
     monkeypatch.setattr(MasterWatch, "_register_again", register)
+    monkeypatch.setattr(master_watch, "name_again", lambda topic, kind: found.named_s.append(found.now_s))
     yield found
 
 
@@ -62,7 +68,7 @@ def watch_by_hand() -> MasterWatch:
 def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph: Graph) -> None:
     watch = watch_by_hand()
     look_for(graph, watch, 5)
-    graph.connections = []  # nobody who listens to us is missed: it connects by itself
+    graph.connections = [SAID]
     look_for(graph, watch, 100)
     assert (
         graph.registered_s[:5] == [6, 7, 9, 13, 21] and graph.registered_s[-1] - graph.registered_s[-2] == 30
@@ -75,6 +81,21 @@ def test_a_lost_connection_is_asked_for_ever_more_seldom_until_it_is_back(graph:
     graph.connections = [SAID]
     look_for(graph, watch, 1)
     assert graph.registered_s[-1] == 206 and watch.take() == []
+
+
+def test_a_reader_that_is_lost_is_called_back_until_it_comes_or_five_minutes_are_over(graph: Graph) -> None:
+    watch = watch_by_hand()
+    look_for(graph, watch, 5)
+    graph.connections = [HEARD]
+    look_for(graph, watch, 20)
+    assert graph.named_s == [6, 7, 8, 10, 14, 22] and graph.registered_s == []
+    graph.connections = [HEARD, SAID]
+    look_for(graph, watch, 100)
+    assert graph.named_s[-1] == 22
+    graph.connections = [HEARD]
+    look_for(graph, watch, 1000)
+    assert graph.named_s[6] == 126 and 126 + 270 <= graph.named_s[-1] < 126 + 300
+    assert graph.named_s[-1] - graph.named_s[-2] == 30
 
 
 def test_a_connection_of_a_topic_that_was_left_is_not_asked_for(graph: Graph) -> None:
