@@ -42,7 +42,7 @@ def test_the_pages_commands_give_what_they_show(tmp_path: Path) -> None:
     assert len(shown) == 12
     for line in shown:
         assert line.strip() in done.stdout
-    assert done.stdout.count("154 cases: 154 passed") == 2
+    assert done.stdout.count("166 cases: 166 passed") == 2
     assert "2 cases: 1 passed, 1 failed" in done.stdout
     assert "exit code 3\n" in done.stdout
     assert "3 cases: 3 passed" in done.stdout

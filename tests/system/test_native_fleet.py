@@ -196,7 +196,10 @@ def test_firmware_ends_with_the_nursery(host: ProcessHost) -> None:
 
 def test_what_firmware_leaves_in_another_session_ends_with_the_fleet(tmp_path: Path, board: Path) -> None:
     program = tmp_path / "leaves.sh"
-    program.write_text(f"#!/bin/sh\nsetsid sleep 1000 3>&- &\necho $! >>{tmp_path}/left\nexec {board}\n")
+    until_it_sleeps = "until grep -qs sleep /proc/$!/comm; do :; done"
+    program.write_text(
+        f"#!/bin/sh\nsetsid sleep 1000 3>&- &\n{until_it_sleeps}\necho $! >>{tmp_path}/left\nexec {board}\n"
+    )
     program.chmod(0o755)
     host = started(tmp_path, program)
     clock = Coordinator(host, dict.fromkeys(IDS, 0), TimeScale(THETA))

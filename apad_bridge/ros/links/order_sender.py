@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -128,7 +127,11 @@ class OrderSender:
 
         What `may_be_late` is delivered after a gap of the link, too. Else it ends there.
         """
-        prepare = partial(outlive_gaps, with_bytes=may_be_late)
+
+        def prepare(sock: socket.socket) -> None:
+            outlive_gaps(sock, with_bytes=may_be_late)
+            self._read_topics.setdefault(line, 0)
+
         publisher = never_blocking_publisher(topic, kind, Stalls(), prepare)
         self._topics[line] = publisher
         self._road.add_line(line, answers=False)

@@ -224,8 +224,9 @@ def test_a_damaged_summary_is_one_line(pool_run, tmp_path, capsys, command, text
     damaged = RunDirectory(shutil.copytree(pool_run.path, tmp_path / "run"))
     damaged.summary.write_text(text)
     assert main([*command, str(damaged.path)]) == 2
-    told = capsys.readouterr().err
-    assert f"{damaged.summary} is damaged" in told and len(told.splitlines()) == 1
+    # On a busy machine a command that writes says so before.
+    (told,) = (it for it in capsys.readouterr().err.splitlines() if not it.startswith("writing "))
+    assert f"{damaged.summary} is damaged" in told
 
 
 def test_a_summary_of_another_version_is_one_line_of_the_check(pool_run, tmp_path, capsys):
