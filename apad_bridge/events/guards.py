@@ -278,7 +278,7 @@ class WatchdogTold(Event):
 @dataclass(frozen=True)
 class PositionErrorTold(Event):
     kind = "position_error"
-    when = "the aPad's position scatters in flight by 1.5 times `guards.position_error_m`, or by less than it again"
+    when = "the aPad's position scatters by 1.5 times `guards.position_error_m` and 0.6 m in flight, or less again"
     counted = ("is_above",)
     is_told_at_once = True
 
@@ -294,7 +294,7 @@ class PositionErrorTold(Event):
 
     def text(self) -> str:
         if not self.is_above:
-            return f"the aPad's position scatters by {self.error_m:.1f} m (95 %), as guards.position_error_m says"
+            return f"the aPad's position scatters by {self.error_m:.1f} m (95 %) again, and not more"
         return (
             f"the aPad's position scatters by {self.error_m:.1f} m (95 %), and guards.position_error_m is "
             f"{self.expected_m:g} m: the clearance of the fence is too small for it"

@@ -351,10 +351,12 @@ def test_a_link_that_loses_packets_is_no_growing_delay(creep_ppm: int) -> None:
         newest = sent_ms
 
 
-def lines_of_a_way(deviation_m: Callable[[int], float], seed: int = 7) -> list[tuple[int, PositionErrorTold]]:
+def lines_of_a_way(
+    deviation_m: Callable[[int], float], seed: int = 7, expected_m: float = 0.5
+) -> list[tuple[int, PositionErrorTold]]:
     """Twenty minutes between two places, 12 m apart, at 0.5 m/s, with white noise of this deviation on each axis."""
     noise = random.Random(seed)
-    gate = Gate([], PositionWatch(replace(LIMITS, error_m=0.5)))
+    gate = Gate([], PositionWatch(replace(LIMITS, error_m=expected_m)))
     told: list[tuple[int, PositionErrorTold]] = []
     for second in range(1200):
         way_m, error_m = 0.5 * (second % 48), deviation_m(second)
@@ -376,5 +378,5 @@ def test_noise_beyond_the_error_of_the_clearance_is_told_once_and_so_is_its_end(
 
 
 def test_a_good_position_of_a_vehicle_that_turns_is_no_noise() -> None:
-    assert lines_of_a_way(lambda second: 0.0) == []
+    assert lines_of_a_way(lambda second: 0.0, expected_m=0.1) == []
     assert lines_of_a_way(lambda second: 0.15) == []
