@@ -105,6 +105,20 @@ def line_of(stream: IO[str]) -> str:
     return stream.readline()
 
 
+def said_by_rostopic(tmp_path: Path, master: Master, stack: ExitStack, *words: str) -> IO[str]:
+    """The output of ROS' own command, which runs until the test's end."""
+    program = subprocess.Popen(
+        ["/usr/bin/rostopic", *words],
+        env=loopback_environment(tmp_path / "ros", master.uri) | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    stack.callback(program.communicate)
+    stack.callback(program.kill)
+    assert program.stdout is not None
+    return program.stdout
+
+
 @contextmanager
 def latched(environment: dict[str, str], topic: str, kind: str, message: str) -> Iterator[None]:
     """A word of rostopic's that stays, however late its hearer connects: `pub -1` is gone after three seconds."""
@@ -271,17 +285,8 @@ def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_dif
         "no subscriber on /apad1/action_server/goal",
     ):
         assert missing in failed
-    stranger = subprocess.Popen(
-        ["/usr/bin/rostopic", "pub", "--latch", "/apad1/position", "std_msgs/String", "data: here"],
-        env=loopback_environment(tmp_path / "ros", master.uri) | {"PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    stack.callback(stranger.wait)
-    stack.callback(stranger.kill)
-    assert stranger.stdout is not None
-    stack.callback(stranger.stdout.close)
-    assert "latching" in line_of(stranger.stdout)
+    words = ("pub", "--latch", "/apad1/position", "std_msgs/String", "data: here")
+    assert "latching" in line_of(said_by_rostopic(tmp_path, master, stack, *words))
     failed = told(start("legacy_flight", scenario, "ros"))["failed"]
     assert "/apad1/position is std_msgs/String (md5 992ce8a1687cec8c8bd883ec73ca41d1) there" in failed
     assert "auv_msgs/NavSts (md5 d1c2e3fd518b63978e72fa7409f4ba71) here" in failed
@@ -433,17 +438,9 @@ def test_a_reader_whose_connection_ended_is_called_back(
     """rospy's own reader, as vehicles have it, gives a connection up that ends, and never connects again by itself."""
     loser = start_on(master.uri, "lose_readers")
     assert loser.stdin is not None and loser.stdout is not None and line_of(loser.stdout) == "ready\n"
-    reader = subprocess.Popen(
-        ["/usr/bin/rostopic", "echo", topic],
-        env=loopback_environment(tmp_path / "ros", master.uri) | {"PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    stack.callback(reader.communicate)
-    stack.callback(reader.kill)
-    assert reader.stdout is not None
+    heard = said_by_rostopic(tmp_path, master, stack, "echo", topic)
     for losses in range(3):
-        while f'data: "{losses}"' not in line_of(reader.stdout):
+        while f'data: "{losses}"' not in line_of(heard):
             pass
         loser.stdin.write("\n")
         loser.stdin.flush()

@@ -79,7 +79,7 @@ ERRORS_95 = 2.45 / 2
 """95 % of the places lie within so many steps of the noise: 2.45 deviations of one coordinate (Rayleigh), of which a step
 has two."""
 LEAST_TOLD_M = 0.4
-"""A vehicle that starts, stops and turns looks like noise of up to 0.3 m (95 %)."""
+"""A vehicle that starts and turns looks like noise: of 0.3 m (95 %) in a flight of `published-a.yaml`, which has none."""
 ERRORS_ABOVE = 1.5
 """Noise is too great from so many times the error that the clearance counts on, and until it falls below that error: some
 forty positions tell it, whose mean square differs by a fifth by chance."""
