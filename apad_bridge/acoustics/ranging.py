@@ -18,7 +18,7 @@ from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
 from apad_bridge.events.sound import PlaceFixed, RangeMeasured
-from apad_bridge.mission.events import Ping, RangeHeard, SupervisorAction
+from apad_bridge.mission.events import Ping, RangeHeard, Send, SupervisorAction
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.state_groups import DOCKED, UP_AND_UNDOCKED
 
@@ -136,10 +136,9 @@ class RangingService:
         """Called for each short status of an aMussel, requested or not."""
         self._scheduler.short_status_received(agent_id)
 
-    def schedule_sends(
-        self, actions: Sequence[SupervisorAction], now_ms: MissionMs
-    ) -> list[SupervisorAction]:
-        return self._scheduler.schedule_sends(actions, now_ms)
+    def send(self, send: Send, now_ms: MissionMs) -> Send | None:
+        """The packet with the time at which the modem may send it; None if the same packet waits already."""
+        return self._scheduler.send(send, now_ms)
 
     def moved(self, agent_id: int, now_ms: MissionMs) -> None:
         """Called when a dock closed around an aMussel or released it."""
@@ -215,10 +214,8 @@ class NoRanging:
     def short_status_received(self, agent_id: int) -> None:
         pass
 
-    def schedule_sends(
-        self, actions: Sequence[SupervisorAction], now_ms: MissionMs
-    ) -> list[SupervisorAction]:
-        return list(actions)
+    def send(self, send: Send, now_ms: MissionMs) -> Send:
+        return send
 
     def moved(self, agent_id: int, now_ms: MissionMs) -> None:
         pass

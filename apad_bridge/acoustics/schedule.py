@@ -50,7 +50,7 @@ class ScheduleConfig:
 
 
 class AcousticScheduler:
-    """Works at mission ticks: `advance` returns due packets, `schedule_sends` sets the mission's packets' send times."""
+    """Works at mission ticks: `advance` returns due packets, and `send` gives other parts' packets their send times."""
 
     def __init__(
         self,
@@ -119,24 +119,17 @@ class AcousticScheduler:
         self._pings.restore(state["ranged_ms"])
         self._status_requests.restore(state["asked_ms"])
 
-    def schedule_sends(
-        self, actions: Sequence[SupervisorAction], now_ms: MissionMs
-    ) -> list[SupervisorAction]:
-        """The same actions, with send times in the acoustic packets.
-
-        A packet that is already waiting to be sent is left out.
-        """
+    def send(self, send: Send, now_ms: MissionMs) -> Send | None:
+        """Another part's packet, an acoustic one with its send time; None if the same packet already waits to be sent."""
+        if send.medium is not Medium.SOUND:
+            return send
         agent_ms = self._config.scale.agent_ms(now_ms)
         self._scheduled = {key: at_ms for key, at_ms in self._scheduled.items() if at_ms >= agent_ms}
-        scheduled: list[SupervisorAction] = []
-        for it in actions:
-            if not isinstance(it, Send) or it.medium is not Medium.SOUND or it.not_before_ms:
-                scheduled.append(it)
-            elif (it.agent_id, it.data) not in self._scheduled:
-                send = self._with_send_time(it, now_ms, self._config.pause_ms)
-                self._scheduled[it.agent_id, it.data] = send.not_before_ms
-                scheduled.append(send)
-        return scheduled
+        if (send.agent_id, send.data) in self._scheduled:
+            return None
+        timed = self._with_send_time(send, now_ms, self._config.pause_ms)
+        self._scheduled[send.agent_id, send.data] = timed.not_before_ms
+        return timed
 
     def advance(
         self,

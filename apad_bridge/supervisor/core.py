@@ -208,10 +208,7 @@ class Supervisor:
         elif (reason := self._reason_to_stand_down()) is not None:
             actions += self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
         actions += self._carry_out(self.mission.advance(now_ms), now_ms)
-        return [
-            *self._ranging.schedule_sends(actions, now_ms),
-            *self._ranging.advance(self.allocation.all(), now_ms),
-        ]
+        return [*actions, *self._ranging.advance(self.allocation.all(), now_ms)]
 
     def _tell_if_late(self, now_ms: MissionMs) -> list[SupervisorAction]:
         """Tells once that the time to be home passes while the aPad may not move."""
@@ -232,13 +229,10 @@ class Supervisor:
             None if self.battery is None else self.battery.fraction,
         )
 
-    def schedule_sends(self, send: Send, now_ms: MissionMs) -> Send | None:
-        """Another supervisor's packet to an aMussel, with the time at which the modem may send it.
-
-        None if the same packet waits already.
-        """
-        schedule_sends = self._ranging.schedule_sends([send], now_ms)
-        return next((it for it in schedule_sends if isinstance(it, Send)), None)
+    def send(self, send: Send, now_ms: MissionMs) -> list[Send]:
+        """The packet with the time at which the modem may send it; nothing if the same packet waits already."""
+        timed = self._ranging.send(send, now_ms)
+        return [] if timed is None else [timed]
 
     def _handle(self, fact: Fact, now_ms: MissionMs) -> list[SupervisorAction]:
         match fact:
@@ -399,7 +393,7 @@ class Supervisor:
                 case PermitSurfacing(agent_id):
                     self.beliefs.learn(agent_id, Permitted(), now_ms)
                     data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
-                    actions.append(Send(Medium.SOUND, agent_id, data))
+                    actions += self.send(Send(Medium.SOUND, agent_id, data), now_ms)
                 case PingAgent(agent_id):
                     self._ranging.ping(agent_id)
                 case TellClear(agent_id):

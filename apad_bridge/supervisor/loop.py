@@ -304,8 +304,7 @@ class Flight:
     def _receive_from_relay(self, now_ms: MissionMs) -> None:
         for item in self._relay.advance(now_ms):
             if isinstance(item, Send):
-                send = self.supervisor.schedule_sends(item, now_ms)
-                if send is not None:
+                for send in self.supervisor.send(item, now_ms):
                     self._send(send, now_ms)
             elif isinstance(item, RemoteContact):
                 self._stimulate(item.agent_id, item.stimulus, now_ms)

@@ -87,14 +87,14 @@ def test_the_mission_s_acoustic_packets_wait_for_the_window_and_wifi_does_not() 
     sound = Send(Medium.SOUND, 1, bytes(6))  # 105 + 22 x 12.5 = 380 ms
     other = replace(sound, agent_id=2)
     radio = Send(Medium.WIFI, 1, bytes(6))
-    assert scheduler.schedule_sends([sound, radio, other], 301_000) == [
+    assert [scheduler.send(it, 301_000) for it in (sound, radio, other)] == [
         replace(sound, not_before_ms=310_000),
         radio,
         replace(other, not_before_ms=310_380 + 20),
     ]
     # A waiting packet is not sent twice; after it was sent, it may be sent again.
-    assert scheduler.schedule_sends([sound, radio], 305_000) == [radio]
-    assert scheduler.schedule_sends([sound], 311_000) == [replace(sound, not_before_ms=311_000)]
+    assert [scheduler.send(it, 305_000) for it in (sound, radio)] == [None, radio]
+    assert scheduler.send(sound, 311_000) == replace(sound, not_before_ms=311_000)
 
 
 def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
@@ -110,7 +110,8 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
         permissions = [
             Send(Medium.SOUND, it, CODEC.encode(CommandPacket(Kind.PERMISSION, it))) for it in (1, 2)
         ]
-        first, second = AcousticScheduler(config, CODEC, SLOTS, [1, 2]).schedule_sends(permissions, 1000)
+        scheduler = AcousticScheduler(config, CODEC, SLOTS, [1, 2])
+        first, second = (scheduler.send(it, 1000) for it in permissions)
         assert isinstance(first, Send) and isinstance(second, Send) and first.not_before_ms == 1000
         water = water_medium.WaterMedium(echoing, 1, [(0, 0), (1, 1), (2, 2)])
         for node, north_m in enumerate((0, 160, 150)):
@@ -149,7 +150,7 @@ def test_pings_come_before_status_requests_and_nothing_is_sent_before_each_answe
     assert note == Asked(2)
     assert isinstance(question, Send) and question.not_before_ms == 19_105 + 20
     assert decoded(question) == CommandPacket(Kind.PING, 2)
-    (permission,) = scheduler.schedule_sends([Send(Medium.SOUND, 1, bytes(6))], 10_000)
+    permission = scheduler.send(Send(Medium.SOUND, 1, bytes(6)), 10_000)
     assert isinstance(permission, Send) and permission.not_before_ms == 19_125 + 380 + 893 + 200 + 20
 
 

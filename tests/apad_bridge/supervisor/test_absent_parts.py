@@ -46,7 +46,7 @@ def test_without_water_packets_arrive_at_once_and_strangers_are_counted() -> Non
 
 def test_a_service_without_water_delays_nothing_and_keeps_nothing() -> None:
     ranging = NoRanging()
-    assert ranging.schedule_sends([SOUND, WIFI], 1000) == [SOUND, WIFI]
+    assert [ranging.send(it, 1000) for it in (SOUND, WIFI)] == [SOUND, WIFI]
     assert ranging.advance([], 1000) == [] and ranging.updates() is None
     ranging.restore(None)
     ranging.restore(ranging.full_state())
